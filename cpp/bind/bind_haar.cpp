@@ -1,0 +1,95 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "gmwm/buffer.hpp"
+#include "gmwm/clones.hpp"
+#include "gmwm/haar.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+
+std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
+
+Output to_numpy(gmwm::AlignedArray values, std::size_t n) {
+  double* data = values.get();
+  auto kept = std::make_unique<gmwm::AlignedArray>(std::move(values));
+  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<gmwm::AlignedArray*>(p); });
+  kept.release();
+  return Output(data, {n}, owner);
+}
+
+std::size_t checked_levels(std::size_t levels, std::size_t samples) {
+  if (levels < 1 || levels > gmwm::max_level || (std::size_t{1} << levels) > samples)
+    throw std::invalid_argument("levels must be from 1 to log2 of the number of samples, got " +
+                                std::to_string(levels) + " for " + std::to_string(samples) + " samples");
+  return levels;
+}
+
+double mean(const Input& x) {
+  if (x.shape(0) == 0) throw std::invalid_argument("x must not be empty");
+  const nb::gil_scoped_release release;
+  return gmwm::mean(view(x)).value;
+}
+
+Output running_sum(const Input& x) {
+  const std::size_t n = x.shape(0);
+  if (n == 0) throw std::invalid_argument("x must not be empty");
+  gmwm::AlignedArray sum = gmwm::aligned_array(n + 1);
+  {
+    const nb::gil_scoped_release release;
+    sum[0] = 0.0;
+    gmwm::running_sum(view(x), gmwm::mean(view(x)).value, {sum.get(), n + 1});
+  }
+  return to_numpy(std::move(sum), n + 1);
+}
+
+Output haar_sums_of_squares(const Input& running_sum, std::size_t levels, std::size_t begin, std::size_t end) {
+  const std::size_t n = running_sum.shape(0);
+  if (n < 2) throw std::invalid_argument("running_sum must have at least 2 values, got " + std::to_string(n));
+  checked_levels(levels, n - 1);
+  if (begin > end || end > n - 1)
+    throw std::invalid_argument("begin and end must satisfy 0 <= begin <= end <= " + std::to_string(n - 1) +
+                  ", got " + std::to_string(begin) + " and " + std::to_string(end));
+  gmwm::AlignedArray sums = gmwm::aligned_array(levels);
+  {
+    const nb::gil_scoped_release release;
+    for (std::size_t k = 0; k < levels; ++k) sums[k] = 0.0;
+    gmwm::haar_sums_of_squares(view(running_sum), begin, end, {sums.get(), levels});
+  }
+  return to_numpy(std::move(sums), levels);
+}
+
+Output haar_variance(const Input& x, std::size_t levels) {
+  checked_levels(levels, x.shape(0));
+  gmwm::AlignedArray variance = gmwm::aligned_array(levels);
+  {
+    const nb::gil_scoped_release release;
+    gmwm::haar_variance(view(x), {variance.get(), levels});
+  }
+  return to_numpy(std::move(variance), levels);
+}
+
+}  // namespace
+
+void bind_haar(nb::module_& m) {
+  m.def("clone", &gmwm::running_clone, "Name of the version of the kernels that runs on this processor.");
+  m.def("mean", &mean, "x"_a.noconvert(), "Mean of x; NaN if any value is not finite.");
+  m.def("running_sum", &running_sum, "x"_a.noconvert(),
+          "Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.");
+  m.def("haar_sums_of_squares", &haar_sums_of_squares, "running_sum"_a.noconvert(), "levels"_a, "begin"_a, "end"_a,
+          "Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.");
+  m.def("haar_variance", &haar_variance, "x"_a.noconvert(), "levels"_a,
+          "Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.");
+}

@@ -1,0 +1,12 @@
+#include <nanobind/nanobind.h>
+
+namespace nb = nanobind;
+
+void bind_haar(nb::module_& m);
+void bind_cone(nb::module_& m);
+
+NB_MODULE(_core, m) {
+  m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
+  bind_haar(m);
+  bind_cone(m);
+}

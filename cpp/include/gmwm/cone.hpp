@@ -1,0 +1,90 @@
+// The nearest point to b in a cone spanned by a few fixed vectors and by points of a curve: with any number of curve
+// points (convex), or with at most k of them (not convex: branch and bound over stretches of the curve).
+//
+//     minimise |b - sum_l c_l a_l - sum_i x_i g(s_i)|²   over c, x >= 0 and positions s_i
+//
+// Lower bounds are rigorous up to rounding: they come from the dual, with the error of the tabulated curve added.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "gmwm/curve.hpp"
+#include "gmwm/nonnegative.hpp"
+
+namespace gmwm {
+
+struct Atom {
+  double position;
+  double weight;
+};
+
+struct Point {
+  double objective = 0;
+  std::vector<double> linear;  // weights of the fixed vectors
+  std::vector<Atom> atoms;     // ascending positions
+};
+
+struct Relaxed : Point {
+  double bound = 0;  // no point of the relaxed cone is nearer than this
+};
+
+struct Certified {
+  std::vector<Point> best;  // distinct local optima, best first
+  double bound = 0;         // no combination of k curve points is nearer than this
+  double relaxed = 0;       // nor one of any number of them nearer than this
+  std::size_t nodes = 0;    // nodes of the search tree that were solved
+};
+
+class Cone {
+ public:
+  // fixed: rows of length dim, about unit norm; positive: z with <z, .> > 0 on the whole cone.
+  Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive, Curve curve);
+
+  // Any number of curve points, anywhere: the convex relaxation.
+  Relaxed relax();
+
+  // The local optimum with as many curve points as are given, from those positions.
+  Point refine(std::span<const double> positions);
+
+  // At most k curve points. Stops when the best point is within `gap` (relative) of the bound, or after `max_nodes`.
+  // `starts`: positions (k each) of local searches to try besides those the relaxation suggests.
+  Certified search(std::size_t k, double gap, std::size_t max_nodes, std::span<const double> starts);
+
+ private:
+  struct Interval {
+    Range range;
+    std::size_t capacity;
+  };
+  using Box = std::vector<Interval>;
+  struct Node {
+    Box box;
+    double bound;
+    std::vector<Atom> atoms;
+  };
+
+  Relaxed solve_relaxation(const Box& box, const std::vector<Atom>& warm, double cutoff, double accuracy);
+  void solve_weights(std::vector<Atom>& atoms, std::vector<double>& linear);
+  Point refine(std::vector<Atom> atoms, std::size_t k);
+  bool descend(std::vector<Atom>& atoms, Point& point);
+  bool fill_up(std::vector<Atom>& atoms, std::size_t k);
+  double dual_bound(double steepest) const;
+  void remember(Certified& result, Point point) const;
+  void local_searches(Certified& result, const std::vector<Atom>& atoms, std::size_t k);
+  std::vector<Node> split(const Node& node) const;
+
+  std::size_t dim_;
+  std::vector<double> target_;
+  std::vector<double> fixed_;
+  std::vector<double> positive_;
+  Curve curve_;
+  NonNegative nonnegative_;
+  std::vector<Peak> peaks_;
+  std::vector<double> columns_;
+  std::vector<const double*> pointers_;
+  std::vector<double> weights_;
+};
+
+}  // namespace gmwm

@@ -1,0 +1,43 @@
+// Haar wavelet variance from one running sum.
+//
+// With P_t = Σ_{s<=t} (x_s - mean), P_{-1} = 0 and h = 2^(j-1), the maximal-overlap coefficient is
+//     W_{j,t} = (P_t - 2 P_{t-h} + P_{t-2h}) / 2^j,    t = 2^j - 1 … N - 1,
+// so that every level reads the same N + 1 values and writes nothing. The mean cancels; it is removed
+// because what is left of it would cost digits.
+//
+// What rounds is the running sum: the last digit of its largest value, against 2^j times the coefficient. At 10^6
+// samples that is 1e-14 relative for white noise, 6e-11 at level 1 of a random walk (less at every further level),
+// and 8e-6 at level 1 of a drift with no noise on it, whose running sum grows with N².
+//
+// The three steps are separate so that threads can share one running sum, each with its own range of t.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+namespace gmwm {
+
+// Largest level of any signal: 2^62 samples are more than memory can hold.
+inline constexpr std::size_t max_level = 62;
+
+struct Mean {
+  double value;  // NaN where not finite
+  bool finite;   // whether every value is; a sum that overflows does not make it false
+};
+
+// Mean of x (not empty) in one pass, and whether x can be used at all.
+Mean mean(std::span<const double> x);
+
+// sum[k + 1] = sum[k] + x[k] - mean, continuing from sum[0], which the caller sets.
+// Sizes: x n, sum n + 1.
+void running_sum(std::span<const double> x, double mean, std::span<double> sum);
+
+// Adds to sums[j - 1], for j = 1 … sums.size(), the sum of W_{j,t}² over begin <= t < end, t >= 2^j - 1.
+// `sum` is the running sum of the whole signal, sum[t + 1] = P_t; end <= sum.size() - 1.
+void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums);
+
+// variance[j - 1] = mean of W_{j,t}² over the N - 2^j + 1 coefficients, for j = 1 … variance.size();
+// 2^variance.size() <= x.size(). All NaN if a value of x is not finite.
+void haar_variance(std::span<const double> x, std::span<double> variance);
+
+}  // namespace gmwm

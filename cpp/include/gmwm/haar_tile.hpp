@@ -1,0 +1,96 @@
+// The inner loops of the Haar kernel, inlined into every clone (src/haar.cpp) and tested in each.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+
+#include "gmwm/clones.hpp"
+#include "gmwm/pack.hpp"
+
+namespace gmwm::tile {
+
+// Samples a tile: 32 KiB of running sum, so that what the levels share stays in the first-level cache.
+inline constexpr std::size_t size = 4096;
+// Levels taken together: they share the values at lags 0, 2h, 4h …, K + 2 reads instead of 3 K.
+inline constexpr std::size_t fused = 5;
+
+// Sum of x[i] - origin, by partial sums side by side.
+GMWM_INLINE double sum(const double* x, std::size_t n, double origin) {
+  const Pack from = Pack::of(origin);
+  Pack acc[4] = {};
+  std::size_t i = 0;
+  for (; i + 4 * Pack::size <= n; i += 4 * Pack::size)
+    for (std::size_t r = 0; r < 4; ++r) acc[r] = acc[r] + (Pack::load(x + i + r * Pack::size) - from);
+  double rest = 0.0;
+  for (; i < n; ++i) rest += x[i] - origin;
+  return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
+}
+
+// out[k] = base + Σ_{s<=k} (x[s] - mean). One value after another would wait for every addition; here four
+// are summed among themselves first, and only one addition in four waits for the one before.
+GMWM_INLINE void running_sum(const double* x, std::size_t n, double mean, double base, double* out) {
+  std::size_t k = 0;
+  const Pack centre = Pack::of(mean);
+  Pack from = Pack::of(base);
+  for (; k + Pack::size <= n; k += Pack::size) {
+    const Pack local = (Pack::load(x + k) - centre).running_sum();
+    (from + local).store(out + k);
+    from = from + local.last();
+  }
+  double sum = from.first();
+  for (; k < n; ++k) out[k] = sum += x[k] - mean;
+}
+
+// Adds to sums[k], k < K, the sum over i < n of (p[i] - 2 p[i - h_k] + p[i - 2 h_k])², h_k = h 2^k.
+template <std::size_t K>
+GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t h, double* sums) {
+  const Pack two = Pack::of(2.0);
+  Pack acc[K] = {};
+  std::size_t i = 0;
+  for (; i + Pack::size <= n; i += Pack::size) {
+    const double* at = p + i;
+    const Pack now = Pack::load(at);
+    Pack half = Pack::load(at - h);
+    for (std::size_t k = 0; k < K; ++k) {
+      const Pack full = Pack::load(at - (h << (k + 1)));
+      const Pack w = now + full - two * half;
+      acc[k] = acc[k] + w * w;
+      half = full;
+    }
+  }
+  for (std::size_t k = 0; k < K; ++k) {
+    double total = acc[k].total();
+    for (std::size_t m = i; m < n; ++m) {
+      const double w = p[m] + p[m - (h << (k + 1))] - 2.0 * p[m - (h << k)];
+      total += w * w;
+    }
+    sums[k] += total;
+  }
+}
+
+// Levels 1 … levels of one tile; p[-2^levels] must be readable. The differences are not yet divided by 2^j.
+GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums) {
+  std::size_t k = 0;
+  for (; k + fused <= levels; k += fused) second_differences<fused>(p, n, std::size_t{1} << k, sums + k);
+  switch (levels - k) {
+    case 4: second_differences<4>(p, n, std::size_t{1} << k, sums + k); break;
+    case 3: second_differences<3>(p, n, std::size_t{1} << k, sums + k); break;
+    case 2: second_differences<2>(p, n, std::size_t{1} << k, sums + k); break;
+    case 1: second_differences<1>(p, n, std::size_t{1} << k, sums + k); break;
+    default: break;
+  }
+}
+
+// Where the tile that starts at index i of the running sum ends. Tiles end at multiples of their size, and
+// in the first one also at powers of two: so a level has all of a tile's coefficients or none of them.
+inline std::size_t end(std::size_t i) {
+  return i < size ? std::bit_ceil(i + 1) : (i / size + 1) * size;
+}
+
+// How many of the levels have coefficients at index i >= 1 of the running sum: those with 2^j <= i.
+inline std::size_t active(std::size_t i, std::size_t levels) {
+  return std::min<std::size_t>(levels, static_cast<std::size_t>(std::bit_width(i)) - 1);
+}
+
+}  // namespace gmwm::tile

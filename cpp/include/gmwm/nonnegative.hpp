@@ -1,0 +1,43 @@
+// Non-negative least squares for a handful of columns: min |b - sum_i x_i a_i|, x >= 0 (Lawson and Hanson 1974).
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace gmwm {
+
+// A few columns of one length, added and solved for again and again; it owns its scratch space, so that a solve
+// allocates nothing once it is warm. Columns are expected to have about unit norm.
+class NonNegative {
+ public:
+  explicit NonNegative(std::span<const double> target);
+
+  // Columns are borrowed: they must outlive the solve. `weights` is read as a feasible start (its zeros are free to
+  // become positive) and holds the solution afterwards.
+  void solve(std::span<const double* const> columns, std::vector<double>& weights);
+
+  std::span<const double> residual() const { return residual_; }
+  double objective() const { return objective_; }
+
+  // v minus its projection on the columns with positive weight in the last solve.
+  void project_out(std::span<double> vector) const;
+
+ private:
+  bool least_squares(std::span<const double* const> columns);
+  bool advance(std::vector<double>& weights);
+
+  std::vector<double> target_;
+  std::vector<double> residual_;
+  double objective_ = 0;
+  double target_norm_ = 0;
+  std::vector<std::size_t> passive_;
+  std::vector<double> q_;  // orthonormal basis of the passive columns, one after the other
+  std::vector<double> r_;  // upper triangle, column by column
+  std::vector<double> z_;  // unconstrained solution on the passive columns
+  std::vector<char> blocked_;
+};
+
+double dot(const double* a, const double* b, std::size_t n);
+
+}  // namespace gmwm

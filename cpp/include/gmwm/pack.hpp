@@ -1,0 +1,64 @@
+// Four doubles on which the kernels work side by side.
+#pragma once
+
+#include <cstddef>
+
+#include "gmwm/clones.hpp"
+
+namespace gmwm {
+
+// Four doubles side by side. GCC and Clang know them as one value, which they keep in registers; an array of
+// them is not always vectorised, and wider types are very slow where the processor has no such registers.
+#if defined(__GNUC__) && !defined(GMWM_PORTABLE)
+struct Pack {
+  static constexpr std::size_t size = 4;
+  typedef double Values __attribute__((vector_size(32)));
+  typedef double Memory __attribute__((vector_size(32), aligned(8), may_alias));
+  Values v;
+
+  static GMWM_INLINE Pack of(double a) { return {Values{a, a, a, a}}; }
+  static GMWM_INLINE Pack load(const double* p) { return {*reinterpret_cast<const Memory*>(p)}; }
+  GMWM_INLINE void store(double* p) const { *reinterpret_cast<Memory*>(p) = v; }
+  GMWM_INLINE Pack operator+(const Pack& o) const { return {v + o.v}; }
+  GMWM_INLINE Pack operator-(const Pack& o) const { return {v - o.v}; }
+  GMWM_INLINE Pack operator*(const Pack& o) const { return {v * o.v}; }
+  GMWM_INLINE double first() const { return v[0]; }
+  GMWM_INLINE Pack last() const { return {__builtin_shufflevector(v, v, 3, 3, 3, 3)}; }
+  GMWM_INLINE double total() const { return (v[0] + v[2]) + (v[1] + v[3]); }
+  // (v0, v0 + v1, v0 + v1 + v2, v0 + v1 + v2 + v3)
+  GMWM_INLINE Pack running_sum() const {
+    const Values zero = {};
+    const Values pairs = v + __builtin_shufflevector(zero, v, 0, 4, 2, 6);
+    return {pairs + __builtin_shufflevector(zero, pairs, 0, 1, 5, 5)};
+  }
+};
+#else
+struct Pack {
+  static constexpr std::size_t size = 4;
+  double v[size];
+
+  static GMWM_INLINE Pack of(double a) { return {{a, a, a, a}}; }
+  static GMWM_INLINE Pack load(const double* p) { return {{p[0], p[1], p[2], p[3]}}; }
+  GMWM_INLINE void store(double* p) const {
+    for (std::size_t l = 0; l < size; ++l) p[l] = v[l];
+  }
+  GMWM_INLINE Pack operator+(const Pack& o) const {
+    return {{v[0] + o.v[0], v[1] + o.v[1], v[2] + o.v[2], v[3] + o.v[3]}};
+  }
+  GMWM_INLINE Pack operator-(const Pack& o) const {
+    return {{v[0] - o.v[0], v[1] - o.v[1], v[2] - o.v[2], v[3] - o.v[3]}};
+  }
+  GMWM_INLINE Pack operator*(const Pack& o) const {
+    return {{v[0] * o.v[0], v[1] * o.v[1], v[2] * o.v[2], v[3] * o.v[3]}};
+  }
+  GMWM_INLINE double first() const { return v[0]; }
+  GMWM_INLINE Pack last() const { return of(v[3]); }
+  GMWM_INLINE double total() const { return (v[0] + v[2]) + (v[1] + v[3]); }
+  GMWM_INLINE Pack running_sum() const {
+    const double low = v[0] + v[1];
+    return {{v[0], low, low + v[2], low + (v[2] + v[3])}};
+  }
+};
+#endif
+
+}  // namespace gmwm

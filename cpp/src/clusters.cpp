@@ -1,0 +1,155 @@
+#include "gmwm/clusters.hpp"
+
+#include <algorithm>
+
+#include "gmwm/clones.hpp"
+#include "gmwm/pack.hpp"
+
+namespace gmwm {
+
+namespace {
+
+// A moving sum starts afresh after so many n values, and not before `shortest`.
+constexpr std::size_t renewal = 4;
+constexpr std::size_t shortest = 64;
+
+// The second difference that starts at i, for one place and for four side by side.
+struct Second {
+  const double* p;
+  std::size_t n;
+  GMWM_INLINE Pack wide(std::size_t i) const {
+    return Pack::load(p + i) + Pack::load(p + i + 2 * n) - Pack::of(2.0) * Pack::load(p + i + n);
+  }
+  GMWM_INLINE double one(std::size_t i) const { return p[i] + p[i + 2 * n] - 2.0 * p[i + n]; }
+};
+
+// The third difference that starts at i.
+struct Third {
+  const double* p;
+  std::size_t n;
+  GMWM_INLINE Pack wide(std::size_t i) const {
+    return Pack::load(p + i + 3 * n) - Pack::load(p + i) +
+           Pack::of(3.0) * (Pack::load(p + i + n) - Pack::load(p + i + 2 * n));
+  }
+  GMWM_INLINE double one(std::size_t i) const { return p[i + 3 * n] - p[i] + 3.0 * (p[i + n] - p[i + 2 * n]); }
+};
+
+template <class Difference>
+GMWM_INLINE double squares(const Difference& at, std::size_t count) {
+  Pack acc[4] = {};
+  std::size_t i = 0;
+  for (; i + 4 * Pack::size <= count; i += 4 * Pack::size)
+    for (std::size_t r = 0; r < 4; ++r) {
+      const Pack w = at.wide(i + r * Pack::size);
+      acc[r] = acc[r] + w * w;
+    }
+  double rest = 0.0;
+  for (; i < count; ++i) {
+    const double w = at.one(i);
+    rest += w * w;
+  }
+  return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
+}
+
+GMWM_CLONES double second_clone(const double* p, std::size_t count, std::size_t n) {
+  return squares(Second{p, n}, count);
+}
+
+GMWM_CLONES double third_clone(const double* p, std::size_t count, std::size_t n) {
+  return squares(Third{p, n}, count);
+}
+
+template <class Difference>
+double strided_squares(const Difference& at, std::size_t count, std::size_t stride) {
+  double total = 0.0;
+  for (std::size_t i = 0; i < count; i += stride) {
+    const double w = at.one(i);
+    total += w * w;
+  }
+  return total;
+}
+
+// Squares of the moving sums D_j, 0 <= j < count, of one stretch; D_0 is summed directly.
+GMWM_CLONES double moving_clone(const double* p, std::size_t count, std::size_t n) {
+  const Second second{p, n};
+  const Third third{p, n};
+  Pack start = {};
+  double sum = 0.0;
+  std::size_t i = 0;
+  for (; i + Pack::size <= n; i += Pack::size) start = start + second.wide(i);
+  for (; i < n; ++i) sum += second.one(i);
+  sum += start.total();
+
+  double total = sum * sum;
+  // D_{j+1} = D_j + third difference at j; four steps at a time.
+  Pack from = Pack::of(sum), acc = {};
+  std::size_t j = 0;
+  for (; j + Pack::size < count; j += Pack::size) {
+    const Pack moved = from + third.wide(j).running_sum();
+    acc = acc + moved * moved;
+    from = moved.last();
+  }
+  sum = from.first();
+  for (; j + 1 < count; ++j) {
+    sum += third.one(j);
+    total += sum * sum;
+  }
+  return total + acc.total();
+}
+
+// i runs over first <= i < last; left and right say what stands n before and n after i.
+template <class Left, class Right>
+double turned(std::span<const double> p, std::size_t first, std::size_t last, Left left, Right right) {
+  double total = 0.0;
+  for (std::size_t i = first; i < last; ++i) {
+    const double w = left(i) + right(i) - 2.0 * p[i];
+    total += w * w;
+  }
+  return total;
+}
+
+}  // namespace
+
+double second_differences(std::span<const double> p, std::size_t n, std::size_t stride) {
+  if (p.size() <= 2 * n) return 0.0;
+  const std::size_t count = p.size() - 2 * n;
+  return stride == 1 ? second_clone(p.data(), count, n) : strided_squares(Second{p.data(), n}, count, stride);
+}
+
+double third_differences(std::span<const double> p, std::size_t n, std::size_t stride) {
+  if (p.size() <= 3 * n) return 0.0;
+  const std::size_t count = p.size() - 3 * n;
+  return stride == 1 ? third_clone(p.data(), count, n) : strided_squares(Third{p.data(), n}, count, stride);
+}
+
+double moving_second_differences(std::span<const double> p, std::size_t n) {
+  if (p.size() < 3 * n) return 0.0;
+  const std::size_t count = p.size() - 3 * n + 1;
+  if (n == 1) return second_differences(p, 1, 1);
+  const std::size_t stretch = std::max(renewal * n, shortest);
+  double total = 0.0;
+  for (std::size_t j = 0; j < count; j += stretch)
+    total += moving_clone(p.data() + j, std::min(stretch, count - j), n);
+  return total;
+}
+
+double reflected_second_differences(std::span<const double> p, std::size_t n) {
+  if (p.size() < 3) return 0.0;
+  const std::size_t last = p.size() - 1;
+  const double twice_first = 2.0 * p[0], twice_last = 2.0 * p[last];
+  const auto inside_left = [=](std::size_t i) { return p[i - n]; };
+  const auto inside_right = [=](std::size_t i) { return p[i + n]; };
+  const auto beyond_left = [=](std::size_t i) { return twice_first - p[n - i]; };
+  const auto beyond_right = [=](std::size_t i) { return twice_last - p[2 * last - n - i]; };
+  // Left of `low` the place n before i lies beyond the first value; right of `high` the one n after i beyond the last.
+  const std::size_t low = std::min(std::max<std::size_t>(n, 1), last), high = last > n ? last - n : 0;
+  if (low <= high) {
+    // Both outer places inside for low <= i <= high. The one at i = high touches the last value itself.
+    return turned(p, 1, low, beyond_left, inside_right) + second_clone(p.data() + low - n, high - low + 1, n) +
+           turned(p, high + 1, last, inside_left, beyond_right);
+  }
+  return turned(p, 1, high + 1, beyond_left, inside_right) + turned(p, high + 1, low, beyond_left, beyond_right) +
+         turned(p, low, last, inside_left, beyond_right);
+}
+
+}  // namespace gmwm

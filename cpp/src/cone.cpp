@@ -1,0 +1,408 @@
+#include "gmwm/cone.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace gmwm {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double same_place = 1e-7;  // in cells: curve points nearer than this are one point
+
+void sort_atoms(std::vector<Atom>& atoms) {
+  std::sort(atoms.begin(), atoms.end(), [](const Atom& a, const Atom& b) { return a.position < b.position; });
+}
+
+// Joins the two neighbours that are closest until at most `count` are left: their weighted mean takes their place.
+std::vector<Atom> merged(std::vector<Atom> atoms, std::size_t count, const Curve& curve) {
+  while (atoms.size() > count) {
+    std::size_t at = 0;
+    double closest = infinity;
+    for (std::size_t i = 0; i + 1 < atoms.size(); ++i) {
+      const bool apart = &curve.branch_of(atoms[i].position) != &curve.branch_of(atoms[i + 1].position);
+      const double distance = atoms[i + 1].position - atoms[i].position + (apart ? 1e6 : 0);
+      if (distance < closest) closest = distance, at = i;
+    }
+    Atom &left = atoms[at], &right = atoms[at + 1];
+    const double weight = left.weight + right.weight;
+    if (closest < 1e6)
+      left = {(left.position * left.weight + right.position * right.weight) / weight, weight};
+    else if (right.weight > left.weight)
+      left = right;
+    atoms.erase(atoms.begin() + static_cast<std::ptrdiff_t>(at) + 1);
+  }
+  return atoms;
+}
+
+// Atoms less than a cell apart, joined.
+std::vector<Atom> joined(const std::vector<Atom>& atoms) {
+  std::vector<Atom> result;
+  for (const Atom& atom : atoms) {
+    if (result.empty() || atom.position - result.back().position > 1) {
+      result.push_back(atom);
+      continue;
+    }
+    Atom& last = result.back();
+    const double weight = last.weight + atom.weight;
+    last = {(last.position * last.weight + atom.position * atom.weight) / weight, weight};
+  }
+  return result;
+}
+
+// Solves the positive definite system h x = g (n x n, row by row) by Cholesky; false if it is not positive definite.
+bool solve_positive(std::vector<double> h, std::vector<double>& x, std::size_t n) {
+  for (std::size_t j = 0; j < n; ++j) {
+    for (std::size_t k = 0; k < j; ++k) h[j * n + j] -= h[j * n + k] * h[j * n + k];
+    if (!(h[j * n + j] > 0)) return false;
+    h[j * n + j] = std::sqrt(h[j * n + j]);
+    for (std::size_t i = j + 1; i < n; ++i) {
+      for (std::size_t k = 0; k < j; ++k) h[i * n + j] -= h[i * n + k] * h[j * n + k];
+      h[i * n + j] /= h[j * n + j];
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < i; ++k) x[i] -= h[i * n + k] * x[k];
+    x[i] /= h[i * n + i];
+  }
+  for (std::size_t i = n; i-- > 0;) {
+    for (std::size_t k = i + 1; k < n; ++k) x[i] -= h[k * n + i] * x[k];
+    x[i] /= h[i * n + i];
+  }
+  return true;
+}
+
+}  // namespace
+
+Cone::Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive, Curve curve)
+    : dim_(target.size()),
+      target_(target.begin(), target.end()),
+      fixed_(fixed.begin(), fixed.end()),
+      positive_(positive.begin(), positive.end()),
+      curve_(std::move(curve)),
+      nonnegative_(target) {}
+
+// Non-negative weights of the fixed vectors and of the atoms, from the atoms' weights as a start; atoms whose weight
+// is zero are kept.
+void Cone::solve_weights(std::vector<Atom>& atoms, std::vector<double>& linear) {
+  const std::size_t count = fixed_.size() / std::max<std::size_t>(dim_, 1);
+  linear.resize(count, 0.0);
+  columns_.resize(atoms.size() * dim_);
+  pointers_.clear();
+  weights_.clear();
+  for (std::size_t l = 0; l < count; ++l) {
+    pointers_.push_back(&fixed_[l * dim_]);
+    weights_.push_back(linear[l]);
+  }
+  for (std::size_t i = 0; i < atoms.size(); ++i) {
+    curve_.at(atoms[i].position, &columns_[i * dim_]);
+    pointers_.push_back(&columns_[i * dim_]);
+    weights_.push_back(atoms[i].weight);
+  }
+  nonnegative_.solve(pointers_, weights_);
+  for (std::size_t l = 0; l < count; ++l) linear[l] = weights_[l];
+  for (std::size_t i = 0; i < atoms.size(); ++i) atoms[i].weight = weights_[count + i];
+}
+
+// For y = r - steepest z, <y, a> <= 0 on the cone, so that every point p of it has |b - p| >= <y, b> / |y|.
+double Cone::dual_bound(double steepest) const {
+  const auto residual = nonnegative_.residual();
+  double along = 0, square = 0;
+  for (std::size_t j = 0; j < dim_; ++j) {
+    const double y = residual[j] - steepest * positive_[j];
+    along += y * target_[j];
+    square += y * y;
+  }
+  return along > 0 && square > 0 ? along * along / square : 0;
+}
+
+Relaxed Cone::solve_relaxation(const Box& box, const std::vector<Atom>& warm, double cutoff, double accuracy) {
+  Relaxed result;
+  for (const Atom& atom : warm)
+    for (const Interval& interval : box)
+      if (atom.position >= interval.range.low && atom.position <= interval.range.high) {
+        result.atoms.push_back(atom);
+        break;
+      }
+  const std::size_t count = fixed_.size() / std::max<std::size_t>(dim_, 1);
+  double before = infinity;
+  for (int round = 0; round < 200; ++round) {
+    solve_weights(result.atoms, result.linear);
+    std::erase_if(result.atoms, [](const Atom& atom) { return !(atom.weight > 0); });
+    result.objective = nonnegative_.objective();
+    const auto residual = nonnegative_.residual();
+
+    double steepest = 0;
+    peaks_.clear();
+    const double threshold = 1e-14 * std::sqrt(result.objective);
+    for (const Interval& interval : box)
+      steepest = std::max(steepest, curve_.steepest(residual, interval.range, threshold, peaks_));
+    for (std::size_t l = 0; l < count; ++l)
+      steepest = std::max(steepest, dot(residual.data(), &fixed_[l * dim_], dim_) /
+                                        dot(positive_.data(), &fixed_[l * dim_], dim_));
+    result.bound = std::max(result.bound, std::min(dual_bound(steepest), result.objective));
+    if (result.bound >= cutoff || result.bound >= (1 - accuracy) * result.objective) break;
+    if (round > 60 && !(result.objective < before)) break;
+    before = result.objective;
+    bool fresh = false;
+    for (const Peak& peak : peaks_) {
+      const bool known = std::any_of(result.atoms.begin(), result.atoms.end(), [&](const Atom& atom) {
+        return std::abs(atom.position - peak.position) < 1e-9;
+      });
+      if (known) continue;
+      result.atoms.push_back({peak.position, 0.0});
+      fresh = true;
+    }
+    if (!fresh) break;
+  }
+  sort_atoms(result.atoms);
+  return result;
+}
+
+Relaxed Cone::relax() {
+  Box whole;
+  for (const Range& branch : curve_.branches()) whole.push_back({branch, 1});
+  // Pairs of neighbours stand for one point between them. Let each pair be one and slide to its optimum, and the
+  // bound becomes tight at once, where adding ever closer points would take many rounds.
+  Relaxed relaxed = solve_relaxation(whole, {}, infinity, 1e-3);
+  const Point slid = refine(joined(relaxed.atoms), relaxed.atoms.size());
+  Relaxed again = solve_relaxation(whole, slid.atoms, infinity, 1e-9);
+  again.bound = std::max(again.bound, relaxed.bound);
+  return again;
+}
+
+// One damped Newton step on the positions of the atoms, their weights eliminated; false when it cannot descend. At an
+// optimum <r, g'> = 0, which makes the Hessian of the reduced objective 2 x_i x_k <P g'_i, P g'_k> - 2 x_i <r, g''_i>
+// on the diagonal, P the projection off the active columns (variable projection, Golub and Pereyra 1973).
+bool Cone::descend(std::vector<Atom>& atoms, Point& point) {
+  const std::size_t n = atoms.size();
+  std::vector<double> value(dim_), slope(n * dim_), curvature(dim_);
+  std::vector<double> gradient(n), hessian(n * n), bend(n);
+  const auto residual = nonnegative_.residual();
+  std::vector<char> held(n, 0);
+  double steepness = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    double* g = &slope[i * dim_];
+    curve_.at(atoms[i].position, value.data(), g, curvature.data());
+    gradient[i] = atoms[i].weight * dot(residual.data(), g, dim_);  // minus half the gradient
+    bend[i] = -atoms[i].weight * dot(residual.data(), curvature.data(), dim_);
+    const Range& branch = curve_.branch_of(atoms[i].position);
+    held[i] = (atoms[i].position <= branch.low && gradient[i] < 0) || (atoms[i].position >= branch.high && gradient[i] > 0);
+    if (!held[i]) steepness = std::max(steepness, std::abs(gradient[i]));
+    nonnegative_.project_out({g, dim_});
+    for (std::size_t j = 0; j < dim_; ++j) g[j] *= atoms[i].weight;
+  }
+  if (steepness <= 1e-15 * point.objective) return false;
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t k = 0; k < n; ++k) hessian[i * n + k] = dot(&slope[i * dim_], &slope[k * dim_], dim_);
+
+  for (double damping = 0; damping < 1e12; damping = damping > 0 ? damping * 8 : 1e-3) {
+    std::vector<double> h = hessian, step = gradient;
+    for (std::size_t i = 0; i < n; ++i) {
+      h[i * n + i] += bend[i] + damping * (hessian[i * n + i] + std::abs(bend[i]));
+      if (!held[i]) continue;
+      for (std::size_t k = 0; k < n; ++k) h[i * n + k] = h[k * n + i] = 0;
+      h[i * n + i] = 1;
+      step[i] = 0;
+    }
+    if (!solve_positive(h, step, n)) continue;
+    double longest = 0;
+    for (const double s : step) longest = std::max(longest, std::abs(s));
+    if (!(longest < infinity)) continue;
+    std::vector<Atom> moved = atoms;
+    for (std::size_t i = 0; i < n; ++i) {
+      const Range& branch = curve_.branch_of(atoms[i].position);
+      const double by = step[i] * std::min(1.0, 12 / longest);
+      moved[i].position = std::clamp(atoms[i].position + by, branch.low, branch.high);
+    }
+    Point next;
+    next.linear = point.linear;
+    solve_weights(moved, next.linear);
+    next.objective = nonnegative_.objective();
+    if (next.objective < point.objective) {
+      const bool worth = point.objective - next.objective > 1e-13 * point.objective;
+      atoms = moved;
+      point.objective = next.objective;
+      point.linear = next.linear;
+      return worth;
+    }
+    if (longest < 1e-9) break;
+  }
+  solve_weights(atoms, point.linear);  // back to where we were
+  return false;
+}
+
+// Atoms of no weight move to where another curve point would help most; false if none would.
+bool Cone::fill_up(std::vector<Atom>& atoms, std::size_t k) {
+  std::erase_if(atoms, [](const Atom& atom) { return !(atom.weight > 0); });
+  if (atoms.size() >= k) return false;
+  const auto residual = nonnegative_.residual();
+  peaks_.clear();
+  for (const Range& branch : curve_.branches())
+    curve_.steepest(residual, branch, 1e-10 * std::sqrt(nonnegative_.objective()), peaks_);
+  if (peaks_.empty()) return false;
+  const auto best = std::max_element(peaks_.begin(), peaks_.end(),
+                                     [](const Peak& a, const Peak& b) { return a.value < b.value; });
+  atoms.push_back({best->position, 0.0});
+  return true;
+}
+
+// A local optimum with at most k curve points, from the given ones.
+Point Cone::refine(std::vector<Atom> atoms, std::size_t k) {
+  Point point;
+  solve_weights(atoms, point.linear);
+  point.objective = nonnegative_.objective();
+  double reached = infinity;
+  for (int round = 0; round < 20; ++round) {
+    std::erase_if(atoms, [](const Atom& atom) { return !(atom.weight > 0); });
+    for (int step = 0; step < 60 && !atoms.empty() && descend(atoms, point); ++step)
+      std::erase_if(atoms, [](const Atom& atom) { return !(atom.weight > 0); });
+    if (!(point.objective < (1 - 1e-9) * reached) || !fill_up(atoms, k)) break;
+    reached = point.objective;
+    solve_weights(atoms, point.linear);
+    point.objective = nonnegative_.objective();
+  }
+  std::erase_if(atoms, [](const Atom& atom) { return !(atom.weight > 0); });
+  sort_atoms(atoms);
+  point.atoms = std::move(atoms);
+  return point;
+}
+
+Point Cone::refine(std::span<const double> positions) {
+  std::vector<Atom> atoms;
+  for (const double position : positions) atoms.push_back({position, 0.0});
+  sort_atoms(atoms);
+  return refine(std::move(atoms), positions.size());
+}
+
+void Cone::remember(Certified& result, Point point) const {
+  for (Point& known : result.best) {
+    bool same = known.atoms.size() == point.atoms.size();
+    for (std::size_t i = 0; same && i < point.atoms.size(); ++i)
+      same = std::abs(known.atoms[i].position - point.atoms[i].position) < 1e-3;
+    if (!same) continue;
+    if (point.objective < known.objective) known = std::move(point);
+    return;
+  }
+  result.best.push_back(std::move(point));
+  std::sort(result.best.begin(), result.best.end(), [](const Point& a, const Point& b) { return a.objective < b.objective; });
+  if (result.best.size() > 4) result.best.pop_back();
+}
+
+// From a relaxed solution with too many atoms: merge neighbours down to k, and leave each surplus one out in turn.
+void Cone::local_searches(Certified& result, const std::vector<Atom>& atoms, std::size_t k) {
+  remember(result, refine(merged(atoms, k, curve_), k));
+  if (atoms.size() <= k) return;
+  const std::vector<Atom> shorter = merged(atoms, k + 1, curve_);
+  for (std::size_t out = 0; out < shorter.size(); ++out) {
+    std::vector<Atom> rest = shorter;
+    rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(out));
+    remember(result, refine(std::move(rest), k));
+  }
+}
+
+// Divides the interval whose atoms exceed its capacity by most weight; no children if none does.
+std::vector<Cone::Node> Cone::split(const Node& node) const {
+  std::size_t chosen = node.box.size();
+  double worst = 0, cut = 0;
+  for (std::size_t i = 0; i < node.box.size(); ++i) {
+    const Interval& interval = node.box[i];
+    std::vector<Atom> inside;
+    for (const Atom& atom : node.atoms)
+      if (atom.position >= interval.range.low && atom.position <= interval.range.high) inside.push_back(atom);
+    std::vector<Atom> places;
+    for (const Atom& atom : inside)
+      if (places.empty() || atom.position - places.back().position > same_place) places.push_back(atom);
+    if (places.size() <= interval.capacity) continue;
+    // The widest gap between two atoms, weighed by the lighter side: what one point could least stand for.
+    for (std::size_t a = 0; a + 1 < places.size(); ++a) {
+      const double gap = places[a + 1].position - places[a].position;
+      const double lighter = std::min(places[a].weight, places[a + 1].weight);
+      const double score = gap * gap * lighter;
+      if (!(score > worst)) continue;
+      worst = score;
+      chosen = i;
+      const double weight = places[a].weight + places[a + 1].weight;
+      const double mean = (places[a].weight * places[a].position + places[a + 1].weight * places[a + 1].position) / weight;
+      cut = std::clamp(mean, places[a].position + 0.1 * gap, places[a + 1].position - 0.1 * gap);
+    }
+  }
+  std::vector<Node> children;
+  if (chosen == node.box.size()) return children;
+  const Interval& interval = node.box[chosen];
+  for (std::size_t left = 0; left <= interval.capacity; ++left) {
+    Node child{{}, node.bound, node.atoms};
+    for (std::size_t i = 0; i < node.box.size(); ++i) {
+      if (i != chosen) {
+        child.box.push_back(node.box[i]);
+        continue;
+      }
+      if (left > 0) child.box.push_back({{interval.range.low, cut}, left});
+      if (left < interval.capacity) child.box.push_back({{cut, interval.range.high}, interval.capacity - left});
+    }
+    children.push_back(std::move(child));
+  }
+  return children;
+}
+
+Certified Cone::search(std::size_t k, double gap, std::size_t max_nodes, std::span<const double> starts) {
+  Certified result;
+  const Relaxed root = relax();
+  result.relaxed = root.bound;
+  local_searches(result, root.atoms, k);
+  for (std::size_t i = 0; k > 0 && i + k <= starts.size(); i += k) {
+    remember(result, refine(starts.subspan(i, k)));
+  }
+  // Objectives below the error of the table, squared, are all zero to it.
+  const double resolution = 4 * curve_.largest_margin() * curve_.largest_margin() * dot(target_.data(), target_.data(), dim_);
+  const auto cutoff = [&] { return (1 - gap) * result.best.front().objective - resolution; };
+  const auto later = [](const Node& a, const Node& b) { return a.bound > b.bound; };  // heap: least bound on top
+
+  std::vector<Node> open;
+  const auto push = [&](Node node) {
+    open.push_back(std::move(node));
+    std::push_heap(open.begin(), open.end(), later);
+  };
+  // One box for every way of sharing the k points among the branches of the curve.
+  std::vector<Box> boxes{{}};
+  std::vector<std::size_t> left{k};
+  const auto& branches = curve_.branches();
+  for (std::size_t b = 0; b < branches.size(); ++b) {
+    std::vector<Box> more;
+    std::vector<std::size_t> rest;
+    for (std::size_t i = 0; i < boxes.size(); ++i)
+      for (std::size_t take = b + 1 == branches.size() ? left[i] : 0; take <= left[i]; ++take) {
+        more.push_back(boxes[i]);
+        rest.push_back(left[i] - take);
+        if (take > 0) more.back().push_back({branches[b], take});
+      }
+    boxes = std::move(more);
+    left = std::move(rest);
+  }
+  for (Box& box : boxes) push({std::move(box), root.bound, root.atoms});
+
+  double closed = infinity;  // least bound of what was put aside
+  while (!open.empty() && result.nodes < max_nodes && open.front().bound < cutoff()) {
+    std::pop_heap(open.begin(), open.end(), later);
+    Node node = std::move(open.back());
+    open.pop_back();
+    ++result.nodes;
+    const Relaxed relaxed = solve_relaxation(node.box, node.atoms, cutoff(), gap / 8);
+    node.bound = std::max(node.bound, relaxed.bound);
+    node.atoms = relaxed.atoms;
+    if (node.bound >= cutoff()) {
+      closed = std::min(closed, node.bound);
+      continue;
+    }
+    std::vector<Node> children = split(node);
+    remember(result, refine(merged(relaxed.atoms, k, curve_), k));
+    if (children.empty()) closed = std::min(closed, node.bound);
+    for (Node& child : children) push(std::move(child));
+  }
+  result.bound = std::min(closed, result.best.front().objective);
+  if (!open.empty()) result.bound = std::min(result.bound, open.front().bound);
+  return result;
+}
+
+}  // namespace gmwm

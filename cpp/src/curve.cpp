@@ -1,0 +1,153 @@
+#include "gmwm/curve.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "gmwm/nonnegative.hpp"
+
+namespace gmwm {
+
+double Curve::Cell::operator()(double t) const {
+  const double u = 1 - t;
+  return u * u * ((1 + 2 * t) * p0 + t * d0) + t * t * ((1 + 2 * u) * p1 - u * d1);
+}
+
+// A cubic lies below the largest of its Bernstein coefficients.
+double Curve::Cell::control_maximum() const {
+  return std::max(std::max(p0, p0 + d0 / 3), std::max(p1, p1 - d1 / 3));
+}
+
+Peak Curve::Cell::maximum(double from, double to) const {
+  Peak best{from, (*this)(from)};
+  const auto consider = [&](double t) {
+    if (!(t > from && t <= to)) return;
+    const double value = (*this)(t);
+    if (value > best.value) best = {t, value};
+  };
+  consider(to);
+  // Derivative of the cubic a t³ + b t² + d0 t + p0.
+  const double a = 2 * (p0 - p1) + d0 + d1;
+  const double b = 3 * (p1 - p0) - 2 * d0 - d1;
+  const double discriminant = b * b - 3 * a * d0;
+  if (discriminant >= 0) {
+    const double q = -(b + std::copysign(std::sqrt(discriminant), b));
+    if (q != 0) consider(d0 / q);
+    if (a != 0) consider(q / (3 * a));
+  }
+  return best;
+}
+
+Curve::Curve(std::size_t dim, std::span<const double> values, std::span<const double> slopes,
+             std::span<const double> margins, std::span<const double> positive)
+    : dim_(dim),
+      nodes_(dim ? values.size() / dim : 0),
+      values_(values.begin(), values.end()),
+      slopes_(slopes.begin(), slopes.end()),
+      values_t_(values.size()),
+      slopes_t_(slopes.size()),
+      margins_(margins.begin(), margins.end()),
+      least_(margins.size()),
+      p_(nodes_),
+      d_(nodes_) {
+  for (std::size_t i = 0; i < nodes_; ++i)
+    for (std::size_t j = 0; j < dim_; ++j) {
+      values_t_[j * nodes_ + i] = values_[i * dim_ + j];
+      slopes_t_[j * nodes_ + i] = slopes_[i * dim_ + j];
+    }
+  const double norm = std::sqrt(dot(positive.data(), positive.data(), dim_));
+  std::size_t first = 0;
+  for (std::size_t i = 0; i + 1 < nodes_; ++i) {
+    if (margins_[i] < 0) {
+      branches_.push_back({static_cast<double>(first), static_cast<double>(i)});
+      first = i + 1;
+      continue;
+    }
+    const double p0 = dot(positive.data(), &values_[i * dim_], dim_), d0 = dot(positive.data(), &slopes_[i * dim_], dim_);
+    const double p1 = dot(positive.data(), &values_[(i + 1) * dim_], dim_);
+    const double d1 = dot(positive.data(), &slopes_[(i + 1) * dim_], dim_);
+    const Cell upside_down{-p0, -p1, -d0, -d1};
+    least_[i] = -upside_down.control_maximum() - margins_[i] * norm;
+  }
+  if (nodes_) branches_.push_back({static_cast<double>(first), static_cast<double>(nodes_ - 1)});
+}
+
+const Range& Curve::branch_of(double s) const {
+  for (const Range& branch : branches_)
+    if (s <= branch.high) return branch;
+  return branches_.back();
+}
+
+double Curve::largest_margin() const {
+  double largest = 0;
+  for (const double margin : margins_) largest = std::max(largest, margin);
+  return largest;
+}
+
+void Curve::at(double s, double* value, double* slope, double* curvature) const {
+  std::size_t cell = std::min(static_cast<std::size_t>(std::max(s, 0.0)), nodes_ - 2);
+  if (margins_[cell] < 0 && cell > 0) --cell;  // the last node of a branch belongs to the cell before it
+  const double t = s - static_cast<double>(cell), u = 1 - t;
+  const double* p0 = &values_[cell * dim_];
+  const double* d0 = &slopes_[cell * dim_];
+  const double *p1 = p0 + dim_, *d1 = d0 + dim_;
+  for (std::size_t j = 0; j < dim_; ++j) {
+    const double rise = p1[j] - p0[j];
+    value[j] = u * u * ((1 + 2 * t) * p0[j] + t * d0[j]) + t * t * ((1 + 2 * u) * p1[j] - u * d1[j]);
+    if (slope) slope[j] = 6 * t * u * rise + u * (1 - 3 * t) * d0[j] - t * (2 - 3 * t) * d1[j];
+    if (curvature) curvature[j] = 6 * (1 - 2 * t) * rise + (6 * t - 4) * d0[j] + (6 * t - 2) * d1[j];
+  }
+}
+
+double Curve::steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks) {
+  const auto first = static_cast<std::size_t>(range.low);
+  const auto last = std::min(static_cast<std::size_t>(std::ceil(range.high)), nodes_ - 1);
+  std::fill(p_.begin() + static_cast<std::ptrdiff_t>(first), p_.begin() + static_cast<std::ptrdiff_t>(last) + 1, 0.0);
+  std::fill(d_.begin() + static_cast<std::ptrdiff_t>(first), d_.begin() + static_cast<std::ptrdiff_t>(last) + 1, 0.0);
+  for (std::size_t j = 0; j < dim_; ++j) {
+    const double y = direction[j];
+    const double* values = &values_t_[j * nodes_];
+    const double* slopes = &slopes_t_[j * nodes_];
+    double *p = p_.data(), *d = d_.data();
+    for (std::size_t i = first; i <= last; ++i) {
+      p[i] += y * values[i];
+      d[i] += y * slopes[i];
+    }
+  }
+  const double length = std::sqrt(dot(direction.data(), direction.data(), dim_));
+  double ratio = 0;
+  bool rising = false;  // inside a run of cells whose maxima are above the threshold
+  for (std::size_t i = first; i < std::max(last, first + 1); ++i) {
+    std::size_t c = i;
+    if (i + 1 >= nodes_ || margins_[i] < 0) {  // a range that is one point at the end of a branch
+      if (range.high > range.low || i == 0) continue;
+      c = i - 1;
+      for (std::size_t k = c; k <= c + 1; ++k) {
+        p_[k] = dot(direction.data(), &values_[k * dim_], dim_);
+        d_[k] = dot(direction.data(), &slopes_[k * dim_], dim_);
+      }
+    } else if (last == first) {
+      p_[i + 1] = dot(direction.data(), &values_[(i + 1) * dim_], dim_);
+      d_[i + 1] = dot(direction.data(), &slopes_[(i + 1) * dim_], dim_);
+    }
+    const Cell cell{p_[c], p_[c + 1], d_[c], d_[c + 1]};
+    const double margin = margins_[c] * length;
+    if (cell.control_maximum() + margin <= 0) {
+      rising = false;
+      continue;
+    }
+    const double start = static_cast<double>(c);
+    const Peak peak = cell.maximum(std::max(range.low - start, 0.0), std::min(range.high - start, 1.0));
+    ratio = std::max(ratio, (peak.value + margin) / least_[c]);
+    if (peak.value <= threshold) {
+      rising = false;
+    } else if (!rising || peaks.empty()) {
+      peaks.push_back({start + peak.position, peak.value});
+      rising = true;
+    } else if (peak.value > peaks.back().value) {
+      peaks.back() = {start + peak.position, peak.value};
+    }
+  }
+  return ratio;
+}
+
+}  // namespace gmwm

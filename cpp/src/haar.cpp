@@ -1,0 +1,101 @@
+#include "gmwm/haar.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "gmwm/buffer.hpp"
+#include "gmwm/clones.hpp"
+#include "gmwm/haar_tile.hpp"
+
+namespace gmwm {
+
+namespace {
+
+GMWM_CLONES double sum_clone(const double* x, std::size_t n, double origin) { return tile::sum(x, n, origin); }
+
+GMWM_CLONES void running_sum_clone(const double* x, std::size_t n, double mean, double base, double* out) {
+  tile::running_sum(x, n, mean, base, out);
+}
+
+GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels, double* sums) {
+  tile::levels_of_tile(p, n, levels, sums);
+}
+
+// (P_t - …)² to W²: exact, a division by a power of two.
+void scale_by_level(std::span<double> sums) {
+  for (std::size_t k = 0; k < sums.size(); ++k) sums[k] = std::ldexp(sums[k], -2 * static_cast<int>(k + 1));
+}
+
+// Sums of squares over indices first <= i < last of the running sum (i = t + 1 >= 1), not yet scaled.
+void add_squares(const double* sum, std::size_t first, std::size_t last, std::span<double> squares) {
+  for (std::size_t i = first, next; i < last; i = next) {
+    next = std::min(tile::end(i), last);
+    levels_clone(sum + i, next - i, tile::active(i, squares.size()), squares.data());
+  }
+}
+
+}  // namespace
+
+#if GMWM_HAS_CLONES
+// Versions of one function under the same targets: the loader chooses among them as among the clones.
+namespace {
+__attribute__((target("default"))) const char* version() { return "default"; }
+__attribute__((target("arch=x86-64-v3"))) const char* version() { return "x86-64-v3"; }
+__attribute__((target("arch=x86-64-v4"))) const char* version() { return "x86-64-v4"; }
+}  // namespace
+const char* running_clone() { return version(); }
+#else
+const char* running_clone() { return "portable"; }
+#endif
+
+Mean mean(std::span<const double> x) {
+  const double count = static_cast<double>(x.size());
+  // From the first value on: a constant has exactly its own mean, and a large offset costs no digits.
+  const double sum = sum_clone(x.data(), x.size(), x[0]);
+  if (std::isfinite(sum)) return {x[0] + sum / count, true};
+  // Either a value is not finite, or the sum of finite ones overflows: only then look at each.
+  if (!std::all_of(x.begin(), x.end(), [](double v) { return std::isfinite(v); }))
+    return {std::numeric_limits<double>::quiet_NaN(), false};
+  double scaled = 0.0;
+  for (const double v : x) scaled += v / count;
+  return {scaled, true};
+}
+
+void running_sum(std::span<const double> x, double mean, std::span<double> sum) {
+  for (std::size_t i = 0; i < x.size(); i += tile::size) {
+    const std::size_t n = std::min(tile::size, x.size() - i);
+    running_sum_clone(x.data() + i, n, mean, sum[i], sum.data() + i + 1);
+  }
+}
+
+void haar_sums_of_squares(std::span<const double> sum, std::size_t begin, std::size_t end, std::span<double> sums) {
+  std::array<double, max_level> storage{};
+  const std::span<double> squares{storage.data(), sums.size()};
+  add_squares(sum.data(), begin + 1, end + 1, squares);
+  scale_by_level(squares);
+  for (std::size_t k = 0; k < sums.size(); ++k) sums[k] += squares[k];
+}
+
+void haar_variance(std::span<const double> x, std::span<double> variance) {
+  const Mean centre = mean(x);
+  if (!centre.finite) {
+    std::fill(variance.begin(), variance.end(), std::numeric_limits<double>::quiet_NaN());
+    return;
+  }
+  const AlignedArray sum = aligned_array(x.size() + 1);
+  sum[0] = 0.0;
+  std::fill(variance.begin(), variance.end(), 0.0);
+  // Tile by tile, so that the levels find the newest part of the running sum in the cache.
+  for (std::size_t i = 1, next; i <= x.size(); i = next) {
+    next = std::min((i / tile::size + 1) * tile::size, x.size() + 1);
+    running_sum_clone(x.data() + i - 1, next - i, centre.value, sum[i - 1], sum.get() + i);
+    add_squares(sum.get(), i, next, variance);
+  }
+  scale_by_level(variance);
+  for (std::size_t k = 0; k < variance.size(); ++k)
+    variance[k] /= static_cast<double>(x.size() - (std::size_t{1} << (k + 1)) + 1);
+}
+
+}  // namespace gmwm

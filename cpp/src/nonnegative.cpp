@@ -1,0 +1,132 @@
+#include "gmwm/nonnegative.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace gmwm {
+
+double dot(const double* a, const double* b, std::size_t n) {
+  double total = 0;
+  for (std::size_t i = 0; i < n; ++i) total += a[i] * b[i];
+  return total;
+}
+
+NonNegative::NonNegative(std::span<const double> target)
+    : target_(target.begin(), target.end()), residual_(target_) {
+  objective_ = dot(target_.data(), target_.data(), target_.size());
+  target_norm_ = std::sqrt(objective_);
+}
+
+// Gram-Schmidt, each column twice: the passive columns may be nearly parallel (neighbours on a curve). Returns false,
+// and removes the column from the passive set, where one depends on those before it.
+bool NonNegative::least_squares(std::span<const double* const> columns) {
+  const std::size_t n = target_.size();
+  const std::size_t m = passive_.size();
+  q_.resize(m * n);
+  r_.assign(m * m, 0.0);
+  z_.assign(m, 0.0);
+  for (std::size_t k = 0; k < m; ++k) {
+    double* q = q_.data() + k * n;
+    const double* a = columns[passive_[k]];
+    std::copy(a, a + n, q);
+    const double before = std::sqrt(dot(q, q, n));
+    for (int pass = 0; pass < 2; ++pass) {
+      for (std::size_t i = 0; i < k; ++i) {
+        const double* p = q_.data() + i * n;
+        const double c = dot(p, q, n);
+        r_[k * m + i] += c;
+        for (std::size_t t = 0; t < n; ++t) q[t] -= c * p[t];
+      }
+    }
+    const double norm = std::sqrt(dot(q, q, n));
+    if (!(norm > 1e-12 * before)) {
+      blocked_[passive_[k]] = 1;
+      passive_.erase(passive_.begin() + static_cast<std::ptrdiff_t>(k));
+      return false;
+    }
+    r_[k * m + k] = norm;
+    for (std::size_t t = 0; t < n; ++t) q[t] /= norm;
+  }
+  // Project the target step by step (modified Gram-Schmidt), then solve the triangle.
+  residual_ = target_;
+  for (std::size_t k = 0; k < m; ++k) {
+    const double* q = q_.data() + k * n;
+    z_[k] = dot(q, residual_.data(), n);
+    for (std::size_t t = 0; t < n; ++t) residual_[t] -= z_[k] * q[t];
+  }
+  for (std::size_t k = m; k-- > 0;) {
+    z_[k] /= r_[k * m + k];
+    for (std::size_t i = 0; i < k; ++i) z_[i] -= r_[k * m + i] * z_[k];
+  }
+  return true;
+}
+
+// Moves from the feasible weights towards the unconstrained solution on the passive columns; what hits zero leaves.
+// Returns false when nothing left: the weights are the solution on these columns.
+bool NonNegative::advance(std::vector<double>& weights) {
+  double step = 1;
+  for (std::size_t k = 0; k < passive_.size(); ++k) {
+    const double w = weights[passive_[k]];
+    if (z_[k] <= 0) step = std::min(step, w / (w - z_[k]));
+  }
+  if (std::isnan(step)) step = 0;  // 0/0: a column that came in with weight zero and solves to zero
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < passive_.size(); ++k) {
+    const std::size_t index = passive_[k];
+    const double w = weights[index];
+    const bool out = z_[k] <= 0 && (w <= 0 || w / (w - z_[k]) <= step);
+    weights[index] = out ? 0.0 : w + step * (z_[k] - w);
+    if (!out) passive_[kept++] = index;
+    if (out && w <= 0) blocked_[index] = 1;  // it came in and would leave at once: rounding, not descent
+  }
+  const bool left = kept < passive_.size();
+  passive_.resize(kept);
+  return left;
+}
+
+void NonNegative::solve(std::span<const double* const> columns, std::vector<double>& weights) {
+  const std::size_t n = target_.size();
+  const std::size_t m = columns.size();
+  weights.resize(m, 0.0);
+  blocked_.assign(m, 0);
+  passive_.clear();
+  for (std::size_t k = 0; k < m; ++k)
+    if (weights[k] > 0) passive_.push_back(k);
+
+  for (std::size_t round = 0; round < 30 + 10 * m; ++round) {
+    while (!passive_.empty()) {
+      if (!least_squares(columns)) {
+        for (std::size_t k = 0; k < m; ++k)
+          if (blocked_[k]) weights[k] = 0;
+      } else if (!advance(weights)) {
+        break;
+      }
+    }
+    if (passive_.empty()) residual_ = target_;
+
+    std::size_t best = m;
+    double steepest = 1e-14 * target_norm_;
+    for (std::size_t k = 0; k < m; ++k) {
+      if (weights[k] > 0 || blocked_[k]) continue;
+      const double slope = dot(columns[k], residual_.data(), n);
+      if (slope > steepest) {
+        steepest = slope;
+        best = k;
+      }
+    }
+    if (best == m) break;
+    passive_.push_back(best);
+  }
+  objective_ = dot(residual_.data(), residual_.data(), n);
+}
+
+void NonNegative::project_out(std::span<double> vector) const {
+  const std::size_t n = target_.size();
+  for (std::size_t k = 0; k < passive_.size(); ++k) {
+    const double* q = q_.data() + k * n;
+    const double c = dot(q, vector.data(), n);
+    for (std::size_t t = 0; t < n; ++t) vector[t] -= c * q[t];
+  }
+}
+
+}  // namespace gmwm

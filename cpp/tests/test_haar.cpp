@@ -1,0 +1,200 @@
+// The Haar kernel against its definition in long double, in every clone this processor can run.
+// Built twice: with the kernel library, and with -DGMWM_PORTABLE and the portable code.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <iterator>
+#include <limits>
+#include <random>
+#include <span>
+#include <vector>
+
+#include "check.hpp"
+#include "gmwm/buffer.hpp"
+#include "gmwm/clones.hpp"
+#include "gmwm/haar.hpp"
+#include "gmwm/haar_tile.hpp"
+
+namespace {
+
+using Values = std::vector<double>;
+
+enum class Kind { white, walk, drift };
+
+Values signal(Kind kind, std::size_t n, double offset = 0.0) {
+  std::mt19937_64 generator(n);
+  Values x(n);
+  double level = 0.0;
+  for (std::size_t t = 0; t < n; ++t) {
+    // A uniform variate by hand: distributions of the standard library differ between implementations.
+    const double u = static_cast<double>(generator() >> 11) * 0x1p-53 - 0.5;
+    level += u;
+    x[t] = offset + (kind == Kind::white ? u : kind == Kind::walk ? level : 0.3 * static_cast<double>(t) + u);
+  }
+  return x;
+}
+
+std::size_t top_level(std::size_t n) { return static_cast<std::size_t>(std::bit_width(n)) - 1; }
+
+// Sum of W_{j,t}² over begin <= t < end by the definition: means of two adjacent blocks of x.
+double sum_of_squares(std::span<const double> x, std::size_t level, std::size_t begin, std::size_t end) {
+  const std::size_t h = std::size_t{1} << (level - 1);
+  long double total = 0.0L;
+  for (std::size_t t = std::max(begin, 2 * h - 1); t < end; ++t) {
+    long double w = 0.0L;
+    for (std::size_t l = 0; l < h; ++l) w += static_cast<long double>(x[t - l]) - x[t - h - l];
+    w /= static_cast<long double>(2 * h);
+    total += w * w;
+  }
+  return static_cast<double>(total);
+}
+
+void variance_is_its_definition() {
+  for (const Kind kind : {Kind::white, Kind::walk, Kind::drift})
+    for (const std::size_t n : {2u, 3u, 4u, 7u, 8u, 100u, 1023u, 1024u, 1025u, 4095u, 4096u, 4097u, 5000u}) {
+      const Values x = signal(kind, n);
+      Values variance(top_level(n));
+      gmwm::haar_variance(x, variance);
+      for (std::size_t j = 1; j <= variance.size(); ++j) {
+        const double count = static_cast<double>(n - (std::size_t{1} << j) + 1);
+        // A drift's running sum grows with n², and the last digit of it is what level 1 is made of.
+        CHECK_CLOSE(variance[j - 1], sum_of_squares(x, j, 0, n) / count, kind == Kind::drift ? 2e-11 : 1e-12);
+      }
+    }
+}
+
+void ranges_add_up() {
+  const std::size_t n = 10'007;
+  const Values x = signal(Kind::white, n);
+  const std::size_t levels = top_level(n);
+  Values sum(n + 1), whole(levels), parts(levels);
+  sum[0] = 0.0;
+  gmwm::running_sum(x, gmwm::mean(x).value, sum);
+  gmwm::haar_sums_of_squares(sum, 0, n, whole);
+  const std::size_t cuts[] = {0, 0, 1, 2, 3, 1000, 4095, 4096, 4097, 9999, n};
+  for (std::size_t c = 0; c + 1 < std::size(cuts); ++c) {
+    Values part(levels);
+    gmwm::haar_sums_of_squares(sum, cuts[c], cuts[c + 1], part);
+    gmwm::haar_sums_of_squares(sum, cuts[c], cuts[c + 1], parts);
+    CHECK(part[levels - 1] == 0.0 || cuts[c + 1] >= (std::size_t{1} << levels));
+    CHECK_CLOSE(part[2], sum_of_squares(x, 3, cuts[c], cuts[c + 1]), 1e-12);
+  }
+  for (std::size_t k = 0; k < levels; ++k) CHECK_CLOSE(parts[k], whole[k], 1e-13);
+}
+
+void running_sum_continues() {
+  const Values x = signal(Kind::white, 9000, 9810.0);
+  const gmwm::Mean centre = gmwm::mean(x);
+  Values whole(x.size() + 1), halves(x.size() + 1);
+  whole[0] = halves[0] = 0.0;
+  gmwm::running_sum(x, centre.value, whole);
+  const std::span<const double> values(x);
+  const std::span<double> target(halves);
+  gmwm::running_sum(values.first(4321), centre.value, target.first(4322));
+  gmwm::running_sum(values.subspan(4321), centre.value, target.subspan(4321));
+  long double expected = 0.0L;
+  for (std::size_t t = 0; t < x.size(); ++t) {
+    expected += static_cast<long double>(x[t]) - centre.value;
+    CHECK(std::abs(whole[t + 1] - static_cast<double>(expected)) < 1e-11);
+    CHECK(std::abs(halves[t + 1] - static_cast<double>(expected)) < 1e-11);
+  }
+}
+
+void scaling_by_a_power_of_two_is_exact() {
+  const Values x = signal(Kind::walk, 5000);
+  const std::size_t levels = top_level(x.size());
+  Values plain(levels), scaled(levels);
+  gmwm::haar_variance(x, plain);
+  for (const int power : {-40, 40}) {
+    Values y(x);
+    for (double& v : y) v = std::ldexp(v, power);
+    gmwm::haar_variance(y, scaled);
+    for (std::size_t k = 0; k < levels; ++k) CHECK(scaled[k] == std::ldexp(plain[k], 2 * power));
+  }
+}
+
+void a_constant_is_zero() {
+  const Values x(5000, 0.1);
+  Values variance(top_level(x.size()), -1.0);
+  gmwm::haar_variance(x, variance);
+  for (const double v : variance) CHECK(v == 0.0);
+}
+
+void mean_knows_what_is_finite() {
+  Values x = signal(Kind::white, 1000, 9810.0);
+  CHECK(gmwm::mean(x).finite);
+  CHECK_CLOSE(gmwm::mean(x).value, 9810.0, 1e-5);
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    for (const std::size_t at : {std::size_t{0}, std::size_t{501}, x.size() - 1}) {
+      Values y(x);
+      y[at] = bad;
+      CHECK(!gmwm::mean(y).finite);
+      Values variance(9);
+      gmwm::haar_variance(y, variance);
+      for (const double v : variance) CHECK(std::isnan(v));
+    }
+  }
+  const Values huge(100, 1.5e308);
+  CHECK(gmwm::mean(huge).finite);
+  CHECK(gmwm::mean(huge).value == 1.5e308);
+  const Values wide = {1.5e308, -1.5e308, 1.5e308, -1.5e308};
+  CHECK(gmwm::mean(wide).finite);
+  CHECK(gmwm::mean(wide).value == 0.0);
+}
+
+void buffers_are_aligned() {
+  for (const std::size_t n : {std::size_t{1}, std::size_t{1000}, gmwm::huge_page}) {
+    const gmwm::AlignedArray values = gmwm::aligned_array(n);
+    const auto address = reinterpret_cast<std::uintptr_t>(values.get());
+    CHECK(address % gmwm::cache_line == 0);
+    CHECK(n < gmwm::huge_page || address % gmwm::huge_page == 0);
+    values[0] = values[n - 1] = 1.0;
+  }
+}
+
+#if GMWM_HAS_CLONES
+__attribute__((target("default"))) void squares_default(const double* p, std::size_t n, std::size_t j, double* s) {
+  gmwm::tile::levels_of_tile(p, n, j, s);
+}
+__attribute__((target("arch=x86-64-v3"))) void squares_v3(const double* p, std::size_t n, std::size_t j, double* s) {
+  gmwm::tile::levels_of_tile(p, n, j, s);
+}
+__attribute__((target("arch=x86-64-v4"))) void squares_v4(const double* p, std::size_t n, std::size_t j, double* s) {
+  gmwm::tile::levels_of_tile(p, n, j, s);
+}
+
+void clones_agree() {
+  const bool v3 = __builtin_cpu_supports("x86-64-v3"), v4 = __builtin_cpu_supports("x86-64-v4");
+  CHECK(std::strcmp(gmwm::running_clone(), v4 ? "x86-64-v4" : v3 ? "x86-64-v3" : "default") == 0);
+  const Values p = signal(Kind::walk, 9001);
+  const std::size_t levels = 12, first = std::size_t{1} << levels;
+  Values expected(levels), got(levels);
+  squares_default(p.data() + first, p.size() - first, levels, expected.data());
+  std::printf("clones: default%s%s\n", v3 ? " x86-64-v3" : "", v4 ? " x86-64-v4" : "");
+  for (const auto version : {v3 ? squares_v3 : squares_default, v4 ? squares_v4 : squares_default}) {
+    std::fill(got.begin(), got.end(), 0.0);
+    version(p.data() + first, p.size() - first, levels, got.data());
+    for (std::size_t k = 0; k < levels; ++k) CHECK_CLOSE(got[k], expected[k], 1e-13);
+  }
+}
+#else
+void clones_agree() { CHECK(std::strcmp(gmwm::running_clone(), "portable") == 0); }
+#endif
+
+}  // namespace
+
+int main() {
+  std::printf("running clone: %s\n", gmwm::running_clone());
+  variance_is_its_definition();
+  ranges_add_up();
+  running_sum_continues();
+  scaling_by_a_power_of_two_is_exact();
+  a_constant_is_zero();
+  mean_knows_what_is_finite();
+  buffers_are_aligned();
+  clones_agree();
+  return check::result("haar");
+}

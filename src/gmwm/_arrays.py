@@ -1,0 +1,86 @@
+"""The one door for array-likes: contiguous float64, finite, or an error that says what came."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm.errors import DataError, OptionError
+
+Vector = NDArray[np.float64]
+"""A one-dimensional float64 array."""
+Matrix = NDArray[np.float64]
+"""A two-dimensional float64 array."""
+
+
+def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool = True) -> Vector:
+    """`values` as a contiguous one-dimensional float64 array, all finite (unless the caller checks that itself).
+
+    Raises
+    ------
+    DataError
+        If it is not numeric, not one-dimensional, shorter than `at_least`, or holds NaN or infinities.
+    """
+    try:
+        array: NDArray[Any] = np.asarray(values)
+        if array.dtype.kind not in "fiub":
+            raise TypeError(f"dtype {array.dtype}")
+        vector = np.ascontiguousarray(array, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} must be real numbers, got {type(values).__name__} ({error})") from error
+    if array.ndim != 1:
+        hint = "; pass one axis at a time, as data[:, k]" if array.ndim == 2 else ""
+        raise DataError(f"{name} must be one-dimensional, got shape {array.shape}{hint}")
+    if vector.size < at_least:
+        raise DataError(f"{name} must have at least {at_least} values, got {vector.size}")
+    if finite:
+        require_finite(vector, name)
+    return vector
+
+
+def require_finite(vector: Vector, name: str) -> None:
+    """Raise a DataError that says how many values are not finite, and where the first one is."""
+    # A sum is finite unless a value is not (or it overflows): one fast pass decides the usual case.
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(np.sum(vector))
+    if np.isfinite(total):
+        return
+    bad = ~np.isfinite(vector)
+    count = int(np.count_nonzero(bad))
+    if count:
+        raise DataError(
+            f"{name} must be finite, got {count} NaN or infinite values of {vector.size} "
+            f"(the first at index {int(np.argmax(bad))}); remove them or split the recording there"
+        )
+
+
+def as_rate(rate: float | None, name: str = "rate") -> float:
+    """A sampling rate in Hz: positive and finite."""
+    if rate is None:
+        raise OptionError(f"{name} (Hz) is missing: pass {name}=, samples per second")
+    try:
+        value = float(rate)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name} must be a number (Hz), got {rate!r}") from error
+    if not (np.isfinite(value) and value > 0):
+        raise OptionError(f"{name} must be positive and finite (Hz), got {rate!r}; did you pass the sampling interval?")
+    return value
+
+
+def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
+    """Wavelet levels: a number J stands for 1 … J; otherwise integers from 1 to 62, ascending."""
+    array = np.asarray(levels)
+    if array.dtype.kind not in "iu":
+        raise OptionError(f"levels must be integers, got {levels!r}")
+    result = np.arange(1, int(array) + 1) if array.ndim == 0 else array.astype(np.int64)
+    if result.ndim != 1 or result.size == 0 or result[0] < 1 or result[-1] > 62 or np.any(np.diff(result) <= 0):
+        raise OptionError(f"levels must be ascending integers from 1 to 62, or their number J, got {levels!r}")
+    return result.astype(np.int64)
+
+
+def freeze(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array, read-only."""
+    array.flags.writeable = False
+    return array

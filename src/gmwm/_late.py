@@ -1,0 +1,38 @@
+"""Methods of a result whose code lives on a higher floor, found when they are first called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from importlib import import_module
+from typing import Any, Generic, ParamSpec, TypeVar, overload
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class LateMethod(Generic[P, R]):
+    """A method bound on first use to the function `target`, written "module:function".
+
+    The function takes the object as its first argument. Nothing is imported until it is called, so a
+    result offers `plot()` while its own module imports no plotting library.
+    """
+
+    def __init__(self, target: str, doc: str) -> None:
+        self.target = target
+        self.__doc__ = doc
+
+    def resolve(self) -> Callable[..., R]:
+        """The function itself."""
+        module, _, name = self.target.partition(":")
+        function: Callable[..., R] = getattr(import_module(module), name)
+        return function
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> LateMethod[P, R]: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Callable[P, R]: ...
+    def __get__(self, instance: object | None, owner: type) -> Any:
+        if instance is None:
+            return self
+        return partial(self.resolve(), instance)
