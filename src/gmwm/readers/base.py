@@ -1,0 +1,167 @@
+"""The contract of a reader, and the registry by which a file finds the one that understands it.
+
+A format is one file in this folder: a subclass of `Reader` under `@register`. It says which files are its
+own, what their columns are before a number is read, and gives the numbers in chunks. Everything else, from
+names and units to the time base, is decided once for all formats in `gmwm.readers.recording`.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from numpy.typing import NDArray
+
+from gmwm.errors import OptionError, ReadError
+
+HEAD_BYTES = 1 << 16
+"""How much of a file a reader sees when it is asked whether the file is its own."""
+
+Chunk = Mapping[int, NDArray[Any]]
+"""Consecutive rows of a recording: for each wanted column, its index and its numbers, float64 or int64."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column of a recording, as the file or its format describes it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column in the file; "" where the file names none.
+    unit : str
+        Unit by the format's own definition; "" where the format leaves it open. (A unit written in `name`
+        is found later, for all formats alike.)
+    axis : str
+        "gyro_x" … "accel_z", "time" or "temperature" where the format fixes it; "" to go by the name.
+    increments : bool
+        Whether a value is the integral over its sample (rad, m/s), to be multiplied by the rate.
+    """
+
+    name: str
+    unit: str = ""
+    axis: str = ""
+    increments: bool = False
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a file says of one recording in it before a number is read.
+
+    Parameters
+    ----------
+    channels : tuple of Channel
+        The columns in their order.
+    first_row : tuple of str
+        The first row of numbers as text, for messages.
+    topic : str
+        Which recording of the file this is; "" where there is only one.
+    rate : float or None
+        Samples per second (Hz) where the format states it.
+    units : mapping
+        Units that the file states for a whole quantity: "gyro", "accel" or "time".
+    notes : tuple of str
+        What was understood, in plain words.
+    state : object
+        What the reader itself needs to find the numbers.
+    """
+
+    channels: tuple[Channel, ...]
+    first_row: tuple[str, ...] = ()
+    topic: str = ""
+    rate: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    state: Any = None
+
+    @property
+    def named(self) -> bool:
+        """Whether the columns have names."""
+        return any(channel.name or channel.axis for channel in self.channels)
+
+
+class Reader(ABC):
+    """A format: who it is, which files are its own, and how their numbers come out."""
+
+    name: ClassVar[str]
+    """Name of the format, for `gmwm.read(…, format=)`."""
+    extensions: ClassVar[tuple[str, ...]]
+    """Usual file name extensions, lower case, with the dot."""
+
+    @abstractmethod
+    def sniff(self, path: Path, head: bytes) -> float:
+        """How well the first bytes of a file fit: 1 a signature, 0.5 plausible, 0 no.
+
+        The content decides; the extension breaks a tie.
+        """
+
+    @abstractmethod
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The recordings in a file; one for most formats, one for each topic of a bag."""
+
+    @abstractmethod
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """The numbers of the wanted columns in consecutive chunks of bounded size.
+
+        Raises
+        ------
+        ReadError
+            At a cell that is missing or is no number, with its line.
+        """
+
+
+R = TypeVar("R", bound=type[Reader])
+
+_READERS: dict[str, Reader] = {}
+
+
+def register(reader: R) -> R:
+    """Add a format; use as a class decorator."""
+    if reader.name in _READERS:
+        raise ValueError(f"a reader named {reader.name!r} is registered already")
+    _READERS[reader.name] = reader()
+    return reader
+
+
+def registered() -> tuple[Reader, ...]:
+    """All formats, in the order in which they are tried."""
+    return tuple(_READERS.values())
+
+
+def existing_file(path: str | os.PathLike[str]) -> Path:
+    """The path of a file that is there and is not empty, or an error that says what is wrong with it."""
+    file = Path(path)
+    if file.is_dir():
+        raise ReadError(f"{file} is a directory; pass the path of one recording in it")
+    if not file.exists():
+        raise ReadError(f"{file} does not exist; looked in {file.absolute().parent}")
+    if file.stat().st_size == 0:
+        raise ReadError(f"{file} is empty (0 bytes); was the recording interrupted?")
+    return file
+
+
+def find_reader(path: Path, format: str | None = None) -> Reader:
+    """The reader of a file: the one named `format`, or the one whose signs its first bytes show."""
+    if format is not None:
+        if format not in _READERS:
+            raise OptionError(f"format must be one of {', '.join(_READERS)}; got {format!r}")
+        return _READERS[format]
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as error:
+        raise ReadError(f"{path} cannot be opened: {error.strerror}") from error
+    suffix = path.suffix.lower()
+    best = max(_READERS.values(), key=lambda r: (r.sniff(path, head), suffix in r.extensions))
+    if best.sniff(path, head) > 0:
+        return best
+    known = "; ".join(f"{r.name} ({', '.join(r.extensions)})" for r in _READERS.values())
+    begin = " ".join(f"{byte:02x}" for byte in head[:8])
+    raise ReadError(
+        f"{path} is in none of the formats known here: {known}. It begins with the bytes {begin}; "
+        "export it as CSV, or pass format= if it is one of them after all"
+    )

@@ -1,0 +1,245 @@
+"""How a text file is written: delimiter, decimal sign, comments, header, where the numbers begin.
+
+Decided on the first lines alone. Numbers are recognised by their look, so that titles, headers, rows of
+units and comments above them fall out as what is left.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+
+from gmwm.errors import ReadError
+from gmwm.readers.headers import clean, is_unit, recognise, unit_of
+
+BLANKS = " "
+"""The delimiter that stands for any run of blanks and tabs."""
+
+COMMENT_SIGNS = ("#", "%", "//", "!")
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
+_NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\([^)]*\)|\[[^\]]*\]")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a text file is written.
+
+    Parameters
+    ----------
+    delimiter : str
+        One character; " " stands for any run of blanks.
+    decimal_comma : bool
+        Whether 0,5 is a half.
+    fields : int
+        Fields in a row of numbers, an empty one behind a trailing delimiter included.
+    columns : int
+        Columns, without the empty field behind a trailing delimiter.
+    first_line : int
+        Line in which the numbers begin, counted from 1.
+    names : tuple of str
+        Names of the columns, empty where the file has none.
+    column_units : tuple of str
+        Units from a row under or above the names, empty where there is none.
+    units : dict
+        Units that a comment states for a whole quantity.
+    comment : str
+        Sign that comment lines begin with; "" where none was seen.
+    first_row : tuple of str
+        The first row of numbers, as text.
+    integers : tuple of bool
+        For each column, whether the first rows hold integers only.
+    """
+
+    delimiter: str
+    decimal_comma: bool
+    fields: int
+    columns: int
+    first_line: int
+    names: tuple[str, ...]
+    column_units: tuple[str, ...]
+    units: dict[str, str]
+    comment: str
+    first_row: tuple[str, ...]
+    integers: tuple[bool, ...]
+
+
+def split(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, without blanks and quotes around them; quotes guard the delimiter."""
+    if delimiter == BLANKS:
+        return [cell.strip("\"'") for cell in line.split()]
+    if '"' in line:
+        pattern = rf'\s*(?:"([^"]*)"|([^{re.escape(delimiter)}]*))\s*(?:{re.escape(delimiter)}|$)'
+        cells = [(m[1] if m[1] is not None else m[2]).strip() for m in re.finditer(pattern, line)]
+        # The pattern matches once more at the end of the line, unless a delimiter stands there.
+        return cells if line.rstrip().endswith(delimiter) else cells[:-1]
+    return [cell.strip() for cell in line.split(delimiter)]
+
+
+def is_number(cell: str, decimal_comma: bool = False) -> bool:
+    """Whether a cell looks like a number, NaN and inf included."""
+    return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
+
+
+def comment_sign(line: str) -> str:
+    """The comment sign a line begins with, or ""."""
+    text = line.lstrip()
+    return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
+
+
+def detect(lines: list[str], path: object) -> Dialect:
+    """The dialect of a file from its first lines.
+
+    Raises
+    ------
+    ReadError
+        If no line looks like numbers, or the header does not fit the rows.
+    """
+    body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
+    if not body:
+        raise ReadError(f"{path} holds no rows, only comments or blank lines; was the recording interrupted?")
+    delimiter, decimal_comma = _delimiter([line for _, line in body])
+    rows = [(k, split(line, delimiter)) for k, line in body]
+    numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
+    start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
+    if start is None or not any(numeric):
+        shown = body[-1][1].strip()[:80]
+        raise ReadError(f"{path} has no row of numbers in its first {len(lines)} lines; the last of them: {shown!r}")
+    first_line, fields = rows[start][0], len(numeric)
+    data = [cells for _, cells in rows[start:] if len(cells) == fields]
+    trailing = fields > 1 and all(cells[-1] == "" for cells in data)
+    columns = fields - trailing
+    header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
+    comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
+    names, units = _header(header, body, comments, columns, delimiter, (path, first_line))
+    sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
+    integers = tuple(all(re.fullmatch(r"[+-]?\d+", row[c]) for row in data) for c in range(columns))
+    stated = _stated_units(comments)
+    first_row = tuple(data[0][:columns])
+    return Dialect(
+        delimiter, decimal_comma, fields, columns, first_line, names, units, stated, sign, first_row, integers
+    )
+
+
+def _delimiter(lines: list[str]) -> tuple[str, bool]:
+    """The delimiter and decimal sign under which most lines are rows of equally many numbers."""
+    sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
+    best, best_score = (",", False), (-1.0, -1.0, -1)
+    for delimiter in (",", ";", "\t", "|", BLANKS):
+        for decimal_comma in (False, True):
+            if delimiter == "," and decimal_comma:
+                continue
+            rows = [split(line, delimiter) for line in sample]
+            fields, same = Counter(map(len, rows)).most_common(1)[0]
+            cells = [cell for row in rows for cell in row]
+            numbers = sum(is_number(cell, decimal_comma) for cell in cells if cell)
+            filled = sum(bool(cell) for cell in cells) or 1
+            score = (round(numbers / filled, 1), round(same / len(rows), 1), fields)
+            if score > best_score and numbers:
+                best, best_score = (delimiter, decimal_comma), score
+    return best
+
+
+def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
+    """For each field of the usual number of fields, whether most rows hold a number there."""
+    fields = Counter(map(len, rows[len(rows) // 2 :])).most_common(1)[0][0]
+    body = [row for row in rows[len(rows) // 2 :] if len(row) == fields]
+    return [2 * sum(is_number(row[c], decimal_comma) for row in body) > len(body) for c in range(fields)]
+
+
+def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
+    """Whether a line is a row of the recording: numbers where numbers belong, or nothing."""
+    if len(cells) != len(numeric):
+        return False
+    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted]
+    good = sum(is_number(cell, decimal_comma) for cell in there)
+    return good > 0 and all(is_number(cell, decimal_comma) or cell == "" for cell in there)
+
+
+def _trimmed(cells: list[str], columns: int) -> list[str]:
+    """Cells without empty ones behind the last column."""
+    while len(cells) > columns and cells[-1] == "":
+        cells = cells[:-1]
+    return cells
+
+
+def _header(
+    header: list[tuple[int, list[str]]],
+    body: list[tuple[int, str]],
+    comments: list[str],
+    columns: int,
+    delimiter: str,
+    where: tuple[object, int],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of the columns from the lines above the numbers."""
+    # A header may part its names otherwise than the rows their numbers: by commas over blanks, for instance.
+    texts = dict(body)
+    header = [(k, _named_cells(texts[k], columns, delimiter) or c) for k, c in header]
+    units: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    for _, cells in reversed(header):
+        if len(cells) == columns and not units and all(is_unit(cell) or not cell for cell in cells):
+            units = tuple(cells)
+        elif len(cells) == columns and not names:
+            names = tuple(clean(cell) for cell in cells)
+    for line in reversed(comments):
+        if names and units:
+            break
+        cells = _comment_cells(line, columns, delimiter)
+        if cells and not units and all(is_unit(cell) for cell in cells):
+            units = tuple(cells)
+        elif cells and not names and any(recognise(cell).axis for cell in cells):
+            names = tuple(cells)
+    if not names and header and len(header[-1][1]) > 1:
+        at, cells = header[-1]
+        raise ReadError(
+            f"{where[0]}: the header in line {at} names {len(cells)} columns, but line {where[1]} has {columns} "
+            "values; repair the header, or name the columns with columns=[...] in their order and delete it"
+        )
+    return names, units
+
+
+def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
+    """The cells of a comment that holds as many as there are columns, or nothing."""
+    text = line.strip()[len(comment_sign(line)) :].strip()
+    text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
+    return _cells(text, columns, delimiter)
+
+
+def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
+    """The cells of a line with names of its own delimiter, or nothing."""
+    cells = _cells(line, columns, delimiter)
+    return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
+
+
+def _cells(text: str, columns: int, delimiter: str) -> list[str]:
+    """As many cells as there are columns, by the delimiter of the rows, by commas or by blanks; or nothing."""
+    ways = [split(text, delimiter), split(text, ",")]
+    if not re.search(r"[,;\t|]", text):
+        # A blank inside "gyro_x [rad/s]", or before the bracket, parts no columns.
+        ways.append(_NAME_IN_BLANKS.findall(text))
+    fitting = [cells for way in ways if len(cells := _trimmed([clean(c) for c in way], columns)) == columns]
+    return max(fitting, key=lambda cells: sum(bool(recognise(c).axis) for c in cells), default=[])
+
+
+def _stated_units(comments: list[str]) -> dict[str, str]:
+    """Units that comments state for a whole sensor: "gyro in deg/s, accel in g", "units: rad/s, m/s^2"."""
+    found: dict[str, str] = {}
+    for line in comments:
+        text = line.casefold()
+        said = "unit" in text
+        for clause in re.split(r"[,;]|\band\b", text):
+            about = "gyro" if re.search(r"gyr|angular|omega", clause) else ""
+            about = about or ("accel" if re.search(r"acc|specific force", clause) else "")
+            about = about or ("time" if re.search(r"\btime|stamp", clause) else "")
+            words = re.findall(r"[\w°²/^.\-µμ]+", re.sub(r"(?<=\w) (?=[sh]\^?-)", "", clause))
+            for quantity in (about,) if about else ("gyro", "accel") if said else ():
+                for word in words:
+                    unit = unit_of(word.strip(".-"), quantity)
+                    if unit and (about or word != "g") and not (quantity == "time" and word not in _CLEAR):
+                        found.setdefault(quantity, unit)
+    return found
+
+
+_CLEAR = {"s", "ms", "us", "ns", "µs", "seconds", "milliseconds", "microseconds", "nanoseconds"}

@@ -1,0 +1,200 @@
+"""What the name of a column says: which axis it is, and in which unit.
+
+A name is cut into words; a word for the sensor ("gyro", "omega", "w") and a letter for the axis make an
+axis, in any of the usual spellings: gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX, xgyro.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from gmwm.units import find_unit
+
+TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+"""Units of time stamps, and how many of them a second holds."""
+
+_TIME_WORDS = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
+    "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+}  # fmt: skip
+
+# Spellings that only a column name has: there is no slash in gyro_x_rad_s.
+_UNIT_WORDS = {
+    "rads": "rad/s", "radps": "rad/s", "radpersec": "rad/s",
+    "degs": "deg/s", "degps": "deg/s", "degpersec": "deg/s",
+    "degh": "deg/h", "°s": "deg/s", "°h": "deg/h", "degperhour": "deg/h",
+    "ms2": "m/s²", "mps2": "m/s²", "mss": "m/s²", "mpss": "m/s²", "mps²": "m/s²", "ms²": "m/s²",
+}  # fmt: skip
+
+_GYRO = {
+    "gyro", "gyr", "gyroscope", "gyros", "gyroscopes", "omega", "w", "g", "angvel", "angularvelocity",
+    "angularrate", "angrate", "rate", "turnrate", "rotationrate", "imugyro",
+}  # fmt: skip
+_ACCEL = {
+    "accel", "acc", "accelerometer", "acceleration", "accelerometers", "a", "alpha", "f", "specificforce",
+    "linearacceleration", "linacc", "totalacceleration", "imuaccel", "imuacc",
+}  # fmt: skip
+_OTHER = {
+    "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
+    "variance", "quat", "quaternion", "orientation", "inc", "increment", "delta", "jerk", "temp", "valid",
+    "status", "counts", "reference", "ref", "user",
+}  # fmt: skip
+_TIME = {
+    "time", "t", "timestamp", "timestamps", "stamp", "timestamputc", "sensortime", "gpstime", "tow",
+    "secondselapsed", "timeelapsed", "elapsedtime", "elapsed", "headerstamp", "fieldheaderstamp",
+    "sampletime", "sampletimefine", "seconds", "sec", "ts",
+}  # fmt: skip
+_TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
+
+_BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
+
+
+@dataclass(frozen=True)
+class ColumnName:
+    """What the name of a column says.
+
+    Parameters
+    ----------
+    axis : str
+        "gyro_x" … "accel_z", "time", "temperature", or "" where the name says nothing.
+    unit : str
+        Unit of it, in the spelling of `gmwm.units` or `TIME_UNITS`; "" where the name says nothing.
+    ros : bool
+        Whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes.
+    """
+
+    axis: str = ""
+    unit: str = ""
+    ros: bool = False
+
+
+def recognise(name: str) -> ColumnName:
+    """What a column name says of axis and unit.
+
+    >>> recognise("w_RS_S_x [rad s^-1]")
+    ColumnName(axis='gyro_x', unit='rad/s', ros=False)
+    >>> recognise("accY_mg").unit, recognise("timestamp_us").unit
+    ('mg', 'us')
+    """
+    text = clean(name)
+    bracket = _BRACKETED.search(text)
+    unit_text = bracket.group(1) if bracket else ""
+    words = _words(text[: bracket.start()] if bracket else text)
+    if words[-2:-1] == ["stamp"] and words[-1] in _TIME_WORDS:
+        return ColumnName()  # half of a ROS stamp in two columns, header.stamp.sec and .nanosec
+    tail_unit = ""
+    axis = _axis(words)
+    while not axis and len(words) > 1:
+        # Words behind the axis can only be its unit: gyro_x_rad_s, time_us.
+        tail_unit, words = words[-1] + tail_unit, words[:-1]
+        axis = _axis(words)
+    if not axis:
+        return ColumnName()
+    unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
+    if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
+        return ColumnName()  # gyro_x_std, accel_x_bias and their like are something else
+    joined = "".join(words)
+    if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
+        return ColumnName("temperature", "°C")  # as the Epson units write it; elsewhere ts is a time stamp
+    if axis == "time" and joined.startswith("sec"):
+        unit = unit or "s"
+    return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
+
+
+def named_unit(name: str, axis: str) -> str:
+    """The unit that a column name carries for the axis its column was taken for; "" if it carries none.
+
+    >>> named_unit("ch3 [dps]", "gyro_x")
+    'deg/s'
+    """
+    said = recognise(name)
+    if said.unit and said.axis.split("_")[0] == axis.split("_")[0]:
+        return said.unit
+    bracket = _BRACKETED.search(clean(name))
+    return unit_of(bracket.group(1), axis) if bracket else ""
+
+
+def unit_of(text: str, axis: str) -> str:
+    """The unit a text names, if it is one that `axis` can have; "" otherwise."""
+    key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
+    if axis == "time":
+        return _TIME_WORDS.get(key, "")
+    if axis == "temperature":
+        return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c"} else text.strip()
+    unit = find_unit(_UNIT_WORDS.get(key, key))
+    return unit.name if unit is not None and axis.startswith(unit.quantity) else ""
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell is a unit and nothing else, as in a row of units under the header."""
+    key = text.strip().strip("[](){}<>").strip()
+    return bool(key) and (
+        any(unit_of(key, axis) for axis in ("time", "gyro", "accel")) or unit_of(key, "temperature") == "°C"
+    )
+
+
+def clean(name: str) -> str:
+    """A name without quotes, blanks around it, and the comment sign some headers begin with."""
+    return name.strip().lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
+
+
+def _harmless(text: str) -> bool:
+    return text.isdigit() or text in {"raw", "meas", "measured", "data", "value", "imu", "cal", "calibrated"}
+
+
+def _words(text: str) -> list[str]:
+    """The words of a name, lower case: cut at signs, at camelCase and before digits that are not a power."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
+    return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
+
+
+def _axis(words: list[str]) -> str:
+    """The axis that words name, or ""."""
+    joined = "".join(words)
+    if joined in _TIME:
+        return "time"
+    if joined in _TEMPERATURE:
+        return "temperature"
+    if not words or _OTHER & set(words):
+        return ""
+    for letter, rest in _letters(words):
+        quantity = _quantity(rest)
+        if quantity:
+            return f"{quantity}_{letter}"
+    return ""
+
+
+def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
+    """Ways to split words into an axis letter and the words for the sensor."""
+    splits = []
+    if words[-1] in {"x", "y", "z"}:
+        splits.append((words[-1], words[:-1]))
+    elif words[0] in {"x", "y", "z"} and len(words) > 1:
+        splits.append((words[0], words[1:]))
+    elif len(words[-1]) > 1 and words[-1][-1] in "xyz":
+        splits.append((words[-1][-1], [*words[:-1], words[-1][:-1]]))
+        if words[-1][0] in "xyz":
+            splits.append((words[-1][0], [*words[:-1], words[-1][1:]]))
+    elif len(words[-1]) > 1 and words[-1][0] in "xyz":
+        splits.append((words[-1][0], [*words[:-1], words[-1][1:]]))
+    return splits
+
+
+def _quantity(words: list[str]) -> str:
+    """Which sensor words name, "gyro" or "accel", or ""."""
+    joined = "".join(words)
+    long = [word for word in words if len(word) > 1]
+    if "angular" in joined and "acceleration" in joined:
+        return ""
+    for quantity, names in (("gyro", _GYRO), ("accel", _ACCEL)):
+        # A single letter (w, a) is a sensor only where the name begins with it: w_RS_S_x.
+        if joined in names or any(joined.endswith(n) for n in names if len(n) > 7):
+            return quantity
+        if any(word in names or word.rstrip("0123456789") in names for word in long):
+            return quantity
+        if words and words[0] in names:
+            return quantity
+    return ""

@@ -1,0 +1,91 @@
+"""Parquet files, read by Polars a slice of rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+
+if TYPE_CHECKING:
+    import polars as pl
+
+ROWS = 1 << 20
+"""Rows in a chunk."""
+
+_MAGIC = b"PAR1"
+
+
+@register
+class ParquetReader(Reader):
+    """Parquet, by its signature at both ends of the file."""
+
+    name: ClassVar[str] = "parquet"
+    extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """1 if the file begins with PAR1."""
+        return 1.0 if head.startswith(_MAGIC) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the schema; a column of dates is a time in the unit of its type."""
+        import polars as pl
+
+        try:
+            scan = pl.scan_parquet(path)
+            schema = scan.collect_schema()
+            first = scan.head(1).collect()
+        except (pl.exceptions.PolarsError, OSError) as error:
+            reason = str(error).splitlines()[0]
+            raise ReadError(f"{path} is no complete Parquet file ({reason}); was it copied whole?") from error
+        channels = tuple(
+            Channel(name, dtype.time_unit or "", "time") if isinstance(dtype, pl.Datetime) else Channel(name)
+            for name, dtype in schema.items()
+        )
+        if first.is_empty():
+            raise ReadError(f"{path} has columns but no rows; was the recording interrupted?")
+        return (Layout(channels, tuple(str(value) for value in first.row(0))),)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """Slices of the wanted columns; integers stay int64, all else becomes float64."""
+        import polars as pl
+
+        names = [layout.channels[k].name for k in wanted]
+        scan = pl.scan_parquet(path).select(names)
+        row = 0
+        while True:
+            try:
+                frame = scan.slice(row, ROWS).collect()
+            except (pl.exceptions.PolarsError, OSError) as error:
+                raise ReadError(f"{path} is damaged behind row {row}: {str(error).splitlines()[0]}") from error
+            if frame.is_empty():
+                return
+            columns = zip(wanted, names, strict=True)
+            yield {k: _numbers(frame.get_column(name), path, row) for k, name in columns}
+            row += frame.height
+
+
+def _numbers(series: pl.Series, path: Path, row: int) -> NDArray[Any]:
+    """A column as an array, or an error at the first cell that is no number."""
+    import polars as pl
+
+    dtype = series.dtype
+    if isinstance(dtype, pl.Datetime):
+        series = series.to_physical()
+    elif not (dtype.is_numeric() or dtype == pl.Null):
+        raise ReadError(
+            f"{path}: column {series.name!r} holds {dtype}, expected numbers; name other columns with columns="
+        )
+    if series.null_count():
+        at = row + int(np.argmax(series.is_null().to_numpy())) + 1
+        raise ReadError(
+            f"{path}: column {series.name!r} has no value in row {at}; remove or fill such rows first "
+            "(a sample that is missing is a gap, not a zero)"
+        )
+    integer = series.dtype.is_integer()
+    return np.ascontiguousarray(series.cast(pl.Int64 if integer else pl.Float64).to_numpy())

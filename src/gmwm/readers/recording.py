@@ -1,0 +1,211 @@
+"""`read`: from a file to an Imu, the same way for every format."""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector, as_rate
+from gmwm.errors import DataError, GmwmWarning, InferredUnitWarning, OptionError, ReadError, TimeBaseWarning
+from gmwm.readers.base import Layout, Reader, existing_file, find_reader
+from gmwm.readers.columns import Choice, Columns, choose, described
+from gmwm.readers.scales import Scales, checked_units, resolve, time_unit
+from gmwm.readers.timebase import Timing, as_stamps, timing, unstamped
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, axis_quantity
+from gmwm.units import SI_UNIT
+
+Gaps = Literal["keep", "longest"]
+
+_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d\d?:\d\d")
+
+
+def read(
+    path: str | os.PathLike[str],
+    rate: float | None = None,
+    columns: Columns | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    gaps: Gaps = "keep",
+    format: str | None = None,
+) -> Imu:
+    """A static recording from a file, in rad/s and m/s².
+
+    Parameters
+    ----------
+    path : path
+        CSV or text with any common delimiter, or Parquet; the content decides, not the name.
+    rate : float, optional
+        Samples per second (Hz). Needed where there are no time stamps; where there are, it must agree with
+        them within 1 %, and is then what counts.
+    columns : mapping or sequence, optional
+        Axis to column name or index (from 0), such as {"gyro_x": "ch1", "time": 0}; None leaves one out. Or
+        the axes in the order of the columns, such as ["time", "gyro_x", None]. By default the usual names
+        in the header are recognised.
+    units : mapping, optional
+        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}. It goes before what the file says; what
+        neither says is an error, but for accelerometers whose norm is gravity, and clear time stamps.
+    gaps : "keep" or "longest"
+        Keep all segments between gaps, or the longest one only. Segments are never glued.
+    format : str, optional
+        Name of the reader, where the content should not decide.
+
+    Returns
+    -------
+    Imu
+        Its `notes` say what was understood, its `time_base` what the stamps are like.
+
+    Raises
+    ------
+    ReadError, UnitError
+        If the file is not understood; the message says what to pass.
+    DataError
+        If a channel holds NaN or infinities, is constant, or has fewer than 8 samples.
+    OptionError
+        If an argument is not one of the values it may take.
+
+    Warns
+    -----
+    InferredUnitWarning
+        If the accelerometers' unit was told from their norm.
+    TimeBaseWarning
+        If time stamps repeat, step backward, or jitter by more than half an interval.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name, "static.csv")
+    >>> rows = "".join(f"{k / 100:.2f},{(-1) ** k * 0.1}\\n" for k in range(8))
+    >>> _ = path.write_text("time,gyro_x [deg/s]\\n" + rows)
+    >>> read(path)
+    Imu(gyro_x: 8 samples at 100 Hz, 0.08 s)
+    >>> folder.cleanup()
+    """
+    if gaps not in ("keep", "longest"):
+        raise OptionError(f"gaps must be 'keep' or 'longest', got {gaps!r}")
+    declared_rate = None if rate is None else as_rate(rate)
+    declared_units = checked_units(units)
+    file = existing_file(path)
+    reader = find_reader(file, format)
+    layout = _one_layout(reader, file)
+    choice = choose(layout, columns, file)
+    _require_time(layout, choice, declared_rate, file)
+    raw = _numbers(reader, file, layout, choice)
+    time, time_notes = _timing(layout, choice, declared_units, raw, declared_rate)
+    raw.pop("time", None)
+    temperature = raw.pop("temperature", None)
+    scales = resolve(layout, choice, declared_units, raw, time.base.rate)
+    imu = Imu(
+        _signals(layout, choice, raw, scales, time),
+        str(path),
+        (*layout.notes, *choice.notes, *scales.notes, *scales.inferred, *time_notes, *time.notes, *time.troubles),
+        time.base,
+        temperature,
+    )
+    for category, sentences in (
+        (InferredUnitWarning, scales.inferred),
+        (GmwmWarning, scales.doubts),
+        (TimeBaseWarning, time.troubles),
+    ):
+        for sentence in sentences:
+            warnings.warn(f"{file}: {sentence}", category, stacklevel=2)
+    return imu.longest() if gaps == "longest" else imu
+
+
+def _one_layout(reader: Reader, path: Path) -> Layout:
+    layouts = reader.layouts(path)
+    if len(layouts) != 1:
+        topics = ", ".join(layout.topic for layout in layouts) or "none"
+        raise ReadError(f"{path} holds {len(layouts)} recordings, expected one; its topics: {topics}")
+    return layouts[0]
+
+
+def _require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
+    """There must be stamps or a rate, and the stamps must be numbers."""
+    if "time" not in choice.columns:
+        if rate is None and layout.rate is None:
+            raise ReadError(
+                f"{path} has no time column (found: {described(layout)}), so rate= is needed (samples per "
+                'second); or name the time column: columns={"time": "<column name or index>"}'
+            )
+        return
+    k = choice.columns["time"]
+    if not layout.channels[k].axis and k < len(layout.first_row) and _DATE.search(layout.first_row[k]):
+        raise ReadError(
+            f"{path}: the time column holds dates ({layout.first_row[k]!r}), expected seconds or parts of them; "
+            'convert it, or leave it out with columns={"time": None} and pass rate='
+        )
+
+
+def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict[str, NDArray[Any]]:
+    """The numbers of each role in one array, checked: finite, long enough, not constant."""
+    parts: dict[str, list[NDArray[Any]]] = {role: [] for role in choice.columns}
+    for chunk in reader.chunks(path, layout, list(choice.columns.values())):
+        for role, k in choice.columns.items():
+            parts[role].append(chunk[k])
+    raw: dict[str, NDArray[Any]] = {}
+    for role, k in choice.columns.items():
+        pieces = parts.pop(role)
+        column = np.concatenate(pieces) if pieces else np.empty(0)
+        # Only stamps profit from staying integers.
+        raw[role] = column if role == "time" else column.astype(np.float64, copy=False)
+        _require_usable(raw[role], role, layout.channels[k].name or f"number {k}", path)
+    return raw
+
+
+def _require_usable(column: NDArray[Any], role: str, name: str, path: Path) -> None:
+    what = f"{path}: {role}" + ("" if name == role else f" (column {name!r})")
+    if column.size < MINIMUM_SAMPLES:
+        raise DataError(f"{what} has {column.size} samples, at least {MINIMUM_SAMPLES} are needed")
+    with np.errstate(over="ignore", invalid="ignore"):
+        suspect = not np.isfinite(np.sum(column))  # one fast pass decides the usual case
+    if suspect and (bad := ~np.isfinite(column)).any():
+        row, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
+        raise DataError(
+            f"{what} is {column[row]} in row {row + 1} (of {count} such rows); remove these rows, their time "
+            "stamps show the gap, or cut the recording there"
+        )
+    if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):
+        raise DataError(
+            f"{what} is constant ({column[0]:g} in all {column.size} samples); is the sensor connected? "
+            f'Leave it out with columns={{"{role}": None}}'
+        )
+
+
+def _timing(
+    layout: Layout,
+    choice: Choice,
+    units: Mapping[str, str],
+    raw: Mapping[str, NDArray[Any]],
+    rate: float | None,
+) -> tuple[Timing, tuple[str, ...]]:
+    """The time base, and remarks on how the stamps were understood."""
+    if "time" not in raw:
+        stated = layout.rate if rate is None else rate
+        return unstamped(as_rate(stated), raw[choice.axes[0]].size), ()
+    counted, remark = as_stamps(raw["time"], time_unit(layout, choice, units), rate)
+    return timing(counted, rate), (remark,) if remark else ()
+
+
+def _signals(
+    layout: Layout, choice: Choice, raw: Mapping[str, Vector], scales: Scales, time: Timing
+) -> dict[str, Signal]:
+    """The axes in SI units."""
+    signals = {}
+    for axis in choice.axes:
+        values = raw[axis]
+        factor = scales.units[axis].factor
+        if layout.channels[choice.columns[axis]].increments:
+            factor *= time.base.rate
+        if factor != 1:
+            values *= factor
+        unit = SI_UNIT[axis_quantity(axis)]
+        signals[axis] = Signal(values, time.base.rate, unit, axis, 0.0, time.segments, time.starts)
+    return signals

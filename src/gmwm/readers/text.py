@@ -1,0 +1,210 @@
+"""CSV and text tables: read block by block, each block parsed by Polars.
+
+The header is ours, the numbers are Polars': it gets a schema, so nothing is inferred from the first rows.
+Polars fills short rows with nulls without a word; a null is therefore looked up in the text, line by line,
+and told with its line number. That search runs only when something is wrong.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Reader, register
+from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
+from gmwm.readers.headers import recognise, unit_of
+
+if TYPE_CHECKING:
+    import polars as pl
+
+BLOCK_BYTES = 8 << 20
+"""Bytes in a block: large enough to parse in parallel, small enough to stay in the cache of pages."""
+
+_BIG_INTEGER = 15  # digits that float64 always holds
+
+
+@register
+class TextReader(Reader):
+    """Delimited text, with or without header, comments, units and time."""
+
+    name: ClassVar[str] = "text"
+    extensions: ClassVar[tuple[str, ...]] = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.5 if the first bytes are text that holds a digit, 0.1 if they are any other text."""
+        if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return 0.5  # UTF-16: ours, to be refused with the way out
+        control = sum(head.count(bytes([c])) for c in (*range(9), *range(14, 32)))
+        if control:
+            return 0.0
+        return 0.5 if re.search(rb"\d", head) else 0.1
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns by header, comment or number."""
+        dialect = detect(_head_lines(path), path)
+        names = dialect.names or ("",) * dialect.columns
+        channels = []
+        for k, name in enumerate(names):
+            unit = dialect.column_units[k] if dialect.column_units else ""
+            axis = recognise(name).axis
+            channels.append(Channel(name, unit_of(unit, axis) if axis else unit))
+        return (Layout(tuple(channels), dialect.first_row, units=dialect.units, state=dialect),)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """One chunk a block; a column whose first rows hold long integers stays int64."""
+        dialect: Dialect = layout.state
+        parser = _Parser(path, dialect, layout, tuple(wanted))
+        for line, block in _blocks(path, dialect.first_line):
+            chunk = parser.parse(block, line)
+            if chunk is not None:
+                yield chunk
+
+
+def _head_lines(path: Path) -> list[str]:
+    """The first whole lines as text; the marks some programs put in front are removed or refused."""
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+        more = bool(file.read(1))
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise ReadError(f"{path} is UTF-16 text; save it as UTF-8 (in a spreadsheet: 'CSV UTF-8')")
+    if b"\0" in head:
+        raise ReadError(f"{path} is binary, no text (it holds zero bytes); name its format with format=")
+    if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
+        raise ReadError(f"{path} ends its lines with bare carriage returns; convert them to line feeds first")
+    if more and b"\n" in head:
+        head = head[: head.rfind(b"\n") + 1]
+    try:
+        text = head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = head.decode("latin-1")  # a degree sign in the header; numbers are ASCII either way
+    return text.replace("\r\n", "\n").split("\n")
+
+
+def _blocks(path: Path, first_line: int) -> Iterator[tuple[int, bytes]]:
+    """Blocks of whole lines from `first_line` on, each with the number of its first line."""
+    with path.open("rb") as file:
+        for _ in range(first_line - 1):
+            file.readline()
+        if first_line == 1 and file.read(3) != b"\xef\xbb\xbf":
+            file.seek(0)
+        line, rest = first_line, b""
+        while read := file.read(BLOCK_BYTES):
+            end = read.rfind(b"\n") + 1
+            if end == 0:
+                rest += read
+                continue
+            block, rest = rest + read[:end], read[end:]
+            yield line, block
+            line += block.count(b"\n")
+        if rest:
+            yield line, rest
+
+
+class _Parser:
+    """Blocks of text into arrays."""
+
+    def __init__(self, path: Path, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
+        import polars as pl
+
+        self.path, self.dialect, self.layout, self.wanted = path, dialect, layout, wanted
+        cells = enumerate(dialect.first_row)
+        self.long = {k for k, cell in cells if dialect.integers[k] and len(cell.lstrip("+-")) > _BIG_INTEGER}
+        self.schema: dict[str, type[pl.DataType]] = {str(k): pl.String for k in range(dialect.fields)}
+        self.schema |= {str(k): pl.Int64 if k in self.long else pl.Float64 for k in wanted}
+        # The last column is always read: a short row shows there, whichever axes are wanted.
+        self.projection = sorted({*wanted, dialect.columns - 1})
+        self.sign = dialect.comment.encode()
+
+    def parse(self, block: bytes, line: int) -> Chunk | None:
+        """The numbers of a block that begins in `line`, or None if it holds none."""
+        import polars as pl
+
+        try:
+            frame = self._frame(self._plain(block))
+            if any(series.null_count() for series in frame):
+                frame = self._frame(_without_blank_lines(self._plain(block)))
+        except pl.exceptions.NoDataError:
+            return None
+        except pl.exceptions.PolarsError as error:
+            self._explain(block, line)
+            reason = str(error).splitlines()[0]
+            raise ReadError(f"{self.path}, from line {line} on: {reason}") from error
+        if any(series.null_count() for series in frame):
+            self._explain(block, line)
+            raise ReadError(f"{self.path}, from line {line} on: a row is not complete")
+        if frame.is_empty():
+            return None
+        return {k: np.ascontiguousarray(frame.get_column(str(k)).to_numpy()) for k in self.wanted}
+
+    def _frame(self, block: bytes) -> pl.DataFrame:
+        import polars as pl
+
+        return pl.read_csv(
+            block,
+            has_header=False,
+            schema=self.schema,
+            columns=self.projection,
+            separator=self.dialect.delimiter,
+            decimal_comma=self.dialect.decimal_comma,
+            # Polars looks at every line for a comment sign: only where there is one.
+            comment_prefix=self.dialect.comment if self.sign and self.sign in block else None,
+            quote_char='"' if b'"' in block else None,
+        )
+
+    def _plain(self, block: bytes) -> bytes:
+        """A block whose cells have no blanks around them and whose runs of blanks are one."""
+        if self.dialect.delimiter == BLANKS:
+            block = re.sub(rb"[ \t\r]+", b" ", block)
+            return re.sub(rb"(?m)^ | $", b"", block)
+        if b" " in block or (b"\t" in block and self.dialect.delimiter != "\t"):
+            return block.translate(None, b" " if self.dialect.delimiter == "\t" else b" \t")
+        return block
+
+    def _explain(self, block: bytes, line: int) -> None:
+        """Raise the error that the first bad line of a block deserves."""
+        d = self.dialect
+        for number, raw in enumerate(block.split(b"\n"), line):
+            try:
+                text = raw.decode("utf-8").strip("\r")
+            except UnicodeDecodeError:
+                text = raw.decode("latin-1").strip("\r")
+            if not text.strip() or comment_sign(text) == d.comment != "":
+                continue
+            cells = split(text, d.delimiter)
+            if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
+                last = not block.endswith(b"\n") and number == line + block.count(b"\n")
+                hint = "the file ends there: was it cut off?" if last else "repair or remove the line"
+                raise ReadError(
+                    f"{self.path}, line {number}: {len(cells)} values, expected {d.columns} as in line "
+                    f"{d.first_line}; {hint} ({text.strip()[:60]!r})"
+                )
+            for k in self.wanted:
+                self._explain_cell(cells[k], k, number)
+
+    def _explain_cell(self, cell: str, column: int, line: int) -> None:
+        name = self.layout.channels[column].name or f"number {column}"
+        if cell == "":
+            raise ReadError(
+                f"{self.path}, line {line}: column {name!r} is empty; remove or fill such rows first "
+                "(a sample that is missing is a gap, not a zero)"
+            )
+        if not is_number(cell, self.dialect.decimal_comma):
+            raise ReadError(
+                f"{self.path}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number; remove the "
+                "line, or leave the column out with columns="
+            )
+        if column in self.long and not re.fullmatch(r"[+-]?\d+", cell):
+            raise ReadError(
+                f"{self.path}, line {line}: column {name!r} holds {cell!r} among integers of more than "
+                f"{_BIG_INTEGER} digits; write all of them as integers"
+            )
+
+
+def _without_blank_lines(block: bytes) -> bytes:
+    """A block without empty lines, which Polars takes for rows of nulls."""
+    return re.sub(rb"(?m)^[ \t\r]*\n", b"", block)

@@ -1,0 +1,317 @@
+"""What was recorded: a Signal is one axis, an Imu is a set of axes on one time base. Both are frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm.errors import DataError, OptionError
+from gmwm.units import SI_UNIT, Quantity, parse_unit
+
+AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+"""The names of the six axes of an IMU, in the order in which they are shown."""
+
+MINIMUM_SAMPLES = 8
+"""A segment shorter than this has fewer than three wavelet levels and carries no noise model."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """One axis of a static recording.
+
+    Parameters
+    ----------
+    values : (N,) array, in `unit`
+        The samples, in order; made read-only.
+    rate : float
+        Samples per second (Hz).
+    unit : str
+        Unit of the values; "rad/s" and "m/s²" for what `gmwm.read` returns.
+    axis : str
+        Name of the axis, such as "gyro_x".
+    start : float
+        Time of the first sample (s), on whatever clock the recording has.
+    segments : tuple of (start, stop)
+        Index ranges that are uniformly sampled; more than one means that samples are missing between them.
+    starts : tuple of float
+        Time of the first sample of each segment (s). Without it each gap is taken as the shortest there is:
+        one sample missing.
+    """
+
+    values: Vector
+    rate: float
+    unit: str = ""
+    axis: str = ""
+    start: float = 0.0
+    segments: tuple[tuple[int, int], ...] = ()
+    starts: tuple[float, ...] = ()
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        rate: float,
+        unit: str = "",
+        axis: str = "",
+        start: float = 0.0,
+        segments: Sequence[tuple[int, int]] = (),
+        starts: Sequence[float] = (),
+    ) -> None:
+        vector = as_vector(values, axis or "the signal", at_least=1)
+        if vector.flags.writeable:
+            vector = freeze(vector.view())
+        ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)
+        if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
+            raise DataError(f"segments must be non-empty ranges that cover all {vector.size} samples, got {segments!r}")
+        if any(left[1] != right[0] for left, right in pairwise(ranges)):
+            raise DataError(f"segments must follow one another without overlap, got {segments!r}")
+        rate = as_rate(rate)
+        times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
+        if len(times) != len(ranges):
+            raise DataError(f"starts must hold one time for each of {len(ranges)} segments, got {len(times)}")
+        for name, value in (
+            ("values", vector), ("rate", rate), ("unit", unit), ("axis", axis),
+            ("start", times[0]), ("segments", ranges), ("starts", times),
+        ):  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy from another process is read-only as well.
+        fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
+        return Signal, fields
+
+    def __len__(self) -> int:
+        return int(self.values.size)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        return np.array(self.values, dtype=dtype, copy=copy)
+
+    def __repr__(self) -> str:
+        gaps = f", {len(self.segments)} segments" if len(self.segments) > 1 else ""
+        what = f"{len(self)} samples at {self.rate:g} Hz, {self.unit or 'no unit'}"
+        return f"Signal({self.axis or 'unnamed'}, {what}{gaps})"
+
+    @property
+    def duration(self) -> float:
+        """Length of what was recorded, gaps left out (s)."""
+        return len(self) / self.rate
+
+    def times(self, indices: ArrayLike | None = None) -> Vector:
+        """Times of the samples with these indices (s), or of all; uniform within a segment.
+
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3)), starts=(0.0, 5.0)).times()
+        array([0. , 0.1, 5. ])
+        """
+        index = np.arange(len(self)) if indices is None else np.asarray(indices, dtype=np.int64)
+        firsts = np.array([first for first, _ in self.segments])
+        segment = np.searchsorted(firsts, index, side="right") - 1
+        return np.asarray(np.array(self.starts)[segment] + (index - firsts[segment]) / self.rate)
+
+    def longest(self) -> Signal:
+        """The longest stretch without a gap, as a signal of its own."""
+        k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
+        first, last = self.segments[k]
+        return replace_values(self, self.values[first:last], start=self.starts[k])
+
+
+def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
+    """A signal like `signal` with other values in one segment."""
+    return Signal(values, signal.rate, signal.unit, signal.axis, start)
+
+
+@dataclass(frozen=True, eq=False)
+class Imu:
+    """A recording of several axes with one time base.
+
+    Parameters
+    ----------
+    signals : mapping of axis name to Signal
+        All of the same length, rate and segments.
+    source : str
+        Where it came from, for titles and reports.
+    notes : tuple of str
+        What was understood or inferred on reading, in plain words.
+    temperature : (N,) array or None
+        Temperature in °C if the recording carries it.
+    """
+
+    signals: Mapping[str, Signal]
+    source: str = ""
+    notes: tuple[str, ...] = ()
+    time_base: TimeBase | None = None
+    temperature: Vector | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.signals:
+            raise DataError("an Imu needs at least one axis, got none")
+        signals = list(self.signals.values())
+        first = signals[0]
+        for name, signal in self.signals.items():
+            if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
+                came = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
+                raise DataError(f"all axes of an Imu share length, rate and segments; {came}")
+        if self.temperature is not None and len(self.temperature) != len(first):
+            got = f"{len(self.temperature)} for {len(first)} samples"
+            raise DataError(f"temperature must hold one value for each sample, got {got}")
+        order = {axis: k for k, axis in enumerate(AXES)}
+        ordered = dict(sorted(self.signals.items(), key=lambda item: order.get(item[0], len(AXES))))
+        object.__setattr__(self, "signals", MappingProxyType(ordered))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        arrays: Mapping[str, ArrayLike] | ArrayLike,
+        rate: float,
+        *,
+        units: Mapping[str, str] | None = None,
+        axes: Sequence[str] = AXES,
+        start: float = 0.0,
+        segments: Sequence[tuple[int, int]] = (),
+        source: str = "",
+    ) -> Imu:
+        """An Imu of arrays in memory.
+
+        Parameters
+        ----------
+        arrays : mapping of axis name to (N,) array, or (N, len(axes)) array
+            The samples; the columns of a two-dimensional array are `axes` in their order.
+        rate : float
+            Samples per second (Hz).
+        units : mapping, optional
+            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; rad/s and m/s² where it is silent.
+        axes : sequence of str
+            Names of the columns of a two-dimensional array.
+        start, segments, source
+            As for `Signal` and `Imu`.
+
+        Raises
+        ------
+        DataError, OptionError, UnitError
+            If the arrays cannot be used, an axis is not one of `AXES`, or a unit is unknown.
+
+        >>> imu = Imu.from_arrays({"gyro_x": [0.0, 180.0]}, rate=100, units={"gyro": "deg/s"})
+        >>> imu["gyro_x"].values
+        array([0.        , 3.14159265])
+        """
+        given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
+        unknown = sorted(set(units or {}) - set(SI_UNIT))
+        if unknown:
+            raise OptionError(f"units must name gyro or accel, got {unknown[0]!r}")
+        signals = {}
+        for axis, values in given.items():
+            quantity = axis_quantity(axis)
+            si = SI_UNIT[quantity]
+            factor = parse_unit((units or {}).get(quantity, si), quantity).factor
+            vector = as_vector(values, axis)
+            vector = vector if factor == 1 else vector * factor
+            signals[axis] = Signal(vector, rate, si, axis, start, segments)
+        return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
+        return Imu, (dict(self.signals), self.source, self.notes, self.time_base, self.temperature)
+
+    def __getitem__(self, axis: str) -> Signal:
+        try:
+            return self.signals[axis]
+        except KeyError:
+            raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.signals)
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    def __repr__(self) -> str:
+        return f"Imu({', '.join(self.axes)}: {len(self)} samples at {self.rate:g} Hz, {self.duration:g} s)"
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes, gyroscopes first."""
+        return tuple(self.signals)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        return next(iter(self.signals.values())).rate
+
+    @property
+    def duration(self) -> float:
+        """Length of what was recorded, gaps left out (s)."""
+        return len(self) / self.rate
+
+    @property
+    def segments(self) -> tuple[tuple[int, int], ...]:
+        """Index ranges without a gap."""
+        return next(iter(self.signals.values())).segments
+
+    def longest(self) -> Imu:
+        """The longest stretch without a gap, as a recording of its own; says so in its notes."""
+        if len(self.segments) == 1:
+            return self
+        first, last = max(self.segments, key=lambda s: s[1] - s[0])
+        note = f"cut to the longest of {len(self.segments)} segments: samples {first} to {last - 1}"
+        return replace(
+            self,
+            signals={axis: signal.longest() for axis, signal in self.signals.items()},
+            notes=(*self.notes, note),
+            temperature=None if self.temperature is None else self.temperature[first:last],
+        )
+
+
+def axis_quantity(axis: str) -> Quantity:
+    """What an axis of an IMU measures, "gyro" or "accel"; an error if it is not one of `AXES`."""
+    if axis not in AXES:
+        raise OptionError(f"axis must be one of {', '.join(AXES)}; got {axis!r}")
+    return "gyro" if axis.startswith("gyro") else "accel"
+
+
+def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
+    """The columns of a two-dimensional array by axis name."""
+    table = np.asarray(array)
+    if table.ndim != 2 or table.shape[1] != len(axes):
+        hint = "; pass its transpose" if table.ndim == 2 and table.shape[0] == len(axes) else ""
+        raise DataError(
+            f"arrays must be a mapping or of shape (N, {len(axes)}), a column for each of "
+            f"{', '.join(axes)}; got shape {table.shape}{hint}"
+        )
+    return {axis: table[:, k] for k, axis in enumerate(axes)}
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """What the time stamps of a recording say about its sampling.
+
+    Parameters
+    ----------
+    rate : float
+        1 / median interval (Hz); 1 / mean interval between gaps where rounded stamps make the median drift
+        away from them; the declared rate where there is one.
+    stamped : bool
+        Whether the recording has time stamps at all.
+    start : float
+        First stamp (s).
+    jitter : float
+        Root mean square deviation of the intervals within segments from their median (s).
+    gaps : tuple of (index, duration)
+        For each gap, the index of the first sample after it and the time from the sample before (s).
+    duplicates : int
+        Number of stamps equal to the one before.
+    backward : int
+        Number of stamps earlier than the one before.
+    """
+
+    rate: float
+    stamped: bool = False
+    start: float = 0.0
+    jitter: float = 0.0
+    gaps: tuple[tuple[int, float], ...] = ()
+    duplicates: int = 0
+    backward: int = 0

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gmwm.errors import DataError, ReadError
+from gmwm.readers import parquet, read
+
+NOISE = np.random.default_rng(2).normal(size=50)
+
+
+def saved(folder, **columns):
+    path = folder / "static.parquet"
+    pl.DataFrame(columns).write_parquet(path)
+    return path
+
+
+def test_slices_of_any_size_give_the_same(tmp_path, monkeypatch):
+    path = saved(tmp_path, **{"gyro_x [rad/s]": NOISE})
+    for rows in (1, 7, 50, 51):
+        monkeypatch.setattr(parquet, "ROWS", rows)
+        assert read(path, rate=10)["gyro_x"].values.tolist() == NOISE.tolist()
+
+
+def test_dates_are_a_time_base(tmp_path):
+    start = datetime(2026, 11, 21, tzinfo=UTC)
+    dates = [start + timedelta(microseconds=2500 * k) for k in range(50)]
+    for unit in ("ms", "us", "ns"):
+        stamps = pl.Series(dates).dt.cast_time_unit(unit)
+        imu = read(saved(tmp_path, **{"when": stamps, "gyro_x [rad/s]": NOISE}))
+        assert imu.rate == pytest.approx(400, rel=0.02 if unit == "ms" else 1e-15)
+        assert imu["gyro_x"].start == start.timestamp()
+
+
+def test_integer_nanoseconds(tmp_path):
+    stamps = 10**18 + 2_500_000 * np.arange(50)
+    imu = read(saved(tmp_path, timestamp=stamps, **{"gyro_x [rad/s]": NOISE.astype(np.float32)}))
+    assert imu.rate == 400
+    assert imu["gyro_x"].values.tolist() == NOISE.astype(np.float32).astype(float).tolist()
+
+
+def test_errors(tmp_path):
+    with pytest.raises(ReadError, match="no value in row 2"):
+        read(saved(tmp_path, **{"gyro_x [rad/s]": [1.0, None, *NOISE]}), rate=1)
+    with pytest.raises(DataError, match="is nan in row 3"):
+        read(saved(tmp_path, **{"gyro_x [rad/s]": [1.0, 2.0, np.nan, *NOISE]}), rate=1)
+    with pytest.raises(ReadError, match="holds String, expected numbers"):
+        read(saved(tmp_path, **{"gyro_x [rad/s]": ["a"] * 9}), rate=1)
+    with pytest.raises(ReadError, match="no rows"):
+        read(saved(tmp_path, **{"gyro_x [rad/s]": np.empty(0)}), rate=1)
+    whole = saved(tmp_path, **{"gyro_x [rad/s]": NOISE}).read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(whole[:-30])
+    with pytest.raises(ReadError, match=r"no complete Parquet file .*was it copied whole"):
+        read(tmp_path / "cut.parquet", rate=1)

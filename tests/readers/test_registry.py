@@ -1,0 +1,101 @@
+"""The contract of readers, and laws that every registered one keeps."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from gmwm import writers
+from gmwm.errors import GmwmError, ReadError
+from gmwm.readers import Channel, Chunk, Layout, Reader, base, find_reader, read, register, registered
+from gmwm.signals import Imu
+
+
+@pytest.fixture
+def increments(monkeypatch):
+    """A format that no file of ours has: a signature, increments, its own units and rate, two topics on demand."""
+    monkeypatch.setattr(base, "_READERS", dict(base._READERS))
+
+    @register
+    class Increments(Reader):
+        name: ClassVar[str] = "increments"
+        extensions: ClassVar[tuple[str, ...]] = (".inc",)
+
+        def sniff(self, path: Path, head: bytes) -> float:
+            return 1.0 if head.startswith(b"INCR") else 0.0
+
+        def layouts(self, path: Path) -> tuple[Layout, ...]:
+            channels = (Channel("dtheta", "deg/s", "gyro_x", increments=True), Channel("dv", "g", "accel_y"))
+            topics = path.read_text().split()[1:]
+            return tuple(Layout(channels, topic=topic, rate=50.0, notes=("made up",)) for topic in topics)
+
+        def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+            for start in (0, 4, 8):
+                yield {k: np.arange(start, start + 4) * (k + 1.0) for k in wanted}
+
+    return Increments
+
+
+def test_a_format_carries_units_increments_rate_and_notes(tmp_path, increments):
+    path = tmp_path / "a.csv"
+    path.write_text("INCR imu0")
+    imu = read(path)
+    assert imu.rate == 50
+    np.testing.assert_allclose(imu["gyro_x"].values, np.radians(np.arange(12.0)) * 50, rtol=1e-15)
+    np.testing.assert_allclose(imu["accel_y"].values, np.arange(12) * 2 * 9.80665, rtol=1e-15)
+    assert imu.notes[0] == "made up"
+    path.write_text("INCR imu0 imu1")
+    with pytest.raises(ReadError, match="holds 2 recordings, expected one; its topics: imu0, imu1"):
+        read(path)
+
+
+def test_a_name_is_registered_once(increments):
+    with pytest.raises(ValueError, match="registered already"):
+        register(increments)
+
+
+def test_every_reader_says_who_it_is():
+    assert [reader.name for reader in registered()] == ["parquet", "text"]
+    for reader in registered():
+        assert type(reader).__doc__
+        assert all(suffix.startswith(".") and suffix.islower() for suffix in reader.extensions)
+
+
+@pytest.mark.parametrize("suffix", writers.SUFFIXES)
+def test_only_one_reader_knows_a_file(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    writers.write(Imu.from_arrays({"gyro_x": np.arange(20.0)}, 10), path)
+    head = path.read_bytes()
+    knowing = [reader.name for reader in registered() if reader.sniff(path, head) > 0]
+    assert knowing == [find_reader(path).name]
+
+
+@pytest.mark.parametrize("suffix", writers.SUFFIXES)
+def test_a_file_cut_anywhere_is_an_error_or_a_shorter_recording(tmp_path, suffix):
+    path = tmp_path / f"a{suffix}"
+    values = np.random.default_rng(4).normal(size=(30, 2))
+    writers.write(Imu.from_arrays({"gyro_x": values[:, 0], "accel_z": values[:, 1]}, 10), path)
+    whole = path.read_bytes()
+    for size in range(0, len(whole), 41):
+        path.write_bytes(whole[:size])
+        try:
+            imu = read(path)
+        except GmwmError:
+            continue
+        # A cut inside the last number cannot be seen; all before it must be right.
+        assert imu["gyro_x"].values[:-1].tolist() == values[: len(imu) - 1, 0].tolist()
+
+
+def test_import_is_light():
+    code = (
+        "import sys, gmwm.readers, gmwm.writers, gmwm.inspection;"
+        "heavy = {'polars', 'matplotlib', 'scipy.optimize', 'scipy.stats'} & set(sys.modules);"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

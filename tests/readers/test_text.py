@@ -1,0 +1,220 @@
+"""Text files as people and instruments write them: read right, or refused with the line and the way out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gmwm.errors import DataError, OptionError, ReadError, UnitError
+from gmwm.readers import read, text
+
+UNITS = ("s", *["rad/s"] * 3, *["m/s^2"] * 3)
+NAMES = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+HEADER = [name if name == "time" else f"{name} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True)]
+VALUES = np.round(np.random.default_rng(5).normal(size=(40, 6)) * 0.05 + [0, 0, 0, 0, 0, 9.8], 4)
+
+
+def rows(separator=",", time=lambda k: f"{k / 100:.2f}", end="\n", values=VALUES):
+    return "".join(separator.join([time(k), *map(str, row)]) + end for k, row in enumerate(values))
+
+
+def saved(folder: Path, content: str | bytes, name="static.csv") -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def table(imu):
+    return np.column_stack([imu[axis].values for axis in imu])
+
+
+PLAIN = ",".join(HEADER) + "\n"
+GOOD = {
+    "plain": PLAIN + rows(),
+    "no last line feed": (PLAIN + rows())[:-1],
+    "semicolon and decimal comma": ";".join(HEADER) + "\n" + rows(";").replace(".", ","),
+    "tabs": "\t".join(HEADER) + "\n" + rows("\t"),
+    "bars": "|".join(HEADER) + "\n" + rows("|"),
+    "runs of blanks": " ".join(HEADER) + "\n   " + rows("    ").replace("\n", "  \n   "),
+    "blanks and tabs": " ".join(HEADER) + "\n" + rows(" \t "),
+    "blanks under commas": ",".join(HEADER) + "\n" + rows("  "),
+    "blank behind the comma": ", ".join(HEADER) + "\n" + rows(", "),
+    "comments of three kinds": "# one, two\n% three\n// four\n" + PLAIN + rows(),
+    "header in a comment": "# made by a logger, v2\n#" + PLAIN + rows(),
+    "header in a percent comment": "%" + PLAIN + rows(),
+    "comments between": PLAIN + "# a\n" + rows().replace("\n0.20", "\n# b\n0.20"),
+    "comment only far below": PLAIN + rows() + "# stopped\n",
+    "blank lines between": PLAIN + "\n" + rows().replace("\n0.20", "\n\n\n0.20") + "\n\n",
+    "trailing delimiter": PLAIN.replace("\n", ",\n") + rows(end=",\n"),
+    "trailing delimiter in rows": PLAIN + rows(end=",\n"),
+    "quoted header": ",".join(f'"{name}"' for name in HEADER) + "\n" + rows(),
+    "quoted numbers": PLAIN + "".join(",".join(f'"{c}"' for c in r.split(",")) + "\n" for r in rows().split()),
+    "byte order mark": b"\xef\xbb\xbf" + (PLAIN + rows()).encode(),
+    "carriage returns": (PLAIN + rows()).replace("\n", "\r\n"),
+    "title above": "Static test of unit 7\n\n" + PLAIN + rows(),
+    "row of units": ",".join(NAMES) + "\n" + ",".join(UNITS) + "\n" + rows(),
+    "row of bracketed units": ",".join(NAMES) + "\n" + ",".join(f"[{u}]" for u in UNITS) + "\n" + rows(),
+    "units in a comment": "# gyro in rad/s, accel in m/s^2, time in s\n" + ",".join(NAMES) + "\n" + rows(),
+    "units of all columns in a comment": f"# units: {','.join(UNITS)}\n" + ",".join(NAMES) + "\n" + rows(),
+    "index column": "," + PLAIN + "".join(f"{k},{r}\n" for k, r in enumerate(rows().split())),
+    "text column": "frame," + PLAIN + "".join(f"imu_link,{r}\n" for r in rows().split()),
+    "quoted text with a delimiter": "note," + PLAIN + "".join(f'"a, b",{r}\n' for r in rows().split()),
+    "scientific": PLAIN + "".join(",".join(f"{float(c):.12E}" for c in r.split(",")) + "\n" for r in rows().split()),
+}
+
+
+@pytest.mark.parametrize("content", GOOD.values(), ids=GOOD.keys())
+def test_the_same_numbers_however_they_are_written(tmp_path, content):
+    imu = read(saved(tmp_path, content))
+    assert imu.axes == NAMES[1:]
+    assert table(imu).tolist() == VALUES.tolist()
+    assert imu.rate == 100
+    assert imu.segments == ((0, 40),)
+
+
+@pytest.mark.parametrize("name", ["static.csv", "static.txt", "static", "static.parquet"])
+def test_content_goes_before_extension(tmp_path, name):
+    assert len(read(saved(tmp_path, GOOD["plain"], name))) == 40
+
+
+@pytest.mark.parametrize("block", [64, 200, 1000])
+def test_blocks_of_any_size_give_the_same(tmp_path, monkeypatch, block):
+    path = saved(tmp_path, GOOD["comments between"])
+    whole = table(read(path))
+    monkeypatch.setattr(text, "BLOCK_BYTES", block)
+    assert table(read(path)).tolist() == whole.tolist()
+    bad = saved(tmp_path, PLAIN + rows() + "0.4,1,2,err,4,5,6\n")
+    with pytest.raises(ReadError, match=r"line 42: column 'gyro_z \[rad/s\]' holds 'err'"):
+        read(bad)
+
+
+def test_euroc_header_is_not_a_comment_and_nanoseconds_are_exact(tmp_path):
+    header = (
+        "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
+        "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]\n"
+    )
+    imu = read(saved(tmp_path, header + rows(time=lambda k: str(1_403_636_579_758_555_393 + k * 2_500_000))))
+    assert imu.rate == 400
+    assert imu.time_base.jitter == 0
+    assert table(imu).tolist() == VALUES.tolist()
+
+
+def test_kalibr_header(tmp_path):
+    header = "timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z\n"
+    path = saved(tmp_path, header + rows(time=lambda k: str(10**18 + k * 5_000_000)))
+    imu = read(path, units={"gyro": "rad/s", "accel": "m/s2"})
+    assert (imu.rate, imu.axes) == (200, NAMES[1:])
+    assert any("unit ns inferred" in note for note in imu.notes)
+
+
+def test_ros_fields_are_si_and_said_so(tmp_path):
+    fields = [f"angular_velocity.{a}" for a in "xyz"] + [f"linear_acceleration.{a}" for a in "xyz"]
+    imu = read(saved(tmp_path, ",".join(["time", *fields]) + "\n" + rows()))
+    assert table(imu).tolist() == VALUES.tolist()
+    assert sum("REP-103" in note for note in imu.notes) == 2
+
+
+def test_integers_first_then_floats(tmp_path):
+    lines = "".join(f"{k},{v}\n" for k, v in enumerate([0, 1, 2, 1] * 60 + [0.5, 0.25]))
+    imu = read(saved(tmp_path, "time [s],gyro_x [rad/s]\n" + lines))
+    assert imu["gyro_x"].values[-1] == 0.25
+
+
+def test_a_single_column(tmp_path):
+    content = "gyro_y [deg/s]\n" + "".join(f"{k % 5}\n" for k in range(20))
+    imu = read(saved(tmp_path, content), rate=50)
+    np.testing.assert_allclose(imu["gyro_y"].values[:3], np.radians([0, 1, 2]), rtol=1e-15)
+
+
+def test_latin_1_degrees(tmp_path):
+    content = ("time;gyro_x [°/s]\n" + "".join(f"{k / 100};{k % 3}\n" for k in range(20))).encode("latin-1")
+    assert read(saved(tmp_path, content))["gyro_x"].values[1] == pytest.approx(np.radians(1), rel=1e-15)
+
+
+def test_temperature_is_kept(tmp_path):
+    content = "time,gyro_x [rad/s],Ts[degC]\n" + "".join(f"{k / 100},{k % 3},{20 + k / 10}\n" for k in range(20))
+    assert read(saved(tmp_path, content)).temperature[-1] == 21.9
+
+
+NAMELESS = "".join(line.split(",", 1)[1] for line in rows().splitlines(keepends=True))
+NINE = "0.4,1,2,3,4,5,6,7,8\n"
+BAD = {
+    "short row": (PLAIN + rows() + "0.4,1,2\n" + rows(), ReadError, "line 42: 3 values, expected 7 .*repair"),
+    "cut off": ((PLAIN + rows())[:-25], ReadError, "line 41: .*was it cut off"),
+    "long row": (PLAIN + rows() + NINE, ReadError, "line 42: 9 values, expected 7"),
+    "text": (PLAIN + rows() + "0.4,1,x,3,4,5,6\n", ReadError, "line 42: column 'gyro_y .*holds 'x'.*columns="),
+    "empty cell": (PLAIN + rows() + "0.4,1,,3,4,5,6\n", ReadError, "line 42: column 'gyro_y .* is empty"),
+    "NaN": (PLAIN + rows() + "0.4,1,nan,3,4,5,6\n", DataError, "gyro_y .*is nan in row 41"),
+    "infinity": (PLAIN + rows() + "0.4,-inf,1,3,4,5,6\n", DataError, "gyro_x .*is -inf in row 41"),
+    "overflow": (PLAIN + rows() + "0.4,1e999,1,3,4,5,6\n", DataError, "gyro_x .*is inf in row 41"),
+    "constant": (PLAIN + rows(values=VALUES * [0, 1, 1, 1, 1, 1]), DataError, "gyro_x .*constant.*connected.*None"),
+    "seven samples": (PLAIN + rows(values=VALUES[:7]), DataError, "7 samples, at least 8"),
+    "empty": ("", ReadError, "empty"),
+    "header only": (PLAIN, ReadError, "no row of numbers"),
+    "comments only": ("# 1\n# 2\n", ReadError, "no rows, only comments"),
+    "prose": ("Dear all\n\nbye\n", ReadError, "no row of numbers"),
+    "binary": (bytes(range(256)) * 9, ReadError, "none of the formats known here.*00 01 02"),
+    "UTF-16": ((PLAIN + rows()).encode("utf-16"), ReadError, "UTF-16.*save it as UTF-8"),
+    "carriage returns alone": ((PLAIN + rows()).replace("\n", "\r"), ReadError, "carriage returns"),
+    "seven nameless": (rows(), ReadError, r'first row is: 0.00.*columns=\["time", "gyro_x"'),
+    "six nameless": (NAMELESS, ReadError, r'6 columns without names.*columns=\["gyro_x"'),
+    "header too long": (PLAIN.replace("\n", ",q\n") + rows(), ReadError, "line 1 names 8 columns, but line 2 has 7"),
+    "no axis": ("a,b\n" + "1,2\n" * 9, ReadError, "no column that is known as an axis; found: a, b"),
+    "no time": (PLAIN[5:] + NAMELESS, ReadError, "no time column .*rate= is needed"),
+    "dates": (PLAIN + rows(time=lambda k: f"2026-11-21 10:00:{k}"), ReadError, "holds dates.*None"),
+    "two gyroscopes": ("time,a_gyro_x,b_gyro_x\n0,1,2\n1,2,3\n", ReadError, "could each be gyro_x"),
+    "no gyro unit": ("time,gx\n" + "".join(f"{k / 100},{k % 3}\n" for k in range(20)), UnitError, "In deg/s.*in rad/s"),
+    "unclear time": (PLAIN + rows(time=lambda k: str(5 * k)), UnitError, "ms: 200 Hz.*units="),
+    "still time": (PLAIN + rows(time=lambda k: "1.5"), ReadError, "does not move forward"),
+    "half of the units": ("gx [dps],gy,t_ms\n" + "".join(f"{k},{k},{k}\n" for k in range(9)), UnitError, "of gyro_y"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "error", "message"), BAD.values(), ids=BAD.keys())
+def test_what_cannot_be_read_says_why_and_the_way_out(tmp_path, content, error, message):
+    with pytest.raises(error, match=f"(?s){message}") as caught:
+        read(saved(tmp_path, content))
+    assert caught.type is error
+
+
+def test_paths(tmp_path):
+    with pytest.raises(ReadError, match="is a directory"):
+        read(tmp_path)
+    with pytest.raises(ReadError, match="does not exist"):
+        read(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"columns": {"gyro_x": "nix"}}, "is not in .*found: time, gyro_x"),
+        ({"columns": {"gyro_x": 7}}, "columns 0 to 6"),
+        ({"columns": {"gyrox": 1}}, "columns must name"),
+        ({"columns": ["time", "gyro_x"]}, "names 2 columns, .* has 7"),
+        ({"columns": {"gyro_x": 1, "gyro_y": 1}}, "one column .* to gyro_x and gyro_y"),
+        ({"columns": "gyro_x"}, "mapping or a sequence"),
+        ({"columns": ["gyro_x"] * 7}, "twice"),
+        ({"units": {"mag": "T"}}, "units must name"),
+        ({"gaps": "glue"}, "gaps must be"),
+        ({"format": "bag"}, "format must be one of parquet, text"),
+        ({"rate": -1}, "rate must be positive"),
+    ],
+)
+def test_wrong_options_say_what_may_be(tmp_path, options, message):
+    with pytest.raises(OptionError, match=message):
+        read(saved(tmp_path, GOOD["plain"]), **options)
+
+
+def test_columns_by_name_index_and_order(tmp_path):
+    named = saved(tmp_path, GOOD["plain"])
+    assert read(named, columns={"gyro_x": 3})["gyro_x"].values.tolist() == VALUES[:, 2].tolist()
+    assert read(named, columns={"gyro_x": "gyro_y [rad/s]"})["gyro_x"].values.tolist() == VALUES[:, 1].tolist()
+    assert read(named, columns={"gyro_z": None}).axes == ("gyro_x", "gyro_y", "accel_x", "accel_y", "accel_z")
+    assert not read(named, rate=7, columns={"time": None}).time_base.stamped
+    nameless = saved(tmp_path, rows())
+    imu = read(nameless, columns=["time", "gyro_z", None, "", None, None, None], units={"gyro": "deg/s"})
+    assert imu.axes == ("gyro_z",)
+    np.testing.assert_allclose(imu["gyro_z"].values, np.radians(VALUES[:, 0]), rtol=1e-15)
+    assert read(nameless, columns={"accel_x": 4, "time": 0}, units={"accel": "m/s2"}).rate == 100

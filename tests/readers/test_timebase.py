@@ -1,0 +1,201 @@
+"""What time stamps say: exact where they are exact, never glued, never believed against a declared rate."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmwm.errors import OptionError, ReadError, TimeBaseWarning, UnitError
+from gmwm.readers import read
+from gmwm.readers.timebase import as_stamps, timing
+
+FIXED = settings(derandomize=True, max_examples=60, deadline=None)
+
+
+def base(values, unit="s", rate=None):
+    return timing(as_stamps(np.asarray(values), unit, rate)[0], rate)
+
+
+def jittered(samples, share, seed=3):
+    return np.arange(samples) + np.random.default_rng(seed).uniform(-share, share, samples)
+
+
+@FIXED
+@given(
+    rate=st.sampled_from([0.5, 1, 9.6, 50, 62.5, 99.9, 100, 123.456, 200, 400, 1000, 8000]),
+    start=st.sampled_from([0.0, 0.1, 37.25, 5e5, 1.4e9]),
+    samples=st.integers(200, 3000),
+)
+def test_regular_stamps_give_their_rate(rate, start, samples):
+    found = base(start + np.arange(samples) / rate)
+    # Stamps of 1.4e9 s are known to 2.4e-7 s: the whole span bounds what can be said.
+    possible = 4 * np.spacing(start + samples / rate) / (samples / rate)
+    assert found.base.rate == pytest.approx(rate, rel=max(possible, 1e-15))
+    assert found.segments == ((0, samples),)
+    assert found.troubles == ()
+
+
+@FIXED
+@given(step=st.integers(10_000, 10**9), start=st.integers(10**18, 2 * 10**18), samples=st.integers(8, 500))
+def test_nanoseconds_are_exact(step, start, samples):
+    stamps = start + step * np.arange(samples, dtype=np.int64)
+    assert base(stamps, "ns").base.rate == 1e9 / step
+    assert base(stamps, "ns").base.jitter == 0
+
+
+@FIXED
+@given(st.lists(st.tuples(st.integers(20, 60), st.integers(1, 400)), min_size=1, max_size=6), st.floats(0, 0.2))
+def test_every_gap_is_found_and_nothing_else(pieces, share):
+    lengths = [length for length, _ in pieces]
+    index = np.concatenate(
+        [np.arange(n) + sum(lengths[:k]) + sum(lost for _, lost in pieces[:k]) for k, n in enumerate(lengths)]
+    )
+    stamps = (index + jittered(index.size, share) - np.arange(index.size)) * 0.01
+    edges = np.cumsum([0, *lengths])
+    found = base(stamps)
+    assert found.segments == tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    np.testing.assert_allclose(found.starts, stamps[edges[:-1]], rtol=1e-12)
+    assert [k for k, _ in found.base.gaps] == edges[1:-1].tolist()
+
+
+@FIXED
+@given(st.sampled_from([1e-12, 1e-6, 1.0, 1e6]), st.floats(0, 0.3))
+def test_no_absolute_scale(scale, share):
+    one, other = base(jittered(300, share)), base(jittered(300, share) * scale)
+    assert other.base.rate == pytest.approx(one.base.rate / scale, rel=1e-9)
+    assert other.segments == one.segments
+
+
+def test_a_late_stamp_is_no_gap_and_a_lost_sample_is():
+    late = np.arange(400) * 0.01
+    late[200] += 0.008
+    assert base(late).segments == ((0, 400),)
+    lost = np.delete(np.arange(401), 200) * 0.01
+    assert base(lost).segments == ((0, 200), (200, 400))
+
+
+@pytest.mark.parametrize(("every", "spread"), [(4, 1e-4), (10, 0.0), (4, 0.0)])
+def test_samples_stamped_in_bursts(every, spread):
+    k = np.arange(4000)
+    stamps = (k // every) * every * 0.01 + (k % every) * spread
+    found = base(stamps)
+    assert found.base.rate == pytest.approx(100, rel=3e-3)  # the last burst has no end
+    assert found.segments == ((0, 4000),)
+
+
+def test_sampling_with_pauses_as_long_as_the_bursts():
+    k = np.arange(1000)
+    found = base((k + k // 50 * 50) * 0.01)
+    assert found.base.rate == pytest.approx(100, rel=1e-9)
+    assert len(found.segments) == 20
+
+
+def test_a_lost_burst_is_a_gap():
+    k = np.delete(np.arange(4000), slice(2000, 2012))
+    assert base((k // 4) * 0.04).segments == ((0, 2000), (2000, 3988))
+
+
+def test_rounded_stamps_use_the_mean_and_say_so():
+    found = base(np.round(np.arange(3000) / 128, 2))
+    assert found.base.rate == pytest.approx(128, rel=1e-3)
+    assert "mean interval" in found.notes[0]
+    assert found.base.duplicates > 0
+    assert found.segments == ((0, 3000),)
+
+
+def test_one_row_written_twice_does_not_move_the_rate():
+    stamps = np.insert(np.arange(100) * 0.01, 50, 0.5)
+    found = base(stamps)
+    assert found.base.rate == pytest.approx(100, rel=1e-12)
+    assert found.base.duplicates == 1
+    assert "repeat the one before: 1 of 101" in found.troubles[0]
+
+
+def test_a_backward_step_starts_a_segment():
+    found = base(np.concatenate([np.arange(100), np.arange(60, 160)]) * 0.01)
+    assert found.segments == ((0, 100), (100, 200))
+    assert found.base.backward == 1
+    assert found.starts == (0.0, 0.6)
+
+
+def test_jitter_is_measured_and_told():
+    found = base(jittered(5000, 0.45))
+    expected = np.sqrt(2) * 0.9 / np.sqrt(12)
+    assert found.base.jitter == pytest.approx(expected, rel=0.05)
+    assert found.base.rate == pytest.approx(1, rel=1e-3)
+    assert base(jittered(5000, 0.2)).troubles == ()
+    strong = np.arange(5000) + np.random.default_rng(1).normal(0, 0.45, 5000)
+    assert any("jitter" in trouble for trouble in base(np.sort(strong)).troubles)
+
+
+def test_declared_rate_against_the_stamps():
+    stamps = np.arange(500) * 0.01
+    assert base(stamps, rate=100).notes == ()
+    near = base(stamps, rate=100.5)
+    assert near.base.rate == 100.5
+    assert "the time stamps say 100 Hz" in near.notes[0]
+    with pytest.raises(ReadError, match="rate=200 Hz contradicts the time stamps, which say 100 Hz"):
+        base(stamps, rate=200)
+    with pytest.raises(ReadError, match="not in s: pass units"):
+        base(stamps, rate=0.1)
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "unit"),
+    [
+        (0, 0.01, "s"), (0.0, 0.02, "s"), (1.7e9, 0.005, "s"), (17 * 10**11, 10, "ms"), (17 * 10**14, 2500, "us"),
+        (17 * 10**17, 2_500_000, "ns"), (1.7e12, 10.0, "ms"), (0, 1e-4, "s"), (0, 5e-5, "s"),
+    ],
+)  # fmt: skip
+def test_unit_by_size_and_interval(first, step, unit):
+    found, remark = as_stamps(first + step * np.arange(100), "", None)
+    assert found.unit == unit
+    assert f"unit {unit} inferred" in remark
+
+
+@pytest.mark.parametrize("step", [1, 5, 10, 2500, 5_000_000, 0.5])
+def test_unclear_units_are_asked_for_unless_the_rate_tells(step):
+    stamps = step * np.arange(100)
+    with pytest.raises(UnitError, match="neither named nor clear"):
+        as_stamps(stamps, "", None)
+    assert as_stamps(stamps, "", 1e3 / step)[0].unit == "ms"
+
+
+def saved(folder, stamps, name="time [s]"):
+    path = folder / "static.csv"
+    pl.DataFrame({name: stamps, "gyro_x [rad/s]": np.sin(np.arange(len(stamps)))}).write_csv(path)
+    return path
+
+
+def test_read_warns_keeps_segments_and_cuts_on_request(tmp_path):
+    gap = np.delete(np.arange(120), slice(30, 50)) * 0.01
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        imu = read(saved(tmp_path, gap))
+    assert imu.segments == ((0, 30), (30, 100))
+    cut = read(saved(tmp_path, gap), gaps="longest")
+    assert cut.segments == ((0, 70),)
+    assert cut["gyro_x"].start == pytest.approx(0.5, abs=1e-12)
+    assert "longest of 2 segments" in cut.notes[-1]
+    with pytest.warns(TimeBaseWarning, match="step backward: 1"):
+        read(saved(tmp_path, np.concatenate([np.arange(50), np.arange(50)]) * 0.01))
+
+
+@pytest.mark.parametrize(("name", "factor"), [("time_us", 1e6), ("t (ms)", 1e3), ("timestamp [ns]", 1e9), ("time", 1)])
+def test_unit_in_the_name(tmp_path, name, factor):
+    assert read(saved(tmp_path, np.arange(100) * 0.01 * factor, name)).rate == pytest.approx(100, rel=1e-12)
+
+
+def test_declared_time_unit(tmp_path):
+    path = saved(tmp_path, np.arange(100) * 5, "time")
+    assert read(path, units={"time": "ms"}).rate == 200
+    assert read(path, rate=200).rate == 200
+    with pytest.raises(UnitError, match="time unit must be one of s, ms, us, ns"):
+        read(path, units={"time": "min"})
+    with pytest.raises(OptionError):
+        read(path, units={"clock": "s"})

@@ -1,0 +1,83 @@
+"""Who decides a unit: the user, the header, the format, gravity; in this order, and never nobody."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gmwm.errors import GmwmWarning, InferredUnitWarning, UnitError
+from gmwm.readers import read
+
+REST = np.random.default_rng(8).normal((0.1, -0.2, 1.0), 0.01, (64, 3))
+
+
+def saved(folder, values, names):
+    path = folder / "static.csv"
+    pl.DataFrame(dict(zip(names, values.T, strict=True))).write_csv(path)
+    return path
+
+
+@pytest.mark.parametrize(("name", "factor"), [("g", 1.0), ("m/s²", 9.80665), ("mg", 1000.0)])
+def test_gravity_tells_the_unit_and_it_is_said(tmp_path, name, factor):
+    path = saved(tmp_path, REST * factor, ["ax", "ay", "az"])
+    with pytest.warns(InferredUnitWarning, match=f"taken to be in {name}"):
+        imu = read(path, rate=100)
+    np.testing.assert_allclose(imu["accel_z"].values, REST[:, 2] * 9.80665, rtol=1e-12)
+    assert any("inferred from the norm" in note for note in imu.notes)
+
+
+@pytest.mark.parametrize("factor", [0.2, 3.0, 100.0])
+def test_gravity_that_tells_nothing_is_an_error(tmp_path, factor):
+    with pytest.raises(UnitError, match=r"neither 1 \(g\) nor 9.8"):
+        read(saved(tmp_path, REST * factor, ["ax", "ay", "az"]), rate=100)
+
+
+def test_two_accelerometers_tell_nothing(tmp_path):
+    with pytest.raises(UnitError, match="all three axes"):
+        read(saved(tmp_path, REST[:, 1:], ["ay", "az"]), rate=100)
+
+
+def test_declared_goes_before_named_and_is_noted(tmp_path):
+    path = saved(tmp_path, REST, ["gx [rad/s]", "gy [rad/s]", "gz [rad/s]"])
+    imu = read(path, rate=100, units={"gyro": "dps"})
+    np.testing.assert_allclose(imu["gyro_x"].values, np.radians(REST[:, 0]), rtol=1e-15)
+    assert "gyro: deg/s, declared (the file says rad/s)" in imu.notes
+
+
+def test_named_goes_before_gravity_and_gravity_objects(tmp_path):
+    with pytest.warns(GmwmWarning, match="gravity in g"):
+        imu = read(saved(tmp_path, REST, ["ax_mps2", "ay_mps2", "az_mps2"]), rate=100)
+    assert imu["accel_z"].values.tolist() == REST[:, 2].tolist()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read(saved(tmp_path, REST, ["ax_g", "ay_g", "az_g"]), rate=100)
+
+
+def test_each_axis_may_have_its_own_unit(tmp_path):
+    imu = read(saved(tmp_path, REST, ["gx [deg/s]", "gy [rad/s]", "gz [mdps]"]), rate=100)
+    factors = [np.pi / 180, 1.0, np.pi / 180e3]
+    for axis, column, factor in zip(imu, REST.T, factors, strict=True):
+        np.testing.assert_allclose(imu[axis].values, column * factor, rtol=1e-15)
+
+
+def test_a_gyroscope_without_unit_shows_its_noise_in_both(tmp_path):
+    sigma, rate = 0.5, 400.0
+    values = np.random.default_rng(1).normal(3.0, sigma, (20000, 1))
+    with pytest.raises(UnitError) as caught:
+        read(saved(tmp_path, values, ["gyro_z"]), rate=rate)
+    shown = [float(word) for word in str(caught.value).replace("(", " ").split() if word[0].isdigit()]
+    density = sigma / np.sqrt(rate)
+    np.testing.assert_allclose(
+        shown[:4], [density, 60 * density, np.degrees(density), 60 * np.degrees(density)], rtol=0.03
+    )
+
+
+def test_unknown_units(tmp_path):
+    path = saved(tmp_path, REST, ["gx", "gy", "gz"])
+    with pytest.raises(UnitError, match="gyro unit must be one of rad/s, deg/s"):
+        read(path, rate=1, units={"gyro": "furlong"})
+    with pytest.raises(UnitError, match="unit of the other sensor"):
+        read(path, rate=1, units={"gyro": "g"})

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import json
+import time
+
+import numpy as np
+import pytest
+
+from gmwm.inspection import inspect, lsb
+from gmwm.signals import Imu, Signal
+
+RATE = 100.0
+
+
+def still(samples=60_000, seed=0):
+    rng = np.random.default_rng(seed)
+    values = rng.normal(0, [1e-3] * 3 + [1e-2] * 3, (samples, 6))
+    values[:, 5] += 9.81
+    return values
+
+
+def look(values, **options):
+    return inspect(Imu.from_arrays(values, RATE, **options))
+
+
+def test_a_still_sensor_gets_no_warning():
+    for seed in range(5):
+        found = look(still(seed=seed))
+        assert found.static
+        assert (found.knocks, found.warnings) == ((), ())
+        assert found.gravity == pytest.approx(9.81, abs=1e-3)
+        assert found.axes["gyro_x"].noise == pytest.approx(1e-3, rel=0.03)
+        assert found.axes["gyro_x"].lsb is None
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_no_absolute_scale(scale):
+    values = still()[:, :3]
+    values[20_000:20_020, 1] += 0.1
+    one, other = (look(v, axes=("gyro_x", "gyro_y", "gyro_z")) for v in (values, values * scale))
+    assert [(k.time, k.axes) for k in one.knocks] == [(k.time, k.axes) for k in other.knocks] == [(200.0, ("gyro_y",))]
+    assert other.static == one.static
+
+
+def test_knocks_are_found_with_their_times_and_axes():
+    values = still()
+    values[12_345:12_350, [0, 4]] += 0.5
+    values[-1, 2] += 1
+    found = look(values)
+    assert [(k.time, k.axes) for k in found.knocks] == [(123.45, ("gyro_x", "accel_y")), (599.99, ("gyro_z",))]
+    assert found.knocks[0].duration == pytest.approx(0.04, abs=1e-9)
+    assert found.static  # a knock is no motion
+    assert any("2 knocks (the first at 123.45 s)" in warning for warning in found.warnings)
+
+
+def test_motion_is_found():
+    values = still()
+    values[30_000:33_000, 0] += np.sin(np.arange(3000) / 30) * 0.02
+    found = look(values)
+    assert not found.static
+    assert any("not static" in warning and "gyro_x" in warning for warning in found.warnings)
+
+
+def test_a_turn_of_gravity_is_found():
+    values = still()
+    for degrees, static in ((0.01, True), (0.5, True), (5.0, False)):
+        turned = values.copy()
+        turned[30_000:, 3] += 9.81 * np.tan(np.radians(degrees))
+        found = look(turned)
+        assert found.static is static
+        assert any("turns by" in warning for warning in found.warnings) == (degrees > 0.1)
+
+
+def test_a_random_walk_is_no_motion():
+    for seed in range(10):
+        walk = np.cumsum(np.random.default_rng(seed).normal(size=60_000))
+        assert look({"gyro_x": walk}).static
+
+
+@pytest.mark.parametrize("step", [1e-9, 0.05, 0.00333, np.radians(0.05), 1e6])
+@pytest.mark.parametrize("sd", [0.7, 3.0, 30.0])
+def test_quantisation_step(step, sd):
+    counts = np.round(np.random.default_rng(1).normal(5, sd, 30_000))
+    assert lsb(counts * step) == pytest.approx(step, rel=1e-6)
+
+
+def test_no_step_where_there_is_none():
+    rng = np.random.default_rng(1)
+    assert lsb(rng.normal(size=5000)) is None
+    assert lsb(np.repeat(rng.normal(size=500), 10)) is None
+
+
+def test_coarse_sensor_is_told():
+    values = np.round(np.random.default_rng(2).normal(0.3, 0.2, 20_000))
+    assert any("quantisation step" in warning for warning in look({"gyro_x": values}).warnings)
+
+
+def test_wrong_gravity_is_told():
+    assert any("is the unit right" in warning for warning in look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).warnings)
+
+
+def test_gaps_are_told_and_not_bridged():
+    values = np.concatenate([np.zeros(5000), np.full(5000, 100.0)]) + np.random.default_rng(0).normal(size=10_000)
+    signal = Signal(values, RATE, "rad/s", "gyro_x", segments=((0, 5000), (5000, 10_000)), starts=(0.0, 60.0))
+    found = inspect(Imu({"gyro_x": signal}))
+    assert found.axes["gyro_x"].noise == pytest.approx(1, rel=0.05)
+    assert found.knocks == ()
+    assert "2 segments" in found.warnings[0]
+    assert "2 segments" in found.summary()
+
+
+def test_deterministic_and_ready_for_json():
+    imu = Imu.from_arrays(still(), RATE)
+    one, other = inspect(imu), inspect(imu)
+    assert one == other
+    assert json.loads(json.dumps(one.to_dict())) == one.to_dict()
+    assert one.to_dict()["axes"]["gyro_x"]["unit"] == "rad/s"
+    assert "specific force: 9.81" in one.summary()
+    assert "6 axes" in repr(one)
+
+
+def test_a_short_recording_does_not_fail():
+    assert look(still(8)).samples == 8
+    assert look({"gyro_x": [0.0] * 10}).axes["gyro_x"].sd == 0
+
+
+def test_fast():
+    imu = Imu.from_arrays(still(1_000_000), RATE)
+    begin = time.perf_counter()
+    inspect(imu)
+    assert time.perf_counter() - begin < 3  # measured 0.2 s; a loop in Python would take minutes

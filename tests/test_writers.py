@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from gmwm.errors import OptionError
+from gmwm.readers import read
+from gmwm.signals import AXES, Imu, Signal
+from gmwm.writers import SUFFIXES, write
+
+FIXED = settings(
+    derandomize=True, max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@FIXED
+@given(
+    values=arrays(np.float64, st.tuples(st.integers(8, 30), st.just(3)), elements=FINITE),
+    rate=st.sampled_from([0.5, 62.5, 100.0, 123.456, 400.0]),
+)
+def test_what_is_written_is_read_bit_for_bit(tmp_path, suffix, values, rate):
+    values[0] = 1.5
+    values[1] = -values[0]  # not constant
+    imu = Imu.from_arrays(values, rate, axes=("gyro_x", "gyro_z", "accel_y"))
+    write(imu, tmp_path / f"a{suffix}")
+    again = read(tmp_path / f"a{suffix}")
+    assert again.axes == imu.axes
+    for axis in imu:
+        assert again[axis].values.tobytes() == imu[axis].values.tobytes()
+        assert again[axis].unit == imu[axis].unit
+    assert again.rate == pytest.approx(rate, rel=1e-14)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("starts", [(), (3.0, 700.0, 705.5), (100.0, 20.0, 60.0)])
+@pytest.mark.filterwarnings("ignore::gmwm.errors.TimeBaseWarning")
+def test_segments_starts_and_temperature_survive(tmp_path, suffix, starts):
+    values = np.random.default_rng(0).normal(size=200)
+    signal = Signal(values, 50.0, "m/s²", "accel_x", 3.0, ((0, 40), (40, 49), (49, 200)), starts)
+    temperature = 20 + np.arange(200) / 7
+    imu = Imu({"accel_x": signal}, temperature=temperature)
+    write(imu, tmp_path / f"a{suffix}")
+    again = read(tmp_path / f"a{suffix}")
+    assert again.segments == signal.segments
+    np.testing.assert_allclose(again["accel_x"].starts, signal.starts, rtol=1e-12)
+    assert again.temperature.tolist() == temperature.tolist()
+
+
+def test_header_names_units(tmp_path):
+    write(Imu.from_arrays(np.random.default_rng(0).normal(size=(9, 6)), 10), tmp_path / "new" / "a.csv")
+    header = (tmp_path / "new" / "a.csv").read_text().splitlines()[0]
+    assert header == ",".join(["time [s]", *(f"{axis} [{'rad/s' if 'gyro' in axis else 'm/s²'}]" for axis in AXES)])
+
+
+def test_whole_or_nothing(tmp_path, monkeypatch):
+    import polars as pl
+
+    path = tmp_path / "a.csv"
+    imu = Imu.from_arrays({"gyro_x": np.arange(9.0)}, 10)
+    write(imu, path)
+    before = path.read_bytes()
+
+    def broken(self, file):
+        file.write_text("half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(pl.DataFrame, "write_csv", broken)
+    with pytest.raises(OSError, match="disk full"):
+        write(imu, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_unknown_suffix(tmp_path):
+    with pytest.raises(OptionError, match=r"path must end in .csv or .parquet, got 'a.xlsx'"):
+        write(Imu.from_arrays({"gyro_x": [1.0]}, 1), tmp_path / "a.xlsx")
+    assert not list(tmp_path.iterdir())
