@@ -1,0 +1,19 @@
+"""Noise processes and their sums: theory only, no data.
+
+The modules imported here are the families; their order is the order in which processes are shown.
+"""
+
+from gmwm.processes.noise import WN as WN, QN as QN  # isort: skip
+from gmwm.processes.walk import RW as RW  # isort: skip
+from gmwm.processes.drift import DR as DR  # isort: skip
+from gmwm.processes.markov import AR1 as AR1, GM as GM  # isort: skip
+from gmwm.processes.base import Process as Process
+from gmwm.processes.base import registry as registry
+from gmwm.processes.model import Model as Model
+from gmwm.processes.model import ModelLike as ModelLike
+from gmwm.processes.model import as_model as as_model
+from gmwm.processes.parameter import Branch as Branch
+from gmwm.processes.parameter import Fixed as Fixed
+from gmwm.processes.parameter import Parameter as Parameter
+from gmwm.processes.parameter import fixed as fixed
+from gmwm.processes.parse import parse_model as parse_model

@@ -1,0 +1,330 @@
+"""What a process is: parameters, a shape, and the little theory from which the rest follows.
+
+Every process is (one linear scale coefficient) × (a shape that depends on its nonlinear parameters).
+A subclass gives what it has in closed form; the defaults here derive the rest. Each subclass enters the
+registry by itself, which the parser, the command line, the documentation and the law tests go by.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
+from gmwm.statespace import StateSpace
+
+if TYPE_CHECKING:
+    from gmwm.processes.model import Model
+
+registry: dict[str, type[Process]] = {}
+"""Every process by name, in the order in which they are shown."""
+
+Theory = Literal["wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate"]
+
+# What each piece of theory can be derived from; the first that the process has is taken.
+_SOURCES: dict[str, tuple[str, ...]] = {
+    "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
+    "running_sum_covariance": ("state_space", "autocovariance"),
+    "autocovariance": ("state_space",),
+    "psd": ("state_space",),
+    "simulate": ("state_space",),
+    "state_space": (),
+}
+_NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
+_WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
+_LONGEST_SUM = 2**24
+
+
+class Process(ABC):
+    """One latent noise process. Concrete ones are frozen dataclasses whose fields are the parameters."""
+
+    name: ClassVar[str]
+    """Short name, as written in a model: "GM"."""
+    title: ClassVar[str]
+    """Full name: "Gauss-Markov process"."""
+    parameters: ClassVar[tuple[Parameter, ...]]
+    """Its parameters, in the order of the fields."""
+    repeatable: ClassVar[bool] = False
+    """Whether a sum can hold several: only where their shapes can differ."""
+    stationary: ClassVar[bool] = True
+    """Whether it has an autocovariance."""
+    family: ClassVar[str | None] = None
+    """Processes of one family are one process in two parametrisations; a model uses one of them."""
+
+    def __init_subclass__(cls, *, register: bool = True, abstract: bool = False, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if abstract:
+            return
+        if sum(p.scale_power is not None for p in cls.parameters) != 1:
+            raise TypeError(f"{cls.__name__}.parameters must have exactly one scale parameter (with a scale_power)")
+        if not cls.has("wavelet_variance"):
+            sources = ", ".join(_SOURCES["wavelet_variance"])
+            raise TypeError(f"{cls.__name__} must define at least one of shape, {sources}")
+        if register:
+            if cls.name in registry:
+                raise TypeError(f"there is already a process called {cls.name}: {registry[cls.name]!r}")
+            registry[cls.name] = cls
+
+    def __post_init__(self) -> None:
+        for parameter in self.parameters:
+            value = parameter.checked(getattr(self, parameter.name), self.name)
+            object.__setattr__(self, parameter.name, value)
+
+    # --- values ---------------------------------------------------------------------------------------
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """Value of each parameter, held or not; None where it is to be estimated."""
+        given = {p.name: getattr(self, p.name) for p in self.parameters}
+        return {name: v.value if isinstance(v, Fixed) else v for name, v in given.items()}
+
+    def is_fixed(self, name: str) -> bool:
+        """Whether the parameter `name` is held."""
+        return isinstance(getattr(self, name), Fixed)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every parameter has a value."""
+        return None not in self.values.values()
+
+    def value(self, name: str) -> float:
+        """Value of the parameter `name`; ModelError where it has none."""
+        number = self.values[name]
+        if number is None:
+            raise ModelError(f"{self.name}.{name} has no value: give one, as {self.name}({name}=…), or fit it to data")
+        return number
+
+    @property
+    def scale(self) -> float:
+        """The linear coefficient: the wavelet variance is `scale` times the shape."""
+        return self.scale_from(self.value(self.scale_parameter().name))
+
+    @property
+    def nonlinear(self) -> Vector:
+        """Values of the nonlinear parameters (q,)."""
+        return np.array([self.value(p.name) for p in self.nonlinear_parameters()], dtype=np.float64)
+
+    def with_values(self, **values: Value) -> Self:
+        """A copy with other values; a plain number leaves a held parameter held."""
+        known = [p.name for p in self.parameters]
+        for name, value in values.items():
+            if name not in known:
+                raise ModelError(f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}")
+            if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
+                values[name] = Fixed(value)
+        return replace(self, **values)  # type: ignore[type-var]
+
+    @classmethod
+    def scale_parameter(cls) -> Parameter:
+        """The one parameter that the scale coefficient is made of."""
+        return next(p for p in cls.parameters if p.scale_power is not None)
+
+    @classmethod
+    def nonlinear_parameters(cls) -> tuple[Parameter, ...]:
+        """The q parameters that the shape depends on."""
+        return tuple(p for p in cls.parameters if p.scale_power is None)
+
+    @classmethod
+    def scale_from(cls, value: float) -> float:
+        """Scale coefficient of a value of the scale parameter: value**scale_power."""
+        power = cls.scale_parameter().scale_power
+        assert power is not None
+        return math.pow(value, power)
+
+    @classmethod
+    def value_from(cls, scale: float) -> float:
+        """Value (not negative) of the scale parameter that has this scale coefficient."""
+        power = cls.scale_parameter().scale_power
+        assert power is not None
+        return math.pow(scale, 1.0 / power)
+
+    @classmethod
+    def standard(cls, nonlinear: Iterable[float] = ()) -> Self:
+        """The process with scale coefficient 1 and these nonlinear parameters."""
+        names = [p.name for p in cls.nonlinear_parameters()]
+        given = dict(zip(names, map(float, nonlinear), strict=True))
+        return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
+
+    # --- the shape, on which estimation stands --------------------------------------------------------
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """Haar wavelet variance at scale coefficient 1.
+
+        Parameters
+        ----------
+        nonlinear : (n, q) array
+            n sets of nonlinear parameters; q may be 0.
+        levels : int or (J,) array
+            Wavelet levels; a number J stands for 1 … J.
+        rate : float
+            Sampling rate (Hz).
+
+        Returns
+        -------
+        (n, J) array
+        """
+        wanted = as_levels(levels)
+        rows = [cls.standard(row)._haar_variance(wanted, rate) for row in np.asarray(nonlinear)]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
+
+    @classmethod
+    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """Derivative of `shape` by each nonlinear parameter, (n, J, q); by default differences of order 6."""
+        wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
+        result = np.zeros((len(theta), wanted.size, theta.shape[1]))
+        for k, parameter in enumerate(cls.nonlinear_parameters()):
+            at = theta[:, k]
+            room = {"positive": at, "unit": 1.0 - np.abs(at), "real": np.where(at == 0, 1.0, np.abs(at))}
+            step = 0.01 * room[parameter.domain]
+            for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+                for sign in (1, -1):
+                    moved = theta.copy()
+                    moved[:, k] += sign * distance * step
+                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate)
+            result[:, :, k] /= 60.0 * step[:, None]
+        return result
+
+    @classmethod
+    def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
+        """Where to look for the nonlinear parameter of a process that has one; empty where it has none."""
+        return ()
+
+    # --- theory of a process whose values are complete -------------------------------------------------
+
+    def wavelet_variance(self, levels: int | ArrayLike, rate: float) -> Vector:
+        """Haar wavelet variance ν_j² (J,), in u² for a signal in u, at `levels` and `rate` (Hz)."""
+        shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate))
+        return np.asarray(self.scale * shape[0], dtype=np.float64)
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Generalised covariance K(m) of the running sum, up to what second differences remove.
+
+        For a stationary process K(m) = −½ Var(sum of |m| samples); ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ².
+        """
+        m, rate = np.abs(as_lags(lags)), as_rate(rate)
+        self._require("running_sum_covariance")
+        if self.has("state_space"):
+            return -0.5 * self.state_space(rate).block_variance(m)
+        longest = int(m.max(initial=0))
+        if longest > _LONGEST_SUM:
+            raise MissingTheoryError(
+                f"{self.name} has its running-sum covariance by summation only, up to lag {_LONGEST_SUM}, "
+                f"got {longest}; define running_sum_covariance or state_space in {type(self).__name__}"
+            )
+        r = self.autocovariance(np.arange(longest + 1), rate)
+        # Var S_{m+1} − Var S_m = r(0) + 2 Σ_{k=1..m} r(k)
+        steps = r[0] + 2.0 * (np.cumsum(r) - r[0])
+        return -0.5 * np.concatenate(([0.0], np.cumsum(steps)))[m]
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Autocovariance r(k) in u² at integer `lags`."""
+        self._require("autocovariance")
+        return self.state_space(as_rate(rate)).autocovariance(as_lags(lags))
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
+
+        S(f) = Δt Σ_k r(k) exp(−2πi f k Δt); its integral over [−rate/2, rate/2] is the variance.
+        """
+        self._require("psd")
+        rate = as_rate(rate)
+        return self.state_space(rate).psd(as_frequencies(frequencies, rate), rate)
+
+    def state_space(self, rate: float) -> StateSpace:
+        """The process as F, Q, H, R, m0, P0."""
+        raise self.missing("state_space")
+
+    def mean(self, t: ArrayLike) -> Vector:
+        """Mean at sample numbers t; 0 but for a drift."""
+        return np.zeros(np.shape(t))
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """Sample paths: (n,), or (paths, n). `rng` is a NumPy Generator or a seed."""
+        self._require("simulate")
+        n, count = as_paths(n, paths)
+        out = self.state_space(as_rate(rate)).simulate(n, as_rng(rng), count)
+        return out.reshape(shape_of_paths(n, paths))
+
+    def correlation_time(self, rate: float) -> float | None:
+        """Correlation time (s): 0 for white, inf for wandering processes, None where it is not known."""
+        return None
+
+    # --- which theory there is ------------------------------------------------------------------------
+
+    @classmethod
+    def has(cls, theory: str) -> bool:
+        """Whether the process has this theory, in closed form or derived.
+
+        `theory` is the name of one of the methods above, from "wavelet_variance" to "simulate".
+        """
+        if theory not in _SOURCES:
+            raise OptionError(f"theory must be one of {', '.join(_SOURCES)}; got {theory!r}")
+        if cls._gives(theory):
+            return True
+        if theory in _NEEDS_STATIONARITY and not cls.stationary:
+            return False
+        return any(cls.has(source) for source in _SOURCES[theory])
+
+    @classmethod
+    def _gives(cls, theory: str) -> bool:
+        attribute = "shape" if theory == "wavelet_variance" else theory
+        return _function(getattr(cls, attribute)) is not _function(getattr(Process, attribute))
+
+    def _require(self, theory: str) -> None:
+        if not self.has(theory):
+            raise self.missing(theory)
+
+    def missing(self, theory: str) -> MissingTheoryError:
+        """The error that says that the process lacks this theory, why, and what it has."""
+        there = ", ".join(name for name in _SOURCES if self.has(name))
+        why = "" if self.stationary else " (it is not stationary)"
+        what = _WORDS.get(theory, theory.replace("_", " ").replace("running sum", "running-sum"))
+        mean = "" if _function(type(self).mean) is Process.mean else ", and mean(t)"
+        return MissingTheoryError(f"{self.name} has no {what}{why}; it has {there}{mean}")
+
+    def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
+        """Wavelet variance from whatever theory the process gives; the block sums never cancel, K may."""
+        if self._gives("state_space"):
+            return self.state_space(rate).haar_variance(levels)
+        h = 2 ** (levels - 1)
+        k0 = self.running_sum_covariance(np.zeros(1, dtype=np.int64), rate)
+        k1, k2 = self.running_sum_covariance(h, rate), self.running_sum_covariance(2 * h, rate)
+        return np.asarray((6.0 * k0 - 8.0 * k1 + 2.0 * k2) / (4.0 * np.ldexp(1.0, 2 * (levels - 1))))
+
+    # --- algebra and text -----------------------------------------------------------------------------
+
+    def __add__(self, other: Process | Model) -> Model:
+        from gmwm.processes.model import Model
+
+        return Model((self,)) + other
+
+    def __mul__(self, count: int) -> Model:
+        from gmwm.processes.model import Model
+
+        return Model((self,)) * count
+
+    __rmul__ = __mul__
+
+    def __str__(self) -> str:
+        fields = {p.name: getattr(self, p.name) for p in self.parameters}
+        given = [f"{name}={value!r}" for name, value in fields.items() if value is not None]
+        return f"{self.name}({', '.join(given)})" if given else self.name
+
+    def __repr__(self) -> str:
+        return str(self) if str(self).endswith(")") else f"{self}()"
+
+
+def _function(method: Any) -> Any:
+    return getattr(method, "__func__", method)

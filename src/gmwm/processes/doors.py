@@ -1,0 +1,54 @@
+"""Checks of what is handed to a process: lags, frequencies, path counts, random generators."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+
+
+def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
+    """Integer lags in samples, of any sign and shape."""
+    array = np.asarray(lags)
+    if array.dtype.kind not in "iu":
+        raise OptionError(f"lags must be integers (samples), got {lags!r}; for a time in s, take round(time * rate)")
+    return array.astype(np.int64)
+
+
+def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
+    """Frequencies in Hz, within ±rate/2."""
+    f = np.asarray(frequencies, dtype=np.float64)
+    # A grid that ends at the Nyquist frequency may miss it by a rounding.
+    if not np.all(np.abs(f) <= 0.5 * rate * (1 + 1e-12)):
+        raise OptionError(f"frequencies must lie within ±{rate / 2:g} Hz (half the rate of {rate:g} Hz), got {f!r}")
+    return f
+
+
+def as_rng(rng: object) -> np.random.Generator:
+    """A NumPy Generator, from one or from a seed; nothing is random without either."""
+    if isinstance(rng, np.random.Generator):
+        return rng
+    if isinstance(rng, bool) or not isinstance(rng, (int, np.integer, np.random.SeedSequence)) or _negative(rng):
+        raise OptionError(f"rng must be a numpy.random.Generator or a seed (an integer >= 0), got {rng!r}")
+    return np.random.default_rng(rng)
+
+
+def as_paths(n: object, paths: object) -> tuple[int, int]:
+    """Number of samples and number of paths (1 for None)."""
+    for name, value in (("n", n), ("paths", 1 if paths is None else paths)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            raise OptionError(f"{name} must be a positive integer, got {value!r}")
+    return int(n), 1 if paths is None else int(paths)  # type: ignore[call-overload]
+
+
+def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:
+    """(n,) for one unnamed path, (paths, n) otherwise."""
+    return (n,) if paths is None else (paths, n)
+
+
+def _negative(value: Any) -> bool:
+    return isinstance(value, (int, np.integer)) and int(value) < 0

@@ -1,0 +1,65 @@
+"""Deterministic drift."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Parameter, Value
+from gmwm.statespace import StateSpace
+
+
+@dataclass(frozen=True, repr=False)
+class DR(Process):
+    """Drift (rate ramp): X_t = ωt, a mean and not a noise.
+
+    ν_j² = ω²τ_j²/16; the sign of ω is not in it.
+
+    Parameters
+    ----------
+    omega : float, fixed or None
+        Slope ω, in u per sample.
+
+    Examples
+    --------
+    >>> DR(omega=-2.0).wavelet_variance(2, rate=100.0)
+    array([1., 4.])
+    """
+
+    name = "DR"
+    title = "Drift"
+    parameters = (Parameter("omega", "ω", "slope", domain="real", signal_power=1, per_sample=True, scale_power=2),)
+    stationary = False
+
+    omega: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """τ²/16."""
+        return np.tile(np.ldexp(1.0, 2 * as_levels(levels) - 4), (len(nonlinear), 1))
+
+    def mean(self, t: ArrayLike) -> Vector:
+        """ωt at sample numbers t."""
+        return np.asarray(self.value("omega") * np.asarray(t, dtype=np.float64))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """States (value, slope) without noise, known at t = 0."""
+        slope = self.value("omega")
+        return StateSpace(F=[[1.0, 1.0], [0.0, 1.0]], Q=np.zeros((2, 2)), H=[1.0, 0.0], m0=[0.0, slope])
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """The same ramp in every path: (n,), or (paths, n)."""
+        as_paths(n, paths), as_rate(rate), as_rng(rng)
+        return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()
+
+    def correlation_time(self, rate: float) -> float:
+        """Infinite."""
+        return math.inf

@@ -1,0 +1,228 @@
+"""First-order Markov processes: AR1 in discrete time, and Gauss-Markov with its rate of decay per second."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.processes import exponential
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.noise import WN
+from gmwm.processes.parameter import Branch, Parameter, Value
+from gmwm.processes.walk import RW
+from gmwm.statespace import StateSpace
+
+_FAMILY = "first-order Markov"
+
+SEARCH_LOW = 0.01
+"""Smallest λ that is searched, times the number of samples: slower is a random walk to this record."""
+SEARCH_HIGH = 20.0
+"""Largest λ that is searched: e^(−20) = 2e-9, the autocorrelation at one sample, is white to any record."""
+
+
+def _log_range(samples: int) -> tuple[float, float]:
+    return math.log(SEARCH_LOW / samples), math.log(SEARCH_HIGH)
+
+
+def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
+    """φ = ±e^(−λ) along u = ln λ."""
+
+    def coordinate(phi: float) -> float | None:
+        if (phi < 0) != (sign < 0):
+            return None
+        return float(np.log(exponential.log_decay(np.array([phi]))[0]))
+
+    return Branch(
+        *_log_range(samples),
+        values=lambda u: sign * np.exp(-np.exp(u))[:, None],
+        slope=lambda u: -sign * np.exp(u - np.exp(u))[:, None],
+        coordinate=coordinate,
+        low_acts_as=low_acts_as,
+        high_acts_as=WN.name,
+    )
+
+
+class _Markov(Process, abstract=True):
+    """Theory common to both: marginal variance s², φ = ±e^(−λ)."""
+
+    repeatable = True
+    family = _FAMILY
+
+    @abstractmethod
+    def _pole(self, rate: float) -> tuple[float, float, float]:
+        """Marginal variance s², sign of φ, and λ."""
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k) = s²φ^|k|."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        k = np.abs(as_lags(lags))
+        return np.asarray(s2 * np.where(k % 2 == 1, sign, 1.0) * np.exp(-lam * k))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = −½s²[|m|(1+φ)/(1−φ) − 2φ(1−φ^|m|)/(1−φ)²]."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        m = np.abs(as_lags(lags)).astype(np.float64)
+        if sign > 0:
+            return -0.5 * s2 * exponential.block_variance(lam, m)
+        phi = -math.exp(-lam)
+        power = np.where(m % 2 == 1, 1.0 + np.exp(-lam * m), -np.expm1(-lam * m))
+        return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        angle = np.pi * as_frequencies(frequencies, rate) / rate
+        half = np.sin(angle) if sign > 0 else np.cos(angle)
+        distance = math.expm1(-lam) ** 2 + 4.0 * math.exp(-lam) * half**2
+        return np.asarray(-s2 * math.expm1(-2.0 * lam) / (rate * distance))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """One state, the process itself, started in its stationary distribution."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        from scipy.signal import lfilter
+
+        as_paths(n, paths)
+        s2, sign, lam = self._pole(as_rate(rate))
+        draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
+        draws[..., 0] *= math.sqrt(s2)
+        draws[..., 1:] *= math.sqrt(-s2 * math.expm1(-2.0 * lam))
+        return np.asarray(lfilter([1.0], [1.0, -sign * math.exp(-lam)], draws, axis=-1), dtype=np.float64)
+
+
+@dataclass(frozen=True, repr=False)
+class AR1(_Markov):
+    """First-order autoregression X_t = φX_{t−1} + ε_t, Var ε = σ².
+
+    ν_j² from φ and σ², see `exponential`; the marginal variance is s² = σ²/(1 − φ²).
+
+    Parameters
+    ----------
+    phi : float, fixed or None
+        Coefficient φ per sample, −1 < φ < 1.
+    sigma2 : float, fixed or None
+        Innovation variance σ², in u².
+
+    Examples
+    --------
+    >>> AR1(phi=0.5, sigma2=3.0).wavelet_variance(2, rate=100.0)
+    array([1.    , 0.9375])
+    """
+
+    name = "AR1"
+    title = "First-order autoregression"
+    parameters = (
+        Parameter("phi", "φ", "autoregressive coefficient", domain="unit", per_sample=True),
+        Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1),
+    )
+
+    phi: Value = None
+    sigma2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """ν² at innovation variance 1."""
+        return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
+
+    @classmethod
+    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """∂ν²/∂φ at innovation variance 1."""
+        return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
+
+    @classmethod
+    def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
+        """Two branches, φ = e^(−λ) and φ = −e^(−λ), along u = ln λ."""
+        # At φ → −1 the sign alternates while the size wanders, which is no other process here.
+        return _ar1_branch(samples, 1.0, RW.name), _ar1_branch(samples, -1.0, None)
+
+    def _pole(self, rate: float) -> tuple[float, float, float]:
+        phi = self.value("phi")
+        lam = float(exponential.log_decay(np.array([phi]))[0])
+        return self.scale / -math.expm1(-2.0 * lam), math.copysign(1.0, phi), lam
+
+    def correlation_time(self, rate: float) -> float | None:
+        """−1/(f ln|φ|) in s; None where φ has no value."""
+        phi = self.values["phi"]
+        if phi is None:
+            return None
+        return 0.0 if phi == 0 else float(1.0 / (rate * exponential.log_decay(np.array([phi]))[0]))
+
+
+@dataclass(frozen=True, repr=False)
+class GM(_Markov):
+    """First-order Gauss-Markov process: autocovariance σ² e^(−β|t|) at time t in seconds.
+
+    The sampled process is an AR1 with φ = e^(−βΔt) and marginal variance σ²; ν_j² see `exponential`.
+
+    Parameters
+    ----------
+    beta : float, fixed or None
+        Inverse correlation time β, in 1/s.
+    sigma2 : float, fixed or None
+        Marginal variance σ², in u².
+
+    Examples
+    --------
+    >>> GM(beta=1.0, sigma2=2.0).wavelet_variance(3, rate=10.0).round(6)
+    array([0.095163, 0.131639, 0.207859])
+    """
+
+    name = "GM"
+    title = "Gauss-Markov process"
+    parameters = (
+        Parameter("beta", "β", "inverse correlation time", time_power=-1),
+        Parameter("sigma2", "σ²", "marginal variance", signal_power=2, scale_power=1),
+    )
+
+    beta: Value = None
+    sigma2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """ν² at marginal variance 1."""
+        return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
+
+    @classmethod
+    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """∂ν²/∂β at marginal variance 1."""
+        slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
+        return (slope / rate)[:, :, None]
+
+    @classmethod
+    def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
+        """One branch, β = λ·rate along u = ln λ."""
+        low, high = _log_range(samples)
+        return (
+            Branch(
+                low,
+                high,
+                values=lambda u: rate * np.exp(u)[:, None],
+                slope=lambda u: rate * np.exp(u)[:, None],
+                coordinate=lambda beta: math.log(beta / rate),
+                low_acts_as=RW.name,
+                high_acts_as=WN.name,
+            ),
+        )
+
+    def _pole(self, rate: float) -> tuple[float, float, float]:
+        return self.scale, 1.0, self.value("beta") / rate
+
+    def correlation_time(self, rate: float) -> float | None:
+        """1/β in s; None where β has no value."""
+        beta = self.values["beta"]
+        return None if beta is None else 1.0 / beta
+
+
+def _half_scales(levels: int | ArrayLike) -> Vector:
+    return np.ldexp(1.0, as_levels(levels) - 1)

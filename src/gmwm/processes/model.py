@@ -1,0 +1,347 @@
+"""A model is a flat ordered sum of independent processes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_paths, as_rng
+from gmwm.processes.parameter import Fixed, Value
+from gmwm.statespace import StateSpace
+
+MOST_TERMS = 100
+"""A sum with more terms than this is a slip of the pen: no record has that many levels."""
+
+
+@dataclass(frozen=True, repr=False)
+class Model:
+    """A sum of independent latent processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
+
+    Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`.
+
+    Parameters
+    ----------
+    processes : tuple of Process
+        The terms, in the order in which they were written.
+
+    Raises
+    ------
+    ModelError
+        If a process that cannot be repeated is, or one process comes in two parametrisations.
+
+    Examples
+    --------
+    >>> from gmwm.processes import GM, WN
+    >>> model = 2 * GM() + WN(sigma2=4.0)
+    >>> model.terms
+    ('GM[1]', 'GM[2]', 'WN')
+    >>> model.names
+    ('GM[1].beta', 'GM[1].sigma2', 'GM[2].beta', 'GM[2].sigma2', 'WN.sigma2')
+    >>> str(model)
+    '2*GM + WN(sigma2=4.0)'
+    """
+
+    processes: tuple[Process, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "processes", tuple(self.processes))
+        for process in self.processes:
+            if not isinstance(process, Process):
+                made = f"; write {process.name}()" if isinstance(process, type) else ""
+                raise ModelError(f"a model is a sum of processes, as GM() + WN(); got {process!r}{made}")
+        if not self.processes:
+            raise ModelError("a model needs at least one process, got none; write WN(), say")
+        if len(self.processes) > MOST_TERMS:
+            raise ModelError(f"a model has at most {MOST_TERMS} terms, got {len(self.processes)}")
+        _check_repeats(self.processes)
+        _check_families(self.processes)
+
+    @classmethod
+    def parse(cls, text: str) -> Model:
+        """The model that a text such as "3*GM + WN + QN + RW" stands for; `str(model)` is such a text."""
+        from gmwm.processes.parse import parse_model
+
+        return parse_model(text)
+
+    # --- parameters -----------------------------------------------------------------------------------
+
+    @cached_property
+    def terms(self) -> tuple[str, ...]:
+        """A label for each process: "WN"; "GM[1]", "GM[2]" where there are several."""
+        total, seen, labels = Counter(p.name for p in self.processes), Counter[str](), []
+        for process in self.processes:
+            seen[process.name] += 1
+            labels.append(f"{process.name}[{seen[process.name]}]" if total[process.name] > 1 else process.name)
+        return tuple(labels)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Labels of all parameters, in the order of the terms: "GM[1].beta", "WN.sigma2"."""
+        return tuple(f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters)
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """Value of each parameter by label; None where it is to be estimated."""
+        return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
+
+    @property
+    def structure(self) -> str:
+        """The text form without values: "3*GM + WN"."""
+        return _text(p.name for p in self.processes)
+
+    def units(self, signal_unit: str = "u") -> dict[str, str]:
+        """Unit of each parameter by label, for a signal in `signal_unit`; "" for a pure number.
+
+        >>> Model.parse("GM + RW").units("rad/s")
+        {'GM.beta': '1/s', 'GM.sigma2': '(rad/s)²', 'RW.gamma2': '(rad/s)² per sample'}
+        """
+        return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
+
+    @property
+    def fixed(self) -> frozenset[str]:
+        """Labels of the parameters that are held."""
+        return frozenset(
+            f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
+        )
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every parameter has a value."""
+        return all(process.is_complete for process in self.processes)
+
+    def with_values(self, values: Mapping[str, Value]) -> Model:
+        """A copy in which the parameters named by label have other values; held ones stay held.
+
+        >>> from gmwm.processes import GM, fixed
+        >>> (GM() + GM(beta=fixed(1.0))).with_values({"GM[2].beta": 3.0, "GM[2].sigma2": 0.5})
+        Model('GM + GM(beta=fixed(3.0), sigma2=0.5)')
+        """
+        unknown = [label for label in values if label not in self.names]
+        if unknown:
+            raise ModelError(f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}")
+        return Model(
+            tuple(
+                process.with_values(
+                    **{p.name: values[f"{t}.{p.name}"] for p in process.parameters if f"{t}.{p.name}" in values}
+                )
+                for t, process in self._labelled()
+            )
+        )
+
+    def sorted(self, rate: float) -> Model:
+        """The same sum with repeated terms by correlation time, shortest first; other terms stay in place."""
+        rate, ordered = as_rate(rate), list(self.processes)
+        for name in {p.name for p in ordered}:
+            at = [k for k, p in enumerate(ordered) if p.name == name]
+            for k, process in zip(at, sorted((ordered[k] for k in at), key=lambda p: _order(p, rate)), strict=True):
+                ordered[k] = process
+        return Model(tuple(ordered))
+
+    # --- theory ---------------------------------------------------------------------------------------
+
+    def wavelet_variance(self, levels: int | ArrayLike, rate: float) -> Vector:
+        """Haar wavelet variance ν_j² (J,) in u² at `levels` (or 1 … J) and `rate` (Hz)."""
+        return self._sum("wavelet_variance", lambda p: p.wavelet_variance(levels, rate))
+
+    def decomposition(self, levels: int | ArrayLike, rate: float) -> dict[str, Vector]:
+        """The wavelet variance of each term, by label."""
+        self._require_complete("decomposition")
+        return {t: process.wavelet_variance(levels, rate) for t, process in self._labelled()}
+
+    def jacobian(self, levels: int | ArrayLike, rate: float) -> Matrix:
+        """∂ν_j²/∂θ (J, p) by the parameters themselves, in the order of `names`."""
+        self._require_complete("Jacobian")
+        wanted, rate, columns = as_levels(levels), as_rate(rate), []
+        for process in self.processes:
+            theta = process.nonlinear.reshape(1, -1)
+            slopes = iter((process.scale * process.shape_jacobian(theta, wanted, rate)[0]).T)
+            for parameter in process.parameters:
+                if (power := parameter.scale_power) is None:
+                    columns.append(next(slopes))
+                else:
+                    # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
+                    factor = power * process.value(parameter.name) ** (power - 1)
+                    columns.append(factor * process.shape(theta, wanted, rate)[0])
+        return np.column_stack(columns)
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Generalised covariance K(m) of the running sum, up to what second differences remove."""
+        return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Autocovariance r(k) in u² at integer `lags`."""
+        return self._sum("autocovariance", lambda p: p.autocovariance(lags, rate))
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Two-sided power spectral density (u²/Hz) at |f| ≤ rate/2 (Hz)."""
+        return self._sum("psd", lambda p: p.psd(frequencies, rate))
+
+    def mean(self, t: ArrayLike) -> Vector:
+        """Mean at sample numbers t: the drift."""
+        return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """The sum as one block-diagonal F, Q, H, R, m0, P0."""
+        self._require("state_space")
+        return StateSpace.sum(p.state_space(rate) for p in self.processes)
+
+    def has(self, theory: str) -> bool:
+        """Whether every term has this theory; see `Process.has`."""
+        return all(p.has(theory) for p in self.processes)
+
+    # --- simulation -----------------------------------------------------------------------------------
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Sample paths of the sum, stationary parts from the start: (n,), or (paths, n)."""
+        terms = self.simulate_terms(n, rate, rng, paths)
+        total = np.zeros_like(next(iter(terms.values())))
+        # Added in the order of drawing, so that the order of the terms changes no bit.
+        for label in self._drawing_order():
+            total += terms[label]
+        return total
+
+    def simulate_terms(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """The latent processes one by one, by label; with the same seed they add up to `simulate`.
+
+        >>> from gmwm.processes import RW, WN
+        >>> terms = (WN(sigma2=1.0) + RW(gamma2=0.01)).simulate_terms(1000, rate=100.0, rng=1)
+        >>> {label: path.shape for label, path in terms.items()}
+        {'WN': (1000,), 'RW': (1000,)}
+        """
+        self._require("simulate")
+        as_paths(n, paths)
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        drawn = {label: by_label[label].simulate(n, rate, generator, paths) for label in self._drawing_order()}
+        return {label: drawn[label] for label in self.terms}
+
+    def _drawing_order(self) -> list[str]:
+        return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
+
+    # --- algebra and text -----------------------------------------------------------------------------
+
+    def __add__(self, other: Process | Model) -> Model:
+        if not isinstance(other, (Process, Model, type)):
+            return NotImplemented
+        # Model itself says what is wrong with a class in the place of a process.
+        added = other.processes if isinstance(other, Model) else (other,)
+        return Model((*self.processes, *added))
+
+    def __mul__(self, count: int) -> Model:
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MOST_TERMS:
+            raise ModelError(
+                f"a process is repeated a whole number of times, 1 to {MOST_TERMS}, as 3 * GM(); got {count!r}"
+            )
+        return Model(self.processes * int(count))
+
+    __rmul__ = __mul__
+
+    def __str__(self) -> str:
+        return _text(str(p) for p in self.processes)
+
+    def __repr__(self) -> str:
+        return f"Model({str(self)!r})"
+
+    # --- inside ---------------------------------------------------------------------------------------
+
+    def _labelled(self) -> list[tuple[str, Process]]:
+        return list(zip(self.terms, self.processes, strict=True))
+
+    def _sum(self, theory: str, of: Callable[[Process], Vector]) -> Vector:
+        self._require(theory)
+        return np.asarray(sum(of(p) for p in self.processes), dtype=np.float64)
+
+    def _require(self, theory: str) -> None:
+        self._require_complete(theory.replace("_", " "))
+        lacking = [p for p in self.processes if not p.has(theory)]
+        if lacking:
+            rest = [str(p) for p in self.processes if p not in lacking]
+            hint = f"; ask the rest, {' + '.join(rest)!r}, for it" if rest else ""
+            raise MissingTheoryError(f"{lacking[0].missing(theory)}{hint}")
+
+    def _require_complete(self, what: str) -> None:
+        missing = [label for label, value in self.parameters.items() if value is None]
+        if missing:
+            raise ModelError(
+                f"the {what} of {self} needs a value for {', '.join(missing)}: "
+                f"give them, as model.with_values({{{missing[0]!r}: …}}), or fit the model to data"
+            )
+
+
+ModelLike = Model | Process | str
+"""What may stand where a model is expected."""
+
+
+def as_model(model: Any, name: str = "model") -> Model:
+    """The model that `model` stands for: a Model, a Process alone, or the text of a sum.
+
+    >>> as_model("GM + WN")
+    Model('GM + WN')
+    """
+    if isinstance(model, Model):
+        return model
+    if isinstance(model, Process):
+        return Model((model,))
+    if isinstance(model, str):
+        return Model.parse(model)
+    hint = f"; write {model.name}()" if isinstance(model, type) and issubclass(model, Process) else ""
+    raise ModelError(f'{name} must be a sum of processes, as 2 * GM() + WN() or "2*GM + WN"; got {model!r}{hint}')
+
+
+def _check_repeats(processes: tuple[Process, ...]) -> None:
+    for name, count in Counter(p.name for p in processes).items():
+        process = next(p for p in processes if p.name == name)
+        if count > 1 and not process.repeatable:
+            raise ModelError(
+                f"{name} cannot be repeated, got {count}: they all have one shape, so that no data can tell them "
+                f"from a single one; write {name}() once"
+            )
+    for a, b in combinations(processes, 2):
+        if type(a) is type(b) and _hold_the_same_shape(a, b):
+            held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
+            raise ModelError(
+                f"two terms {a.name} are both held at {held}: no data can tell them apart; "
+                "hold them at different values, hold only one, or hold their scales too"
+            )
+
+
+def _hold_the_same_shape(a: Process, b: Process) -> bool:
+    shapes = [p.name for p in a.nonlinear_parameters()]
+    scale = a.scale_parameter().name
+    held = all(isinstance(getattr(a, name), Fixed) and getattr(a, name) == getattr(b, name) for name in shapes)
+    return held and not (a.is_fixed(scale) and b.is_fixed(scale))
+
+
+def _check_families(processes: tuple[Process, ...]) -> None:
+    chosen: dict[str, str] = {}
+    for process in processes:
+        if process.family is not None and chosen.setdefault(process.family, process.name) != process.name:
+            first = chosen[process.family]
+            raise ModelError(
+                f"{first} and {process.name} are one process ({process.family}) in two parametrisations; "
+                f"write all such terms as {first}, or all as {process.name}"
+            )
+
+
+def _text(terms: Iterable[str]) -> str:
+    runs = ((term, len(list(same))) for term, same in groupby(terms))
+    return " + ".join(f"{count}*{term}" if count > 1 else term for term, count in runs)
+
+
+def _order(process: Process, rate: float) -> float:
+    time = process.correlation_time(rate)
+    return math.inf if time is None else time

@@ -1,0 +1,133 @@
+"""White noise and quantization noise.
+
+To add a process of your own, write a class like the ones below, in this file or in a new one that
+`processes/__init__.py` imports. It needs
+
+- `name`, `title` and `parameters`, with a field for each parameter; exactly one has a `scale_power`;
+- one piece of theory: `state_space`, `running_sum_covariance`, `autocovariance` or `shape`.
+
+Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find
+the class by themselves. Define a further method only where it is more exact or faster than the default; the
+law tests then hold the two against each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Parameter, Value
+from gmwm.statespace import StateSpace
+
+
+@dataclass(frozen=True, repr=False)
+class WN(Process):
+    """White noise: X_t uncorrelated with variance σ²; angular or velocity random walk after integration.
+
+    ν_j² = σ²/τ_j.
+
+    Parameters
+    ----------
+    sigma2 : float, fixed or None
+        Variance per sample σ², in u².
+
+    Examples
+    --------
+    >>> WN(sigma2=4.0).wavelet_variance(3, rate=100.0)
+    array([2. , 1. , 0.5])
+    """
+
+    name = "WN"
+    title = "White noise"
+    parameters = (Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1),)
+
+    sigma2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """1/τ."""
+        return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = −σ²|m|/2."""
+        return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """No state: observation noise of variance σ²."""
+        return StateSpace(F=[], Q=[], H=[], R=self.scale)
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Gaussian sample paths: (n,), or (paths, n)."""
+        as_paths(n, paths), as_rate(rate)
+        return np.asarray(np.sqrt(self.scale) * as_rng(rng).standard_normal(shape_of_paths(n, paths)))
+
+    def correlation_time(self, rate: float) -> float:
+        """0: successive samples are uncorrelated."""
+        return 0.0
+
+
+@dataclass(frozen=True, repr=False)
+class QN(Process):
+    """Quantization noise of a sensor that rounds the accumulated quantity: X_t = e_t − e_{t−1}, Var e = Q².
+
+    ν_j² = 6Q²/τ_j². The e_t are uniform, as a rounding error is: e = √12·Q·(U − ½).
+
+    Parameters
+    ----------
+    q2 : float, fixed or None
+        Variance of the rounding error Q², in u².
+
+    Examples
+    --------
+    >>> QN(q2=2.0).wavelet_variance(3, rate=100.0)
+    array([3. , 0.75 , 0.1875])
+    """
+
+    name = "QN"
+    title = "Quantization noise"
+    parameters = (Parameter("q2", "Q²", "variance of the rounding error", signal_power=2, scale_power=1),)
+
+    q2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """6/τ²."""
+        return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = Q² at m = 0, else 0: the running sum is e_t itself."""
+        return np.where(as_lags(lags) == 0, self.scale, 0.0)
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """S(f) = 4Q² sin²(πfΔt) Δt."""
+        f = as_frequencies(frequencies, as_rate(rate))
+        return np.asarray(4.0 * self.scale * np.sin(np.pi * f / rate) ** 2 / rate)
+
+    def state_space(self, rate: float) -> StateSpace:
+        """States (e_t, e_{t−1}); second moments only, the e are Gaussian to whoever uses it."""
+        q2 = self.scale
+        return StateSpace(
+            F=[[0.0, 0.0], [1.0, 0.0]],
+            Q=[[q2, 0.0], [0.0, 0.0]],
+            H=[1.0, -1.0],
+            P0=[[q2, 0.0], [0.0, q2]],
+        )
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Sample paths with uniform rounding errors: (n,), or (paths, n)."""
+        as_paths(n, paths), as_rate(rate)
+        errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
+        return np.asarray(np.sqrt(12.0 * self.scale) * np.diff(errors, axis=-1))
+
+    def correlation_time(self, rate: float) -> float:
+        """0: samples more than one step apart are uncorrelated."""
+        return 0.0

@@ -1,0 +1,175 @@
+"""The text form of a model, "3*GM + WN(sigma2=fixed(1e-6)) + RW", read without evaluating anything.
+
+    model   = term { "+" term }
+    term    = [ count "*" ] process | process "*" count
+    process = name [ "(" [ parameter "=" value { "," parameter "=" value } ] ")" ]
+    value   = number | "fixed" "(" number ")"
+
+Names of processes may be written in lower case. The way back is `str(model)`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from gmwm.errors import ModelError
+from gmwm.processes.base import Process, registry
+from gmwm.processes.model import MOST_TERMS, Model
+from gmwm.processes.parameter import Fixed, Value
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=]))",
+    re.ASCII,
+)
+_LONGEST_TEXT = 10_000
+
+
+def parse_model(text: str) -> Model:
+    """The model that `text` stands for.
+
+    Raises
+    ------
+    ModelError
+        With the piece that was not understood and its place, or from the model's own checks.
+
+    Examples
+    --------
+    >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
+    Model('2*GM + WN(sigma2=fixed(1e-06))')
+    >>> parse_model("GM + VN")
+    Traceback (most recent call last):
+    gmwm.errors.ModelError: cannot read the model "GM + VN" at "VN" (character 6): no process...
+    """
+    if not isinstance(text, str):
+        raise ModelError(f'a model text must be a string, as "2*GM + WN"; got {text!r}')
+    if len(text) > _LONGEST_TEXT:
+        raise ModelError(f"a model text has at most {_LONGEST_TEXT} characters, got {len(text)}")
+    return _Reader(text).model()
+
+
+@dataclass(frozen=True)
+class _Token:
+    kind: str
+    text: str
+    at: int
+
+
+@dataclass
+class _Reader:
+    """Recursive descent over the tokens of one text."""
+
+    text: str
+    tokens: list[_Token] = field(default_factory=list)
+    position: int = 0
+
+    def __post_init__(self) -> None:
+        at, end = 0, len(self.text.rstrip())
+        while at < end:
+            match = _TOKEN.match(self.text, at)
+            if match is None:
+                at += len(self.text[at:]) - len(self.text[at:].lstrip())
+                self._fail(_Token("mark", self.text[at], at), "this character has no place in a model")
+            kind = match.lastgroup or ""
+            self.tokens.append(_Token(kind, match[kind], match.start(kind)))
+            at = match.end()
+        self.tokens.append(_Token("end", "", end))
+
+    def model(self) -> Model:
+        processes = self._term()
+        while self._take("+"):
+            processes += self._term()
+            if len(processes) > MOST_TERMS:
+                break
+        if self._next.kind != "end" and len(processes) <= MOST_TERMS:
+            self._fail(self._next, 'expected "+" or the end')
+        return Model(tuple(processes))
+
+    def _term(self) -> list[Process]:
+        if self._next.kind == "number":
+            count = self._count()
+            self._expect("*", "between a count and a process, as 3*GM")
+            return [self._process()] * count
+        process = self._process()
+        return [process] * self._count() if self._take("*") else [process]
+
+    def _count(self) -> int:
+        token = self._advance()
+        if token.kind != "number" or not token.text.isdigit() or not 1 <= int(token.text[:9]) <= MOST_TERMS:
+            self._fail(token, f"expected a count from 1 to {MOST_TERMS}, as in 3*GM")
+        return int(token.text)
+
+    def _process(self) -> Process:
+        token = self._advance()
+        if token.kind != "name":
+            self._fail(token, f"expected a process, one of {', '.join(registry)}")
+        by_key = {name.casefold(): process for name, process in registry.items()}
+        process = by_key.get(token.text.casefold())
+        if process is None:
+            self._fail(token, f"no process of this name; there are {', '.join(registry)}")
+        return process(**self._arguments(process)) if self._take("(") else process()
+
+    def _arguments(self, process: type[Process]) -> dict[str, Value]:
+        known = [p.name for p in process.parameters]
+        given: dict[str, Value] = {}
+        while not self._take(")"):
+            if given:
+                self._expect(",", "between parameters")
+            token = self._advance()
+            if token.kind != "name":
+                self._fail(token, f'expected a parameter by name, as {process.name}({known[0]}=…), or ")"')
+            if token.text not in known:
+                self._fail(token, f"{process.name} has no such parameter; it has {', '.join(known)}")
+            if token.text in given:
+                self._fail(token, "this parameter is given twice")
+            self._expect("=", f"after {token.text}")
+            parameter = next(p for p in process.parameters if p.name == token.text)
+            start, value = self._next, self._value()
+            try:
+                given[token.text] = parameter.checked(value, process.name)
+            except ModelError as error:
+                self._fail(start, str(error))
+        return given
+
+    def _value(self) -> float | Fixed:
+        if self._next.text == "fixed":
+            self._advance()
+            self._expect("(", "after fixed")
+            number = self._number()
+            self._expect(")", "after the fixed value")
+            return Fixed(number)
+        return self._number()
+
+    def _number(self) -> float:
+        sign = -1.0 if self._next.text == "-" else 1.0
+        if self._next.text in ("-", "+"):
+            self._advance()
+        token = self._advance()
+        if token.kind != "number" or float(token.text) == float("inf"):
+            self._fail(token, "expected a finite number or fixed(number)")
+        return sign * float(token.text)
+
+    @property
+    def _next(self) -> _Token:
+        return self.tokens[self.position]
+
+    def _advance(self) -> _Token:
+        token = self._next
+        self.position = min(self.position + 1, len(self.tokens) - 1)
+        return token
+
+    def _take(self, mark: str) -> bool:
+        if self._next.kind != "mark" or self._next.text != mark:
+            return False
+        self._advance()
+        return True
+
+    def _expect(self, mark: str, where: str) -> None:
+        if not self._take(mark):
+            self._fail(self._next, f'expected "{mark}" {where}')
+
+    def _fail(self, token: _Token, why: str) -> NoReturn:
+        piece = f'"{token.text}" (character {token.at + 1})' if token.kind != "end" else "the end"
+        shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
+        raise ModelError(f'cannot read the model "{shown}" at {piece}: {why}')

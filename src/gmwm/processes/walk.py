@@ -1,0 +1,77 @@
+"""Random walk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Parameter, Value
+from gmwm.statespace import StateSpace
+
+
+@dataclass(frozen=True, repr=False)
+class RW(Process):
+    """Random walk (rate or acceleration random walk): X_t = X_{t−1} + ε_t, Var ε = γ², X_0 = ε_0.
+
+    ν_j² = γ²(τ_j² + 2)/(12τ_j).
+
+    Parameters
+    ----------
+    gamma2 : float, fixed or None
+        Variance of the innovations γ², in u² per sample.
+
+    Examples
+    --------
+    >>> RW(gamma2=2.0).wavelet_variance(2, rate=100.0)
+    array([0.5 , 0.75])
+    """
+
+    name = "RW"
+    title = "Random walk"
+    parameters = (
+        Parameter("gamma2", "γ²", "variance of the innovations", signal_power=2, per_sample=True, scale_power=1),
+    )
+    stationary = False
+
+    gamma2: Value = None
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+        """(τ² + 2)/(12τ)."""
+        tau = np.ldexp(1.0, as_levels(levels))
+        return np.tile(tau / 12.0 + 1.0 / (6.0 * tau), (len(nonlinear), 1))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = γ²(|m|³ − |m|)/12."""
+        m = np.abs(as_lags(lags)).astype(np.float64)
+        return self.scale * (m**3 - m) / 12.0
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), as a filter that sums to 0 sees it; infinite at f = 0."""
+        f = as_frequencies(frequencies, as_rate(rate))
+        with np.errstate(divide="ignore"):
+            density = 1.0 / (4.0 * rate * np.sin(np.pi * f / rate) ** 2)
+        return np.asarray(self.scale * density if self.scale > 0 else np.zeros_like(density))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """One diffuse state; a simulation starts at X_0 = ε_0."""
+        gamma2 = self.scale
+        return StateSpace(F=1.0, Q=gamma2, H=1.0, P0=gamma2, diffuse=[True])
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Gaussian sample paths: (n,), or (paths, n)."""
+        as_paths(n, paths), as_rate(rate)
+        steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
+        return np.asarray(np.sqrt(self.scale) * np.cumsum(steps, axis=-1))
+
+    def correlation_time(self, rate: float) -> float:
+        """Infinite."""
+        return math.inf

@@ -1,0 +1,216 @@
+"""The linear Gaussian state-space form: matrices in, second-order theory and sample paths out.
+
+It knows no process. A process hands over its matrices, and sums of processes are block-diagonal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, freeze
+from gmwm.errors import ModelError
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """One observed signal driven by p hidden states, in steps of one sample.
+
+    x_{t+1} = F x_t + w_t, Var w = Q;  y_t = H x_t + v_t, Var v = R;  x_0 has mean m0 and covariance P0.
+
+    Parameters
+    ----------
+    F : (p, p) array
+        Transition over one sample.
+    Q : (p, p) array
+        Covariance of the process noise per sample.
+    H : (1, p) array
+        Observation of the states.
+    R : (1, 1) array
+        Variance of the observation noise.
+    m0, P0 : (p,) and (p, p) arrays
+        Mean and covariance of the state at t = 0; for stationary states P0 is the stationary covariance.
+    diffuse : (p,) array of bool
+        States without a stationary distribution, which a Kalman filter should start at unknown level;
+        P0 is then merely where a simulation starts.
+    """
+
+    F: Matrix
+    Q: Matrix
+    H: Matrix
+    R: Matrix
+    m0: Vector
+    P0: Matrix
+    diffuse: NDArray[np.bool_]
+
+    def __init__(
+        self,
+        F: ArrayLike,
+        Q: ArrayLike,
+        H: ArrayLike,
+        R: ArrayLike = 0.0,
+        m0: ArrayLike | None = None,
+        P0: ArrayLike | None = None,
+        diffuse: ArrayLike | None = None,
+    ) -> None:
+        h = np.array(H, dtype=np.float64).reshape(1, -1)
+        p = h.size
+        shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
+            "F": (F, (p, p)),
+            "Q": (Q, (p, p)),
+            "H": (h, (1, p)),
+            "R": (R, (1, 1)),
+            "m0": (np.zeros(p) if m0 is None else m0, (p,)),
+            "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
+        }
+        for name, (values, shape) in shapes.items():
+            array = np.array(values, dtype=np.float64)
+            if array.size != np.prod(shape) or not np.all(np.isfinite(array)):
+                raise ModelError(f"{name} must be finite with shape {shape} (H has {p} states), got {values!r}")
+            object.__setattr__(self, name, freeze(array.reshape(shape)))
+        mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
+        object.__setattr__(self, "diffuse", freeze(mask))
+
+    @property
+    def states(self) -> int:
+        """Number of hidden states p."""
+        return int(self.H.size)
+
+    @classmethod
+    def sum(cls, parts: Iterable[StateSpace]) -> StateSpace:
+        """The signal that is the sum of independent ones: block-diagonal states, added observation noise."""
+        items = list(parts)
+        return cls(
+            F=_block_diagonal([s.F for s in items]),
+            Q=_block_diagonal([s.Q for s in items]),
+            H=np.concatenate([s.H[0] for s in items]) if items else np.zeros(0),
+            R=sum(float(s.R[0, 0]) for s in items),
+            m0=np.concatenate([s.m0 for s in items]) if items else np.zeros(0),
+            P0=_block_diagonal([s.P0 for s in items]),
+            diffuse=np.concatenate([s.diffuse for s in items]) if items else np.zeros(0),
+        )
+
+    def __add__(self, other: StateSpace) -> StateSpace:
+        return StateSpace.sum((self, other))
+
+    def haar_variance(self, levels: int | ArrayLike) -> Vector:
+        """Mean square of the Haar MODWT coefficients, ν_j² (J,), by doubling blocks: O(J p³).
+
+        The mean is part of it (a drift has ω²τ²/16). Diffuse states must drop out of the difference of
+        two adjacent block sums, as those of a random walk do.
+        """
+        wanted = as_levels(levels)
+        result = np.empty(wanted.size)
+        block = _Block.one_sample(self)
+        for level in range(1, int(wanted[-1]) + 1):
+            if level > 1:
+                block = block.followed_by(block)
+            at = np.flatnonzero(wanted == level)
+            if at.size:
+                result[at[0]] = self._adjacent_difference(block) / 4.0**level
+        return result
+
+    def _adjacent_difference(self, block: _Block) -> float:
+        """E(second block sum − first block sum)² for two adjacent blocks from t = 0."""
+        start = block.sum_of @ block.transition - block.sum_of
+        weights = np.append(block.sum_of, -1.0)
+        noise = float(weights @ block.noise @ weights) + float(block.noise[-1, -1])
+        return float(start @ self.P0 @ start) + noise + float(start @ self.m0) ** 2
+
+    def block_variance(self, lengths: ArrayLike) -> Vector:
+        """Variance of the sum of m successive samples from t = 0, for each m ≥ 0 in `lengths`."""
+        sizes, where = np.unique(np.asarray(lengths, dtype=np.int64), return_inverse=True)
+        values = np.zeros(sizes.size)
+        for k, size in enumerate(sizes):
+            if size > 0:
+                block = _Block.of(self, int(size))
+                values[k] = block.sum_of @ self.P0 @ block.sum_of + block.noise[-1, -1]
+        return values[where.ravel()]
+
+    def autocovariance(self, lags: ArrayLike) -> Vector:
+        """r(k) = H F^|k| P0 Hᵀ + R·1{k = 0}; right where P0 is the stationary covariance."""
+        distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
+        values = np.empty(distances.size)
+        column, reached = self.P0 @ self.H[0], 0
+        for k, distance in enumerate(distances):
+            column = np.linalg.matrix_power(self.F, int(distance) - reached) @ column
+            reached = int(distance)
+            values[k] = self.H[0] @ column + (self.R[0, 0] if distance == 0 else 0.0)
+        return values[where.ravel()]
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """Two-sided spectral density Δt (R + |H (zI − F)⁻¹ L|²), z = exp(2πifΔt), L Lᵀ = Q, in u²/Hz."""
+        f = np.asarray(frequencies, dtype=np.float64)
+        z = np.exp(2j * np.pi * f.ravel() / rate)
+        resolvent = z[:, None, None] * np.eye(self.states) - self.F
+        # Row vectors H (zI − F)⁻¹, from the transposed system.
+        rows = np.linalg.solve(np.swapaxes(resolvent, 1, 2), np.broadcast_to(self.H.T, (z.size, self.states, 1)))
+        density = np.sum(np.abs(rows[:, :, 0] @ _root(self.Q)) ** 2, axis=1) + self.R[0, 0]
+        return np.asarray(density / rate, dtype=np.float64).reshape(f.shape)
+
+    def simulate(self, n: int, rng: np.random.Generator, paths: int = 1) -> Matrix:
+        """Gaussian sample paths (paths, n), started at x_0 ~ (m0, P0)."""
+        states = self.m0 + rng.standard_normal((paths, self.states)) @ _root(self.P0).T
+        out = rng.standard_normal((paths, n)) * np.sqrt(self.R[0, 0])
+        root = _root(self.Q).T
+        for t in range(n):
+            out[:, t] += states @ self.H[0]
+            states = states @ self.F.T + rng.standard_normal((paths, self.states)) @ root
+        return np.asarray(out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """m successive samples: end state = transition·x + w, their sum = sum_of·x + n, Var (w, n) = noise."""
+
+    transition: Matrix
+    sum_of: Vector
+    noise: Matrix
+
+    @classmethod
+    def one_sample(cls, space: StateSpace) -> _Block:
+        return cls(space.F, space.H[0], _block_diagonal([space.Q, space.R]))
+
+    @classmethod
+    def of(cls, space: StateSpace, length: int) -> _Block:
+        """A block of `length` ≥ 1 samples by squaring."""
+        power, result = cls.one_sample(space), None
+        while True:
+            if length & 1:
+                result = power if result is None else power.followed_by(result)
+            length >>= 1
+            if not length:
+                assert result is not None
+                return result
+            power = power.followed_by(power)
+
+    def followed_by(self, later: _Block) -> _Block:
+        """The two blocks as one: the later one starts from the state that this one ends with."""
+        p = self.sum_of.size
+        # How this block's noise (w, n) enters the joined (w, n).
+        carry = np.zeros((p + 1, p + 1))
+        carry[:p, :p], carry[p, :p], carry[p, p] = later.transition, later.sum_of, 1.0
+        return _Block(
+            later.transition @ self.transition,
+            self.sum_of + later.sum_of @ self.transition,
+            carry @ self.noise @ carry.T + later.noise,
+        )
+
+
+def _block_diagonal(blocks: list[Matrix]) -> Matrix:
+    size = sum(len(b) for b in blocks)
+    result, at = np.zeros((size, size)), 0
+    for block in blocks:
+        result[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return result
+
+
+def _root(covariance: Matrix) -> Matrix:
+    """L with L Lᵀ = covariance, which may be singular (a Cholesky factor would not exist)."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)

@@ -1,0 +1,340 @@
+"""Laws that every process in the registry obeys; a new process is under them by being registered."""
+
+import ast
+import inspect
+import math
+import runpy
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmwm.errors import MissingTheoryError, OptionError
+from gmwm.processes import Process, registry
+
+TESTS = Path(__file__).parents[1]
+oracle = SimpleNamespace(**runpy.run_path(str(TESTS / "oracles" / "processes.py")))
+fixed_profile = settings(derandomize=True, deadline=None, max_examples=25, database=None)
+
+every_process = pytest.mark.parametrize("process", registry.values(), ids=registry.keys())
+curved = [p for p in registry.values() if p.nonlinear_parameters()]
+every_curved = pytest.mark.parametrize("process", curved, ids=[p.name for p in curved])
+RATE = 250.0
+
+
+def every_process_having(theory):
+    having = [p for p in registry.values() if p.has(theory)]
+    return pytest.mark.parametrize("process", having, ids=[p.name for p in having])
+
+
+LEVELS = np.arange(1, 11)
+
+
+def draw(process: type[Process], decay: float, sign: float, scale: float) -> Process:
+    """An instance whose nonlinear parameters have the given distance from the wandering end."""
+    by_domain = {"positive": decay * RATE, "unit": sign * math.exp(-decay), "real": sign * decay}
+    nonlinear = {p.name: by_domain[p.domain] for p in process.nonlinear_parameters()}
+    return process(**nonlinear, **{process.scale_parameter().name: process.value_from(scale)})
+
+
+def instances(process, slowest=1e-6, fastest=20.0):
+    decay = st.floats(math.log(slowest), math.log(fastest)).map(math.exp)
+    scale = st.floats(-12, 12).map(lambda e: 10.0**e)
+    return st.builds(lambda d, s, c: draw(process, d, s, c), decay, st.sampled_from([1.0, -1.0]), scale)
+
+
+def examples(process, count=6, **limits):
+    """A few fixed instances for laws that are too slow for hypothesis, from slow to fast."""
+    slow, fast = limits.get("slowest", 1e-3), limits.get("fastest", 5.0)
+    decays = np.geomspace(slow, fast, count) if process.nonlinear_parameters() else [1.0]
+    return [draw(process, float(d), (-1.0) ** k, 0.7) for k, d in enumerate(decays)]
+
+
+def nonlinear_grid(process):
+    decays = np.concatenate([np.geomspace(1e-12, 50.0, 45), [0.499, 0.5, 0.999, 1.0, 1.001, 2.0]])
+    if not process.nonlinear_parameters():
+        return np.empty((1, 0))
+    rows = [draw(process, float(d), s, 1.0).nonlinear for d in decays for s in (1.0, -1.0)]
+    rows = np.unique([row for row in rows if np.all(np.abs(row) < 1) or process.parameters[0].domain != "unit"], axis=0)
+    return np.asarray(rows)
+
+
+# --- accuracy -----------------------------------------------------------------------------------------
+
+
+@every_process
+def test_a_shape_in_closed_form_has_fifty_digit_arithmetic_to_answer_to(process):
+    if process.shape.__func__ is not Process.shape.__func__:
+        assert process.name in oracle.SHAPES
+
+
+@pytest.mark.parametrize("name", oracle.SHAPES)
+def test_shape_agrees_with_fifty_digits(name):
+    process, levels = registry[name], [1, 2, 3, 5, 9, 14, 20, 25, 30]
+    rows = nonlinear_grid(process)
+    shapes = process.shape(rows, levels, RATE)
+    exact = np.array([[float(oracle.shape(name, list(row), RATE, j)) for j in levels] for row in rows])
+    np.testing.assert_allclose(shapes, exact, rtol=3e-15)
+
+
+@pytest.mark.parametrize("name", [p.name for p in curved])
+def test_jacobian_agrees_with_fifty_digits(name):
+    process, levels = registry[name], [1, 2, 3, 5, 9, 14, 20, 25, 30]
+    rows = nonlinear_grid(process)[::2]
+    slopes = process.shape_jacobian(rows, levels, RATE)
+    for by in range(slopes.shape[2]):
+        exact = [[float(oracle.slope(name, list(row), RATE, j, by)) for j in levels] for row in rows]
+        np.testing.assert_allclose(slopes[:, :, by], exact, rtol=1e-12)
+
+
+@every_process
+def test_shape_takes_many_rows_at_once_and_raises_no_warning_at_the_extremes(process):
+    rows = np.repeat(nonlinear_grid(process), 2, axis=0)
+    with np.errstate(all="raise", under="ignore"):
+        shapes = process.shape(rows, 62, RATE)
+        slopes = process.shape_jacobian(rows, 62, RATE)
+    assert shapes.shape == (len(rows), 62)
+    assert slopes.shape == (len(rows), 62, rows.shape[1])
+    assert np.all(np.isfinite(shapes))
+    assert np.all(shapes > 0)
+    assert np.all(np.isfinite(slopes))
+    np.testing.assert_array_equal(shapes[::2], shapes[1::2])
+
+
+@every_curved
+def test_extreme_but_legal_values_give_finite_positive_shapes(process):
+    extremes = {"positive": [1e-290, 1e290], "unit": [0.0, -0.0, 5e-324, 1 - 2.0**-53, -1 + 2.0**-53], "real": [1e-290]}
+    for value in extremes[process.nonlinear_parameters()[0].domain]:
+        with np.errstate(all="raise", under="ignore"):
+            shape = process.shape(np.array([[value]]), 40, 1.0)
+            slope = process.shape_jacobian(np.array([[value]]), 40, 1.0)
+        assert np.all((shape > 0) & np.isfinite(shape))
+        assert np.all(np.isfinite(slope))
+
+
+# --- default = override -------------------------------------------------------------------------------
+
+
+@every_process_having("running_sum_covariance")
+def test_wavelet_variance_follows_from_the_running_sum(process):
+    h = 2 ** (LEVELS - 1)
+    for one in examples(process):
+        k0, k1, k2 = (one.running_sum_covariance(m, RATE) for m in (np.zeros(1, int), h, 2 * h))
+        derived = (6 * k0 - 8 * k1 + 2 * k2) / (4.0 * h**2)
+        # What cancels is the size of the terms, so that is what the rounding is measured against.
+        size = (np.abs(6 * k0) + np.abs(8 * k1) + np.abs(2 * k2)) / (4.0 * h**2)
+        assert np.all(np.abs(derived - one.wavelet_variance(LEVELS, RATE)) <= 1e-14 * size)
+
+
+@every_process_having("state_space")
+def test_wavelet_variance_follows_from_the_state_space(process):
+    for one in examples(process, slowest=1e-6):
+        derived = one.state_space(RATE).haar_variance(20)
+        np.testing.assert_allclose(derived, one.wavelet_variance(20, RATE), rtol=1e-9)
+
+
+@every_process_having("autocovariance")
+def test_wavelet_variance_follows_from_the_autocovariance(process):
+    for one in examples(process):
+        n = 2 ** int(LEVELS[-1])
+        matrix = one.autocovariance(np.subtract.outer(np.arange(n), np.arange(n)).ravel(), RATE).reshape(n, n)
+        for level in LEVELS[::3]:
+            filter_ = np.repeat([1.0, -1.0], 2 ** (level - 1)) / 2**level
+            part = matrix[: filter_.size, : filter_.size]
+            assert filter_ @ part @ filter_ == pytest.approx(one.wavelet_variance([level], RATE)[0], rel=1e-9)
+
+
+@every_process_having("psd")
+def test_wavelet_variance_follows_from_the_spectrum(process):
+    # The midpoint rule converges like φ^n for a periodic integrand, and is exact for a random walk.
+    n = 2**16
+    f = (np.arange(n) + 0.5) / n - 0.5
+    for one in examples(process, slowest=1e-2):
+        density = one.psd(f * RATE, RATE)
+        for level, variance in enumerate(one.wavelet_variance(8, RATE), start=1):
+            h = 2 ** (level - 1)
+            gain = np.sin(np.pi * h * f) ** 4 / (h * np.sin(np.pi * f)) ** 2
+            assert np.mean(gain * density) * RATE == pytest.approx(variance, rel=1e-9)
+
+
+@every_process_having("autocovariance")
+@pytest.mark.parametrize("theory", ["running_sum_covariance", "autocovariance", "psd"])
+def test_theory_given_agrees_with_theory_derived(process, theory):
+    argument = np.linspace(-0.5, 0.5, 41) * RATE if theory == "psd" else np.arange(-40, 41)
+    for one in examples(process):
+        given_, derived = getattr(one, theory)(argument, RATE), getattr(Process, theory)(one, argument, RATE)
+        if theory == "running_sum_covariance":  # defined up to a constant
+            given_, derived = given_ - given_[40], derived - derived[40]
+        np.testing.assert_allclose(given_, derived, rtol=1e-10, atol=1e-12 * np.abs(given_).max())
+
+
+@every_curved
+def test_jacobian_given_agrees_with_differences(process):
+    rows = np.array([one.nonlinear for one in examples(process)])
+    given_ = process.shape_jacobian(rows, LEVELS, RATE)
+    derived = Process.shape_jacobian.__func__(process, rows, LEVELS, RATE)
+    size = process.shape(rows, LEVELS, RATE)[:, :, None] / np.abs(rows)[:, None, :]
+    assert np.all(np.abs(given_ - derived) <= 1e-8 * (size + np.abs(given_)))
+
+
+@every_process
+def test_shape_given_agrees_with_the_default(process):
+    rows = np.array([one.nonlinear for one in examples(process, slowest=1e-2)])
+    derived = Process.shape.__func__(process, rows, LEVELS, RATE)
+    np.testing.assert_allclose(derived, process.shape(rows, LEVELS, RATE), rtol=1e-9)
+
+
+# --- scale, simulation --------------------------------------------------------------------------------
+
+
+@every_process
+@fixed_profile
+@given(data=st.data(), power=st.integers(-40, 40))
+def test_scaling_the_signal_scales_the_wavelet_variance_exactly(process, data, power):
+    one = data.draw(instances(process))
+    s, parameter = 2.0**power, process.scale_parameter()
+    factor = s ** (2 // parameter.scale_power)
+    scaled = one.with_values(**{parameter.name: one.value(parameter.name) * factor})
+    np.testing.assert_array_equal(scaled.wavelet_variance(20, RATE), s**2 * one.wavelet_variance(20, RATE))
+    assert scaled.scale == s**2 * one.scale
+
+
+@every_process
+@fixed_profile
+@given(data=st.data())
+def test_scale_and_value_are_inverse(process, data):
+    one = data.draw(instances(process))
+    value = abs(one.value(process.scale_parameter().name))
+    assert process.value_from(process.scale_from(value)) == pytest.approx(value, rel=1e-15)
+
+
+def mean_square_of_haar(paths, levels):
+    """Mean over t of W² (paths, J), by the definition of the coefficients."""
+    sums = np.concatenate([np.zeros((len(paths), 1)), np.cumsum(paths, axis=1)], axis=1)
+    result = []
+    for level in range(1, levels + 1):
+        h = 2 ** (level - 1)
+        w = (sums[:, 2 * h :] - 2 * sums[:, h:-h] + sums[:, : -2 * h]) / 2**level
+        result.append(np.mean(w**2, axis=1))
+    return np.column_stack(result)
+
+
+@every_process
+@pytest.mark.parametrize("how", ["given", "default"])
+def test_simulated_paths_have_the_wavelet_variance(process, how):
+    simulate = process.simulate if how == "given" else Process.simulate
+    for k, one in enumerate(examples(process, count=4, slowest=1e-2, fastest=1.0)):
+        paths = simulate(one, 512, RATE, np.random.default_rng(7 + k), paths=300)
+        estimates = mean_square_of_haar(paths, 7)
+        error = estimates.std(axis=0, ddof=1) / math.sqrt(len(paths))
+        exact = one.wavelet_variance(7, RATE)
+        # A drift has no spread at all: then the agreement is to rounding.
+        assert np.all(np.abs(estimates.mean(axis=0) - exact) <= 4 * error + 1e-12 * exact)
+
+
+@every_process
+def test_simulation_starts_stationary_and_is_reproducible(process):
+    for one in examples(process, count=3, slowest=1e-4):
+        paths = one.simulate(3, RATE, 11, paths=4000)
+        np.testing.assert_array_equal(paths, one.simulate(3, RATE, np.random.default_rng(11), paths=4000))
+        assert one.simulate(3, RATE, 11).shape == (3,)
+        if process.has("autocovariance"):
+            variance = one.autocovariance([0], RATE)[0]
+            error = np.sqrt((np.mean(paths**4, axis=0) - np.mean(paths**2, axis=0) ** 2) / len(paths))
+            assert np.all(np.abs(np.mean(paths**2, axis=0) - variance) <= 4 * error)
+
+
+@every_process
+def test_bad_arguments_are_named(process):
+    one = examples(process, count=1)[0]
+    for arguments, name in [
+        ((0, RATE, 1), "n"),
+        ((5, -1.0, 1), "rate"),
+        ((5, RATE, None), "rng"),
+        ((5, RATE, 1, 0), "paths"),
+    ]:
+        with pytest.raises(OptionError, match=f"^{name} "):
+            one.simulate(*arguments)
+    with pytest.raises(OptionError, match=r"^rate "):
+        one.wavelet_variance(3, 0.0)
+
+
+# --- what a process says about itself -----------------------------------------------------------------
+
+
+@every_process
+def test_a_process_has_the_theory_it_declares(process):
+    one = examples(process, count=1)[0]
+    calls = {
+        "wavelet_variance": lambda: one.wavelet_variance(3, RATE),
+        "running_sum_covariance": lambda: one.running_sum_covariance([0, 1, 2], RATE),
+        "autocovariance": lambda: one.autocovariance([0, 1, 2], RATE),
+        "psd": lambda: one.psd([1.0, 2.0], RATE),
+        "simulate": lambda: one.simulate(3, RATE, 1),
+        "state_space": lambda: one.state_space(RATE).H,
+    }
+    for theory, call in calls.items():
+        if process.has(theory):
+            assert np.all(np.isfinite(call()))
+        else:
+            with pytest.raises(MissingTheoryError, match=f"^{process.name} has no .*; it has "):
+                call()
+    with pytest.raises(OptionError, match="theory must be one of"):
+        process.has("magic")
+
+
+@every_process
+def test_declared_parameters_are_the_fields(process):
+    assert [p.name for p in process.parameters] == [f.name for f in fields(process)]
+    assert process.__doc__
+    assert process.title
+    assert process().values == dict.fromkeys([p.name for p in process.parameters])
+
+
+@every_process
+def test_each_name_is_written_once_on_the_model_side(process):
+    """The name in its own class is the only place in code that knows the process."""
+    sources = Path(inspect.getfile(Process)).parent.glob("*.py")
+    nodes = (node for path in sources for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    assert sum(isinstance(node, ast.Constant) and node.value == process.name for node in nodes) == 1
+
+
+@every_curved
+def test_search_branches_run_along_the_parameter(process):
+    samples = 100_000
+    for branch in process.search(samples, RATE):
+        u = np.linspace(branch.low, branch.high, 9)
+        values, step = branch.values(u), 1e-4
+        assert values.shape == branch.slope(u).shape == (9, 1)
+        # Near |φ| = 1 the float itself holds λ only to 1e-16/λ.
+        back = [branch.coordinate(float(v)) for v in values[:, 0]]
+        np.testing.assert_allclose(back, u, atol=1e-8)
+        difference = (branch.values(u + step) - branch.values(u - step)) / (2 * step)
+        np.testing.assert_allclose(branch.slope(u), difference, rtol=1e-5, atol=1e-11)
+        for end, name in ((branch.low, branch.low_acts_as), (branch.high, branch.high_acts_as)):
+            if name is not None:
+                levels = int(math.log2(samples))
+                here = process.shape(branch.values(np.array([end])), levels, RATE)[0]
+                there = registry[name].shape(np.empty((1, 0)), levels, RATE)[0]
+                np.testing.assert_allclose(here / here[-1], there / there[-1], rtol=0.01)
+
+
+@every_curved
+def test_every_value_lies_on_exactly_one_branch(process):
+    for one in examples(process, slowest=1e-12, fastest=50.0):
+        on = [b.coordinate(one.nonlinear[0]) for b in process.search(1000, RATE)]
+        assert sum(u is not None for u in on) == 1
+
+
+@every_process
+def test_correlation_time_is_that_of_the_autocovariance(process):
+    for one in examples(process, slowest=1e-3, fastest=0.5):
+        time = one.correlation_time(RATE)
+        if time and math.isfinite(time):
+            k = round(time * RATE)
+            r0, rk = np.abs(one.autocovariance([0, k], RATE))
+            assert rk / r0 == pytest.approx(math.exp(-k / (time * RATE)))

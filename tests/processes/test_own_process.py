@@ -1,0 +1,91 @@
+"""A newcomer's process: parameters and one piece of theory, all the rest follows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from gmwm.errors import MissingTheoryError
+from gmwm.processes import WN, Parameter, Process, registry
+from gmwm.processes.parameter import Value
+from gmwm.statespace import StateSpace
+
+THETA = Parameter("theta", "θ", "moving average coefficient", domain="real")
+SIGMA2 = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
+
+
+class _MovingAverage(Process, abstract=True):
+    name = "MA1"
+    title = "First-order moving average"
+    parameters = (THETA, SIGMA2)
+
+
+@dataclass(frozen=True, repr=False)
+class FromAutocovariance(_MovingAverage, register=False):
+    theta: Value = None
+    sigma2: Value = None
+
+    def autocovariance(self, lags, rate):
+        k, theta = np.abs(np.asarray(lags)), self.value("theta")
+        return self.scale * np.where(k == 0, 1 + theta**2, np.where(k == 1, theta, 0.0))
+
+
+@dataclass(frozen=True, repr=False)
+class FromStateSpace(_MovingAverage, register=False):
+    theta: Value = None
+    sigma2: Value = None
+
+    def state_space(self, rate):
+        v, theta = self.scale, self.value("theta")
+        q = np.array([[v, 0.0], [0.0, 0.0]])
+        return StateSpace([[0, 0], [1, 0]], q, [1.0, theta], P0=v * np.eye(2))
+
+
+@dataclass(frozen=True, repr=False)
+class FromRunningSum(_MovingAverage, register=False):
+    theta: Value = None
+    sigma2: Value = None
+
+    def running_sum_covariance(self, lags, rate):
+        # Var(sum of m) = σ²(m(1+θ)² − 2θ) for m ≥ 1.
+        m, theta = np.abs(np.asarray(lags)), self.value("theta")
+        return -0.5 * self.scale * np.where(m == 0, 0.0, m * (1 + theta) ** 2 - 2 * theta)
+
+
+WAYS = [FromAutocovariance, FromStateSpace, FromRunningSum]
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("theta", [-0.9, 0.0, 0.6])
+def test_wavelet_variance_and_jacobian_follow_from_one_piece_of_theory(way, theta):
+    tau = 2.0 ** np.arange(1, 13)
+    one = way(theta=theta, sigma2=3.0)
+    np.testing.assert_allclose(
+        one.wavelet_variance(12, 1.0), 3.0 * ((1 + theta) ** 2 * tau - 6 * theta) / tau**2, rtol=1e-9
+    )
+    jacobian = (one + WN(sigma2=1.0)).jacobian(12, 1.0)
+    np.testing.assert_allclose(jacobian[:, 0], 3.0 * (2 * (1 + theta) * tau - 6) / tau**2, rtol=1e-7, atol=1e-9)
+    assert one.search(1000, 1.0) == ()
+
+
+def test_a_sum_that_would_take_too_long_is_refused():
+    with pytest.raises(MissingTheoryError, match="define running_sum_covariance or state_space in FromAutocovariance"):
+        FromAutocovariance(theta=0.5, sigma2=1.0).wavelet_variance([30], 1.0)
+
+
+def test_what_cannot_be_derived_is_missing():
+    assert not FromAutocovariance.has("state_space")
+    with pytest.raises(MissingTheoryError, match="MA1 has no state space; it has"):
+        FromAutocovariance(theta=0.5, sigma2=1.0).state_space(1.0)
+    with pytest.raises(MissingTheoryError, match="MA1 has no way to be simulated"):
+        FromAutocovariance(theta=0.5, sigma2=1.0).simulate(3, 1.0, 1)
+
+
+def test_an_incomplete_definition_is_refused_when_it_is_written():
+    with pytest.raises(TypeError, match="must define at least one of shape, running_sum_covariance"):
+        type("Empty", (_MovingAverage,), {})
+    with pytest.raises(TypeError, match="exactly one scale parameter"):
+        type("NoScale", (FromStateSpace,), {"parameters": (THETA,)})
+    with pytest.raises(TypeError, match="already a process called WN"):
+        type("Again", (WN,), {})
+    assert "MA1" not in registry

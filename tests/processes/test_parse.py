@@ -1,0 +1,123 @@
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmwm.errors import ModelError
+from gmwm.processes import GM, QN, RW, WN, Model, fixed, parse_model, registry
+
+profile = settings(derandomize=True, deadline=None, max_examples=150, database=None)
+FINITE = {
+    "positive": st.floats(min_value=5e-324, allow_infinity=False),
+    "real": st.floats(allow_nan=False, allow_infinity=False),
+    "unit": st.floats(-1, 1, exclude_min=True, exclude_max=True),
+}
+
+
+@st.composite
+def processes(draw):
+    process = draw(st.sampled_from(list(registry.values())))
+    values = {}
+    for parameter in process.parameters:
+        number = FINITE[parameter.domain]
+        value = draw(st.none() | number | number.map(fixed))
+        if value is not None:
+            values[parameter.name] = value
+    return process(**values)
+
+
+@st.composite
+def models(draw):
+    chosen, kept = draw(st.lists(processes(), min_size=1, max_size=5)), []
+    for process in chosen:
+        try:
+            Model((*kept, process))
+        except ModelError:  # a repeat that is not allowed: leave it out
+            continue
+        kept.append(process)
+        if process.repeatable and not any(process.is_fixed(p.name) for p in process.parameters):
+            kept += [process] * draw(st.integers(0, 3))
+    return Model(tuple(kept))
+
+
+@profile
+@given(models())
+def test_text_and_model_are_the_same_thing_both_ways(model):
+    again = parse_model(str(model))
+    assert again == model
+    assert str(again) == str(model)
+    # Equality takes -0.0 for 0.0; the text does not.
+    assert repr(again.parameters) == repr(model.parameters)
+
+
+@profile
+@given(models())
+def test_the_representation_of_a_process_is_python(model):
+    names = {**registry, "fixed": fixed}
+    for process in model.processes:
+        assert eval(repr(process), {"__builtins__": {}}, names) == process
+
+
+@profile
+@given(st.text(alphabet="GMWNQRDA13*+-()=,. efixdbtasgm2_\n\"'[]é", max_size=40) | st.text(max_size=20))
+def test_any_text_is_a_model_or_a_model_error(text):
+    try:
+        model = parse_model(text)
+    except ModelError:
+        return
+    assert parse_model(str(model)) == model
+
+
+@pytest.mark.parametrize(
+    ("text", "model"),
+    [
+        ("3*GM + WN + QN + RW", 3 * GM() + WN() + QN() + RW()),
+        ("gm*2+wn()", 2 * GM() + WN()),
+        (" GM ( beta = 0.01 , sigma2 = fixed( +1e-6 ) )\n+ WN ", GM(beta=0.01, sigma2=fixed(1e-6)) + WN()),
+        ("GM(sigma2=.5)", Model((GM(sigma2=0.5),))),
+        ("WN(sigma2=0)", Model((WN(sigma2=0.0),))),
+    ],
+)
+def test_texts_that_are_models(text, model):
+    assert parse_model(text) == Model.parse(text) == model
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("GM + XX", r'at "XX" \(character 6\): no process of this name; there are WN, QN, RW, DR, AR1, GM'),
+        ("", "at the end: expected a process, one of WN"),
+        ("GM +", "at the end: expected a process"),
+        ("GM WN", r'at "WN" \(character 4\): expected "\+" or the end'),
+        ("3 GM", r'expected "\*" between a count and a process, as 3\*GM'),
+        ("2.5*GM", r'at "2.5" \(character 1\): expected a count from 1 to 100'),
+        ("0*GM", "expected a count"),
+        ("99999999999999*GM", "expected a count"),
+        ("GM*x", r'at "x" \(character 4\): expected a count'),
+        ("GM(0.01)", r"expected a parameter by name, as GM\(beta=…\)"),
+        ("GM(alpha=1)", r'at "alpha" .*GM has no such parameter; it has beta, sigma2'),
+        ("GM(beta=1, beta=2)", "given twice"),
+        ("GM(beta 1)", 'expected "=" after beta'),
+        ("GM(beta=1 sigma2=1)", r'expected "," between parameters'),
+        ("GM(beta=-1)", r'at "-" .*GM.beta .inverse correlation time. must be positive .1/s., got -1.0'),
+        ("GM(beta=inf)", r'at "inf" .*expected a finite number'),
+        ("GM(beta=1e999)", r'at "1e999" .*expected a finite number'),
+        ("GM(beta=fixed 1)", r'expected "\(" after fixed'),
+        ("GM(beta=fixed(1)", "at the end"),
+        ("GM - WN", r'at "-" \(character 4\): expected "\+"'),
+        ("GM; import os", r'at ";" \(character 3\): this character has no place'),
+        ("__import__('os')", "this character has no place"),
+        ("__import__(os)", r'at "__import__" \(character 1\): no process of this name'),
+        ("WN + WN", "WN cannot be repeated"),
+        ("+".join(["GM"] * 5000), "at most 10000 characters|at most 100 terms"),
+        ("+".join(["GM"] * 200), "at most 100 terms"),
+        ("100*GM + 100*GM", "at most 100 terms, got 200"),
+    ],
+)
+def test_an_error_points_at_the_piece(text, message):
+    with pytest.raises(ModelError, match=message):
+        parse_model(text)
+
+
+def test_only_a_string_is_parsed():
+    with pytest.raises(ModelError, match="must be a string"):
+        parse_model(3)
