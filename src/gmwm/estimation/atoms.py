@@ -1,0 +1,151 @@
+"""A family of wavelet variances with one nonlinear parameter, tabulated as a curve of unit vectors.
+
+The solver knows no process: it sees the fixed vectors of the processes that are linear in their parameters, and one
+curve for the repeatable process whose nonlinear parameter is to be found (the correlation time of a Gauss-Markov
+process). Between the nodes of the table it interpolates by cubics, whose error the table bounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.processes.base import Process
+from gmwm.processes.parameter import Branch
+
+SPACING = 0.025
+"""Distance of the nodes in the search coordinate: 2.5 % in β for a Gauss-Markov process. The error of the cubics, some
+1e-9 of the curve, is what keeps the bounds from being exact."""
+SAFETY = 2.0
+"""Factor on the interpolation error seen at the midpoints of a cell and its neighbours, to bound it everywhere."""
+NEIGHBOURS = 12
+"""So many on each side: where the error is that of rounding (φ next to 1), one midpoint says little."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where a family is tabulated, and its wavelet variances there; independent of data and weights.
+
+    `nodes` and `middles` hold the search coordinate branch after branch; `spacing` is that of each cell between
+    neighbouring nodes, zero for the cell that joins two branches.
+    """
+
+    branches: tuple[Branch, ...]
+    owner: NDArray[np.int64]
+    nodes: Vector
+    spacing: Vector
+    values: Matrix
+    slopes: Matrix
+    middle_values: Matrix
+
+    def position(self, branch: int, u: float) -> float:
+        """The place of coordinate `u` of a branch, counted in cells from the first node."""
+        inside = np.flatnonzero(self.owner == branch)
+        return float(np.interp(u, self.nodes[inside], inside))
+
+    def place(self, position: float) -> tuple[int, float]:
+        """The branch and coordinate at a position counted in cells."""
+        cell = min(int(position), self.nodes.size - 2)
+        if self.spacing[cell] == 0 and position <= cell:
+            cell -= 1
+        return int(self.owner[cell]), float(self.nodes[cell] + (position - cell) * self.spacing[cell])
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A curve of unit vectors for the solver: values and slopes per cell at the nodes, error margins per cell."""
+
+    values: Matrix
+    slopes: Matrix
+    margins: Vector
+
+
+Place = tuple[Branch, float]
+"""A point of a family: a branch and the search coordinate u on it."""
+
+
+def shapes(process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float) -> Matrix:
+    """Wavelet variances at unit scale (n, J)."""
+    if not places:
+        return np.empty((0, levels.size))
+    parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
+    return process.shape(parameters, levels, rate)
+
+
+@lru_cache(maxsize=16)
+def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float) -> Grid:
+    branches = process.search(samples, rate)
+    number = np.asarray(levels, dtype=np.int64)
+    owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
+    for index, branch in enumerate(branches):
+        cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
+        u = np.linspace(branch.low, branch.high, 2 * cells + 1)
+        value = process.shape(branch.values(u), number, rate)
+        slope = process.shape_jacobian(branch.values(u[::2]), number, rate)[:, :, 0] * branch.slope(u[::2])
+        owner.append(np.full(cells + 1, index))
+        nodes.append(u[::2])
+        spacing += [np.diff(u[::2]), np.zeros(1)]
+        values.append(value[::2])
+        slopes.append(slope)
+        middles += [value[1::2], value[:1]]
+    return Grid(
+        branches, np.concatenate(owner), np.concatenate(nodes), np.concatenate(spacing[:-1]),
+        np.concatenate(values), np.concatenate(slopes), np.concatenate(middles[:-1]),
+    )  # fmt: skip
+
+
+def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float) -> Grid:
+    """The family of `process` tabulated over the domain that a record of `samples` can tell apart; remembered."""
+    return _grid(process, tuple(int(j) for j in levels), samples, rate)
+
+
+def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
+    """Rows of `values` weighted by `root` and scaled to length one, with the matching slopes."""
+    weighted = values @ root.T
+    length = np.linalg.norm(weighted, axis=1, keepdims=True)
+    unit = weighted / length
+    slope = (slopes @ root.T) / length
+    return unit, slope - unit * np.einsum("nj,nj->n", unit, slope)[:, None]
+
+
+def table(grid: Grid, root: Matrix) -> Table:
+    """The curve of a grid under the weighting LᵀL, with its margins."""
+    values, slopes = unit_curve(grid.values, grid.slopes, root)
+    joined = grid.spacing == 0
+    step = grid.spacing[:, None]
+    middle = grid.middle_values @ root.T
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    cubic = (values[:-1] + values[1:]) / 2 + step * (slopes[:-1] - slopes[1:]) / 8
+    error = np.where(joined, 0.0, np.linalg.norm(middle - cubic, axis=1))
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(error, NEIGHBOURS), 2 * NEIGHBOURS + 1)
+    worst = around.max(axis=1)
+    margins = np.where(joined, -1.0, SAFETY * worst + 4 * np.finfo(float).eps)
+    # Slopes per cell. The cells of a branch are equal, so either neighbour of a node gives its spacing.
+    per_node = np.concatenate([grid.spacing, grid.spacing[-1:]])
+    per_node = np.where(per_node == 0, np.concatenate([grid.spacing[:1], grid.spacing]), per_node)
+    return Table(np.ascontiguousarray(values), np.ascontiguousarray(slopes * per_node[:, None]), margins)
+
+
+def close_up(
+    process: type[Process],
+    places: list[Place],
+    width: float,
+    levels: NDArray[np.int64],
+    rate: float,
+    root: Matrix,
+) -> tuple[Table, Vector]:
+    """A table of one short cell around each place, and the (n, 2) coordinates of its ends."""
+    starts = [min(max(u - width / 2, branch.low), branch.high - width) for branch, u in places]
+    ends = np.array([[start, start + width] for start in starts])
+    parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
+    by_u = np.concatenate([branch.slope(end) for (branch, _), end in zip(places, ends, strict=True)])
+    values = process.shape(parameters, levels, rate)
+    slopes = process.shape_jacobian(parameters, levels, rate)[:, :, 0] * by_u
+    unit, slope = unit_curve(values, slopes, root)
+    margins = np.zeros(2 * len(places) - 1)
+    margins[1::2] = -1.0
+    return Table(np.ascontiguousarray(unit), np.ascontiguousarray(slope * width), margins), ends

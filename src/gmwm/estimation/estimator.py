@@ -1,0 +1,127 @@
+"""Fitting a model: the Generalized Method of Wavelet Moments."""
+
+from __future__ import annotations
+
+import warnings
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.errors import FitWarning, ModelError, OptionError
+from gmwm.estimation.problem import Problem, pose
+from gmwm.estimation.result import Diagnostics, Fit
+from gmwm.estimation.solve import Solution, solve
+from gmwm.estimation.weighting import Weighting, weighting_matrix
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model, as_model
+from gmwm.signals import Signal
+from gmwm.variance.estimate import wavelet_variance
+from gmwm.variance.result import WaveletVariance
+
+
+def fit(
+    model: Model | Process | str,
+    data: WaveletVariance | Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    weighting: Weighting = "diagonal",
+    certify: bool = True,
+) -> Fit:
+    """Fit a sum of latent processes to a signal or to its wavelet variance.
+
+    θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), the global minimum: no starting values and no random numbers are
+    needed, and the fit carries a lower bound that proves it.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        What to fit, as ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values given in it are tried as
+        starting values too; those in ``fixed(…)`` are held.
+    data : WaveletVariance, Signal, or (N,) array in any unit
+        What to fit it to.
+    rate : float, optional
+        Samples per second (Hz); needed with a plain array only.
+    weighting : "diagonal", "identity", (J,) or (J, J) array
+        Ω: 1 / Var ν̂_j² as the data show it, the identity, or your own.
+    certify : bool
+        Whether to prove by branch and bound that no better fit exists; False skips the proof.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    ModelError
+        If the model has more parameters than there are levels, or nothing to estimate.
+    DataError
+        If the data cannot be used (see `wavelet_variance`), or are constant.
+
+    Warns
+    -----
+    FitWarning
+        If a term is not supported by the data or acts as another process.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), Wavelet-variance-based estimation for composite
+    stochastic processes, JASA 108, 1021-1030; equation 3 of Balamuta, Guerrier, Molinari and Yang.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import RW, WN, fit
+    >>> rng = np.random.default_rng(3)
+    >>> truth = WN(sigma2=4e-6) + RW(gamma2=1e-10)
+    >>> found = fit(WN() + RW(), truth.simulate(100_000, 100.0, rng), rate=100.0)
+    >>> print(f"{found.parameters['WN.sigma2']:.2e}")
+    4.00e-06
+    """
+    wanted = as_model(model)
+    if isinstance(data, WaveletVariance):
+        if rate is not None and rate != data.rate:
+            raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
+        wv = data
+    else:
+        wv = wavelet_variance(data, rate)
+    if not np.any(wv.variance > 0):
+        raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
+    problem = pose(wanted, wv, weighting_matrix(weighting, wv))
+    solution = solve(problem, certify=certify)
+    return _result(problem, solution, wv, weighting if isinstance(weighting, str) else "matrix")
+
+
+def _result(problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str) -> Fit:
+    processes = list(problem.model.processes)
+    for place, scale in zip(problem.linear, solution.scales, strict=True):
+        processes[place] = _with_scale(processes[place], float(scale), wv)
+    for place, term in zip(problem.curved, solution.terms, strict=True):
+        name = processes[place].nonlinear_parameters()[0].name
+        processes[place] = _with_scale(processes[place].with_values(**{name: term.value}), term.scale, wv)
+    model = Model(tuple(processes)).sorted(wv.rate)
+    label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
+    found = {label[id(processes[place])]: term for place, term in zip(problem.curved, solution.terms, strict=True)}
+    free = (*problem.linear, *problem.curved)
+    diagnostics = Diagnostics(
+        MappingProxyType({name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}),
+        tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
+        solution.nodes,
+    )
+    for note in diagnostics.notes():
+        warnings.warn(note, FitWarning, stacklevel=4)
+    return Fit(
+        wv, model, MappingProxyType({name: v for name, v in model.parameters.items() if v is not None}),
+        solution.objective, solution.lower_bound, solution.relaxed_bound,
+        model.wavelet_variance(wv.levels, wv.rate), MappingProxyType(model.decomposition(wv.levels, wv.rate)),
+        weighting, problem.matrix, diagnostics,
+    )  # fmt: skip
+
+
+def _with_scale(process: Process, scale: float, wv: WaveletVariance) -> Process:
+    """The process with its scale coefficient; a signed parameter takes its sign from the data's slope."""
+    parameter = process.scale_parameter()
+    value = process.value_from(scale)
+    if parameter.domain == "real" and wv.slope is not None and wv.slope < 0:
+        value = -value
+    return process.with_values(**{parameter.name: value})

@@ -1,0 +1,132 @@
+"""The estimation problem as geometry: a target, fixed vectors, and a curve, all weighted by Ω."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.errors import ModelError
+from gmwm.estimation.weighting import square_root
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+from gmwm.variance.result import WaveletVariance
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Find non-negative scales of the linear processes, and scales and places of the curved ones.
+
+    The criterion (ν̂ − ν)ᵀ Ω (ν̂ − ν) is `unit`² |target − Σ c a − Σ x g|², where the vectors a and g have length
+    one and `unit` is a power of two, so that data scaled by a power of two give the same problem to the last bit.
+
+    Attributes
+    ----------
+    linear : tuple of int
+        Places in the model of the processes that have no nonlinear parameter to find.
+    curved : tuple of int
+        Places of those with one; all of one class.
+    shapes : (n linear, J) array
+        Wavelet variances of the linear processes at unit scale.
+    root : (J, J) array
+        L with LᵀL = Ω.
+    held : (J,) array
+        Wavelet variance of the processes that are held entirely.
+    """
+
+    model: Model
+    levels: NDArray[np.int64]
+    rate: float
+    samples: int
+    observed: Vector
+    held: Vector
+    matrix: Matrix
+    root: Matrix
+    unit: float
+    target: Vector
+    linear: tuple[int, ...]
+    curved: tuple[int, ...]
+    shapes: Matrix
+
+    @property
+    def family(self) -> type[Process] | None:
+        """The class of the curved processes."""
+        return type(self.model.processes[self.curved[0]]) if self.curved else None
+
+    @property
+    def fixed(self) -> Matrix:
+        """Unit vectors of the linear processes, row by row."""
+        return self.weighted(self.shapes)
+
+    @property
+    def positive(self) -> Vector:
+        """z whose inner product with every weighted wavelet variance is positive: L⁻ᵀ √diag Ω."""
+        return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
+
+    def weighted(self, shapes: Matrix) -> Matrix:
+        """L times each row, scaled to length one."""
+        rows = shapes @ self.root.T
+        return np.ascontiguousarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+    def scales(self, shapes: Matrix, weights: Vector) -> Vector:
+        """Scale coefficients of processes from the weights of their unit vectors."""
+        return np.asarray(weights * self.unit / np.linalg.norm(shapes @ self.root.T, axis=1))
+
+
+def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
+    """The problem of fitting `model` to `wv` under the weighting matrix Ω.
+
+    Raises
+    ------
+    ModelError
+        If the model has nothing to estimate, or more parameters than there are levels, or a scale that is held
+        while the shape it multiplies is to be found.
+    """
+    linear, curved, held = _sorted_out(model)
+    count = len(linear) + 2 * len(curved)
+    if count == 0:
+        raise ModelError(f"nothing to estimate: every parameter of {model} is held; free one by leaving out fixed(…)")
+    if count > len(wv):
+        raise ModelError(
+            f"{model} has {count} parameters to estimate, but the wavelet variance has only {len(wv)} levels; "
+            "record longer, or take a smaller model"
+        )
+    levels, rate = wv.levels, wv.rate
+    known = np.zeros(len(wv))
+    for place in held:
+        known += model.processes[place].wavelet_variance(levels, rate)
+    shapes = [_shape(model.processes[place], levels, rate) for place in linear]
+    root = square_root(matrix)
+    weighted = root @ (wv.variance - known)
+    largest = float(np.abs(weighted).max())
+    unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
+    return Problem(
+        model, levels, rate, wv.samples, wv.variance, known, matrix, root, unit, weighted / unit,
+        linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
+    )  # fmt: skip
+
+
+def _shape(process: Process, levels: NDArray[np.int64], rate: float) -> Vector:
+    return np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate)[0])
+
+
+def _sorted_out(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
+    """Places of the processes that are linear in what is to be found, curved in it, and held."""
+    linear: list[int] = []
+    curved: list[int] = []
+    held: list[int] = []
+    for place, process in enumerate(model.processes):
+        scale = process.scale_parameter().name
+        free = [p.name for p in process.nonlinear_parameters() if not process.is_fixed(p.name)]
+        if process.is_fixed(scale):
+            if free:
+                raise ModelError(
+                    f"{process}: {scale} is held while {', '.join(free)} is to be estimated; "
+                    f"hold {', '.join(free)} too, or free {scale}"
+                )
+            held.append(place)
+        else:
+            (curved if free else linear).append(place)
+    return tuple(linear), tuple(curved), tuple(held)

@@ -1,0 +1,184 @@
+"""Solving the estimation problem: global search on a tabulated curve, then a polish on the exact one.
+
+The criterion is linear in all parameters but the correlation times. Eliminating the linear ones by non-negative
+least squares leaves one search coordinate for each Gauss-Markov process (variable projection). The search starts
+from the convex relaxation, in which any number of them may take part, and branch and bound over intervals of the
+coordinate proves that nothing better was missed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
+from gmwm.estimation.problem import Problem
+from gmwm.processes.base import Process
+from gmwm.processes.parameter import Branch
+
+CERTIFIED_GAP = 1e-4
+"""Branch and bound stops when the best fit is within this share of its lower bound."""
+CERTIFY_NODES = 20_000
+"""… or after this many nodes of the search tree."""
+QUICK_NODES = 24
+"""Nodes that are looked at without a certificate: enough for starting points."""
+WIDTHS = (1e-2, 1e-3)
+"""Widths of the exact curve pieces that the polish works on; the last one is exact to rounding."""
+TABLE_ERROR = 1e-5
+"""Objectives on the tabulated curve that differ by less (relative) are told apart on the exact one."""
+SETTLED = 1e-12
+"""A polish ends when it lowers the objective by less (relative)."""
+POLISHES = 8
+"""A polish follows an optimum that wants to leave its piece of curve so many times."""
+ACTS_AS = 1e-6
+"""A term acts as the process at the end of its domain if that raises the objective by less than this share."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A fitted curved process: its nonlinear parameter, scale, and what it cannot be told from."""
+
+    value: float
+    scale: float
+    acts_as: str | None = None
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The optimum: scales of the linear processes, the curved terms, criterion and bounds."""
+
+    objective: float
+    lower_bound: float | None
+    relaxed_bound: float
+    scales: Vector
+    terms: tuple[Term, ...]
+    nodes: int
+
+
+def solve(problem: Problem, *, certify: bool) -> Solution:
+    """The global optimum of a problem; with its certificate if asked."""
+    square = problem.unit**2
+    if problem.family is None:
+        weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
+        # Without a curve the problem is convex: the optimum is its own certificate.
+        value = objective * square
+        return Solution(value, value if certify else None, value, problem.scales(problem.shapes, weights), (), 0)
+    search = _Search(problem, problem.family)
+    candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
+    least = candidates[0][0]
+    near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+    best = min((search.polished(positions) for positions in near), key=lambda optimum: optimum.objective)
+    return Solution(
+        best.objective * square,
+        min(bound, best.objective) * square if certify else None,
+        min(relaxed, best.objective) * square,
+        problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
+        search.terms(best),
+        nodes,
+    )
+
+
+@dataclass(frozen=True)
+class _Optimum:
+    """A local optimum on the exact curve: where its points are, and the weights of all unit vectors."""
+
+    objective: float
+    places: list[Place]
+    weights: Vector
+
+
+class _Search:
+    """The search for the places of the curved processes of one problem."""
+
+    def __init__(self, problem: Problem, family: type[Process]) -> None:
+        self.problem = problem
+        self.family = family
+        self.grid = grid(family, problem.levels, problem.samples, problem.rate)
+        self.curve = table(self.grid, problem.root)
+        self.fixed = problem.fixed
+        self.positive = problem.positive
+
+    def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
+        """Local optima on the tabulated curve, best first; lower bound; that of the relaxation; nodes."""
+        return _core.cone_search(
+            self.problem.target, self.fixed, self.positive,
+            self.curve.values, self.curve.slopes, self.curve.margins,
+            len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
+        )  # fmt: skip
+
+    def _starts(self) -> Vector:
+        """Positions of the starting values the user gave, if every curved process has one."""
+        name = self.family.nonlinear_parameters()[0].name
+        positions = []
+        for place in self.problem.curved:
+            value = self.problem.model.processes[place].values[name]
+            for index, branch in enumerate(self.grid.branches):
+                u = None if value is None else branch.coordinate(value)
+                if u is not None:
+                    positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
+        return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
+
+    def polished(self, positions: Vector) -> _Optimum:
+        """The local optimum on the exact curve next to `positions` on the tabulated one."""
+        problem = self.problem
+        found = [self.grid.place(float(position)) for position in positions]
+        places = [(self.grid.branches[index], u) for index, u in found]
+        for width in WIDTHS if places else ():
+            before = np.inf
+            for _ in range(POLISHES):
+                piece, ends = close_up(self.family, places, width, problem.levels, problem.rate, problem.root)
+                share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
+                moved, objective = _core.cone_refine(
+                    problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
+                    np.clip(share, 0.0, 1.0) + 2 * np.arange(len(places)),
+                )  # fmt: skip
+                which = moved.astype(int) // 2  # the piece around place i is [2i, 2i + 1]
+                share = moved - 2 * which
+                places = [(places[i][0], float(ends[i, 0] + t * width)) for i, t in zip(which, share, strict=True)]
+                leaving = [t in (0.0, 1.0) and b.low < u < b.high for t, (b, u) in zip(share, places, strict=True)]
+                if not any(leaving) or objective >= (1 - SETTLED) * before:
+                    break
+                before = objective
+        return self._at(places)
+
+    def _rows(self, places: list[Place]) -> Matrix:
+        curved = shapes(self.family, places, self.problem.levels, self.problem.rate)
+        return np.concatenate([self.fixed, self.problem.weighted(curved)])
+
+    def _at(self, places: list[Place]) -> _Optimum:
+        """The best weights with the curved processes at exact places."""
+        weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
+        return _Optimum(objective, places, weights)
+
+    def terms(self, best: _Optimum) -> tuple[Term, ...]:
+        """The curved processes of an optimum in the words of their parameters."""
+        problem, places = self.problem, best.places
+        curved = shapes(self.family, places, problem.levels, problem.rate)
+        scales = problem.scales(curved, best.weights[len(problem.linear) :])
+        terms = [
+            Term(self._value(branch, u), float(scale), self._acts_as(best, i))
+            for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
+        ]
+        missing = len(problem.curved) - len(places)
+        return (*terms, *[self._unsupported(best)] * missing)
+
+    def _acts_as(self, best: _Optimum, index: int) -> str | None:
+        """The process at an end of the branch that serves as well as curved process `index` does."""
+        branch, u = best.places[index]
+        for end, name in ((branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)):
+            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
+            if name and (u == end or self._at(there).objective <= (1 + ACTS_AS) * best.objective):
+                return name
+        return None
+
+    def _unsupported(self, best: _Optimum) -> Term:
+        """A term that the data do not show, at the place where one more would come nearest to helping."""
+        residual = self.problem.target - best.weights @ self._rows(best.places)
+        index, u = self.grid.place(float(np.argmax(self.curve.values @ residual)))
+        return Term(self._value(self.grid.branches[index], u), 0.0)
+
+    def _value(self, branch: Branch, u: float) -> float:
+        return float(branch.values(np.array([u]))[0, 0])

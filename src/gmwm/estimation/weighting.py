@@ -1,0 +1,80 @@
+"""The weighting matrix Ω of the criterion (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Matrix, Vector, require_finite
+from gmwm.errors import DataError, OptionError
+from gmwm.variance.result import WaveletVariance
+
+Weighting = Literal["diagonal", "identity"] | ArrayLike
+"""How levels are weighted: "diagonal", "identity", a (J,) diagonal or a (J, J) matrix."""
+
+
+def sampling_variance(wv: WaveletVariance) -> Vector:
+    """Var ν̂_j² ≈ 2 ν̂_j⁴ / η_j from the data alone, η_j = max(M_j / 2^j, 1); in unit⁴."""
+    return 2 * wv.variance**2 / wv.degrees_of_freedom
+
+
+def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
+    """Ω as a (J, J) matrix, in unit⁻⁴.
+
+    Parameters
+    ----------
+    weighting : "diagonal", "identity", or (J,) or (J, J) array
+        "diagonal" is 1 / `sampling_variance`; a vector is taken as a diagonal.
+
+    Raises
+    ------
+    DataError
+        If a level has zero variance, which "diagonal" cannot weigh.
+    OptionError
+        If the matrix has the wrong shape, or is not symmetric and positive definite.
+    """
+    size = len(wv)
+    if isinstance(weighting, str):
+        if weighting == "identity":
+            return np.eye(size)
+        if weighting != "diagonal":
+            raise OptionError(f"weighting must be 'diagonal', 'identity' or a matrix, got {weighting!r}")
+        if not np.all(wv.variance > 0):
+            zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
+            raise DataError(
+                f"the wavelet variance is zero at level {zero}: a constant or coarsely quantised signal, which "
+                "weighting='diagonal' cannot weigh; pass weighting='identity', your own matrix, or other data"
+            )
+        return np.diag(1 / sampling_variance(wv))
+    matrix = np.asarray(weighting, dtype=np.float64)
+    if matrix.ndim == 1:
+        matrix = np.diag(matrix)
+    if matrix.shape != (size, size):
+        raise OptionError(f"weighting must be a vector of {size} or a {size} x {size} matrix, got shape {matrix.shape}")
+    require_finite(matrix.ravel(), "weighting")
+    largest = np.abs(matrix).max()
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * float(largest)):
+        raise OptionError("weighting must be a symmetric matrix, this one differs from its transpose")
+    return (matrix + matrix.T) / 2
+
+
+def square_root(matrix: Matrix) -> Matrix:
+    """Upper triangular L with LᵀL = Ω, from the Cholesky factor of Ω scaled to unit diagonal.
+
+    Raises
+    ------
+    OptionError
+        If Ω is not positive definite.
+    """
+    diagonal = np.diag(matrix)
+    if np.all(diagonal > 0):
+        scale = np.sqrt(diagonal)
+        try:
+            factor = np.linalg.cholesky(matrix / scale[:, None] / scale[None, :])
+        except np.linalg.LinAlgError:
+            pass
+        else:
+            return np.ascontiguousarray(factor.T * scale)
+    raise OptionError("weighting must be positive definite, this matrix is not; is it a covariance not yet inverted?")

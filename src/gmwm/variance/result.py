@@ -1,0 +1,212 @@
+"""The wavelet variance of one signal: a frozen result that knows what it was computed from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._late import LateMethod
+from gmwm.errors import DataError, OptionError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WaveletVariance:
+    """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j, with confidence limits.
+
+    Attributes
+    ----------
+    levels : (J,) int array
+        Levels j, from 1.
+    variance, lower, upper : (J,) arrays, in unit²
+        Estimate and limits at `confidence`.
+    counts : (J,) int array
+        Number of wavelet coefficients M_j behind each estimate.
+    rate : float
+        Samples per second (Hz).
+    samples : int
+        Length N of the signal.
+    slope : float or None
+        Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
+    """
+
+    levels: NDArray[np.int64]
+    variance: Vector
+    lower: Vector
+    upper: Vector
+    counts: NDArray[np.int64]
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    confidence: float = 0.95
+    filter: str = "haar"
+    transform: str = "modwt"
+    robust: bool = False
+    efficiency: float | None = None
+    slope: float | None = None
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.variance:plot_wavelet_variance",
+        "Draw the curve with its confidence band; view='allan' shows the Allan deviation.",
+    )
+
+    def __post_init__(self) -> None:
+        for name in ("levels", "variance", "lower", "upper", "counts"):
+            freeze(getattr(self, name))
+
+    @property
+    def scales(self) -> NDArray[np.int64]:
+        """Scales τ_j = 2^j (samples)."""
+        return np.int64(1) << self.levels
+
+    @property
+    def tau(self) -> Vector:
+        """Scales τ_j Δt (s)."""
+        return self.scales / self.rate
+
+    @property
+    def degrees_of_freedom(self) -> Vector:
+        """Equivalent degrees of freedom η_j = max(M_j / 2^j, 1) of each estimate (Percival 1995)."""
+        return np.maximum(self.counts / self.scales, 1.0)
+
+    @classmethod
+    def from_values(
+        cls,
+        variance: ArrayLike,
+        samples: int,
+        rate: float,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        *,
+        robust: bool = False,
+        efficiency: float | None = None,
+        filter: str = "haar",
+        confidence: float = 0.95,
+        unit: str = "",
+        axis: str = "",
+    ) -> WaveletVariance:
+        """A wavelet variance from published values, levels 1, 2, … in order.
+
+        Parameters
+        ----------
+        variance : (J,) array, in unit²
+            Estimates at the scales 2, 4, 8, … samples; fewer levels than the length allows are welcome.
+        samples : int
+            Length N of the signal they were computed from.
+        rate : float
+            Samples per second (Hz).
+        lower, upper : (J,) arrays, optional
+            Published limits at `confidence`; by default those of the chi-square rule.
+
+        Raises
+        ------
+        DataError
+            If a value is negative or not finite, or there are more levels than N samples have.
+
+        Examples
+        --------
+        >>> wv = WaveletVariance.from_values([0.5, 0.25, 0.12], samples=1000, rate=100.0)
+        >>> wv.tau
+        array([0.02, 0.04, 0.08])
+        """
+        from gmwm.variance.estimate import chi_square_limits, coefficient_counts
+
+        if filter != "haar":
+            raise OptionError(f"filter must be 'haar', got {filter!r}")
+        values = as_vector(variance, "variance").copy()
+        if np.any(values < 0):
+            raise DataError(f"variance must not be negative, got {values.min():g}")
+        levels = np.arange(1, values.size + 1, dtype=np.int64)
+        counts = coefficient_counts(samples, levels)
+        if counts[-1] < 1:
+            raise DataError(
+                f"{values.size} levels need at least {1 << values.size} samples, got samples={samples}; "
+                "pass the length of the signal, or fewer levels"
+            )
+        low, high = chi_square_limits(values, counts, levels, confidence)
+        limits = []
+        for name, given, default in (("lower", lower, low), ("upper", upper, high)):
+            limit = default if given is None else as_vector(given, name).copy()
+            if limit.shape != values.shape:
+                raise DataError(f"{name} must have {values.size} values like variance, got {limit.size}")
+            limits.append(limit)
+        if np.any(limits[0] > values) or np.any(limits[1] < values):
+            raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
+        return cls(
+            levels, values, limits[0], limits[1], counts, as_rate(rate), int(samples), unit, axis, confidence,
+            robust=robust, efficiency=efficiency,
+        )  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields as plain numbers, lists and texts, ready for JSON."""
+        return {
+            "levels": self.levels.tolist(),
+            "scales": self.scales.tolist(),
+            "tau": self.tau.tolist(),
+            "variance": self.variance.tolist(),
+            "lower": self.lower.tolist(),
+            "upper": self.upper.tolist(),
+            "counts": self.counts.tolist(),
+            "rate": self.rate,
+            "samples": self.samples,
+            "unit": self.unit,
+            "axis": self.axis,
+            "confidence": self.confidence,
+            "filter": self.filter,
+            "transform": self.transform,
+            "robust": self.robust,
+            "efficiency": self.efficiency,
+            "slope": self.slope,
+            "diagnostics": dict(self.diagnostics),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
+        """The result whose `to_dict` gave `values`."""
+        derived = ("scales", "tau")
+        fields = {name: value for name, value in values.items() if name not in derived}
+        for name, kind in (("levels", np.int64), ("counts", np.int64)):
+            fields[name] = np.asarray(fields[name], dtype=kind)
+        for name in ("variance", "lower", "upper"):
+            fields[name] = np.asarray(fields[name], dtype=np.float64)
+        return cls(**fields)
+
+    def summary(self) -> str:
+        """A table: scale, variance, limits and number of coefficients of every level."""
+        unit = f" ({self.unit})²" if self.unit else ""
+        title = f"{self.filter.capitalize()} {self.transform.upper()} wavelet variance"
+        lines = [
+            f"{title}{' of ' + self.axis if self.axis else ''}: {self.samples} samples at {self.rate:g} Hz",
+            f"{'level':>5} {'tau [s]':>12} {'variance' + unit:>20} {'lower':>12} {'upper':>12} {'coefficients':>13}",
+        ]
+        lines += [
+            f"{j:5d} {tau:12.6g} {v:20.6e} {low:12.4e} {high:12.4e} {m:13d}"
+            for j, tau, v, low, high, m in zip(
+                self.levels, self.tau, self.variance, self.lower, self.upper, self.counts, strict=True
+            )
+        ]
+        lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        return "\n".join(lines)
+
+    def __len__(self) -> int:
+        return int(self.levels.size)
+
+    def __repr__(self) -> str:
+        kind = "robust " if self.robust else ""
+        return (
+            f"WaveletVariance({self.axis or 'unnamed'}, {kind}{self.filter}, {len(self)} levels, "
+            f"{self.samples} samples at {self.rate:g} Hz)"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"

@@ -1,0 +1,59 @@
+"""What cannot be fitted is refused in words that say what to do."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import DR, GM, WN, WaveletVariance, fixed
+
+X = np.random.default_rng(1).normal(size=1000)
+WV = gmwm.wavelet_variance(X, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("model", "data", "options", "error", "words"),
+    [
+        ("4*GM + WN + QN + RW + DR", X[:600], {"rate": 100.0}, gmwm.ModelError, "12 parameters .* only 9 levels"),
+        ("GM(beta=fixed(1.0), sigma2=fixed(1.0))", WV, {}, gmwm.ModelError, "nothing to estimate"),
+        ("GM(sigma2=fixed(1.0)) + WN", WV, {}, gmwm.ModelError, "beta .*hold .* or free sigma2"),
+        ("GM + AR1", WV, {}, gmwm.ModelError, "AR1"),
+        ("WN + WN", WV, {}, gmwm.ModelError, "WN"),
+        ("XY + WN", WV, {}, gmwm.ModelError, "XY"),
+        ("WN", X, {}, gmwm.OptionError, "rate"),
+        ("WN", X, {"rate": -250.0}, gmwm.OptionError, "sampling interval"),
+        ("WN", WV, {"rate": 250.0}, gmwm.OptionError, "contradicts"),
+        ("WN", WV, {"weighting": "optmal"}, gmwm.OptionError, "'diagonal'"),
+        ("WN", WV, {"weighting": np.ones(4)}, gmwm.OptionError, "9 x 9"),
+        ("WN", WV, {"weighting": -np.eye(9)}, gmwm.OptionError, "positive definite"),
+        ("WN", WV, {"weighting": np.ones((9, 9))}, gmwm.OptionError, "positive definite"),
+        ("WN", WV, {"weighting": np.triu(np.ones((9, 9)))}, gmwm.OptionError, "symmetric"),
+        ("WN", np.full(100, 3.0), {"rate": 1.0}, gmwm.ModelError, "constant"),
+        ("WN", np.append(X, np.nan), {"rate": 1.0}, gmwm.DataError, "1 NaN .* index 1000"),
+        ("WN", X[:5], {"rate": 1.0}, gmwm.DataError, "at least 8"),
+        ("WN", X.reshape(2, -1), {"rate": 1.0}, gmwm.DataError, "one-dimensional"),
+        ("WN", ["a"] * 10, {"rate": 1.0}, gmwm.DataError, "real numbers"),
+    ],
+)
+def test_refused(model, data, options, error, words):
+    with pytest.raises(error, match=words):
+        gmwm.fit(model, data, **options)
+
+
+def test_a_level_without_variance_cannot_be_weighed_by_the_data():
+    wv = WaveletVariance.from_values([0.0, 0.1, 0.05, 0.02], samples=1000, rate=10.0)
+    with pytest.raises(gmwm.DataError, match="zero at level 1"):
+        gmwm.fit(WN(), wv)
+    assert gmwm.fit(WN(), wv, weighting="identity").parameters["WN.sigma2"] > 0
+
+
+def test_gaps_are_never_glued():
+    signal = gmwm.Signal(X, 100.0, segments=((0, 400), (400, 1000)))
+    with pytest.raises(gmwm.DataError, match=r"2 segments of .*longest"):
+        gmwm.fit(WN(), signal)
+    assert gmwm.fit(WN(), signal.longest()).wavelet_variance.samples == 600
+
+
+def test_held_and_free_terms_of_one_kind_mix():
+    with pytest.warns(gmwm.FitWarning):
+        fit = gmwm.fit(GM(beta=fixed(2.0)) + GM() + WN() + DR(), WV)
+    assert 2.0 in fit.parameters.values()
