@@ -1,0 +1,45 @@
+"""Stochastic calibration of inertial sensors by the Generalized Method of Wavelet Moments.
+
+Conventions, stated once. Everything inside is SI: rad/s and m/s² for signals, s for times, Hz for rates.
+Parameters of processes are per sample (a white noise variance σ² is that of one sample), except the inverse
+correlation time β of a Gauss-Markov process, which is in 1/s. Levels count from 1; the scale of level j is
+τ_j = 2^j samples. The Allan variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
+"""
+
+from gmwm.errors import DataError as DataError
+from gmwm.errors import FitWarning as FitWarning
+from gmwm.errors import GmwmError as GmwmError
+from gmwm.errors import GmwmWarning as GmwmWarning
+from gmwm.errors import InferredUnitWarning as InferredUnitWarning
+from gmwm.errors import MissingDependencyError as MissingDependencyError
+from gmwm.errors import MissingTheoryError as MissingTheoryError
+from gmwm.errors import ModelError as ModelError
+from gmwm.errors import OptionError as OptionError
+from gmwm.errors import ReadError as ReadError
+from gmwm.errors import TimeBaseWarning as TimeBaseWarning
+from gmwm.errors import UnitError as UnitError
+from gmwm.estimation import Fit as Fit
+from gmwm.estimation import fit as fit
+from gmwm.inspection import Inspection as Inspection
+from gmwm.inspection import inspect as inspect
+from gmwm.plots import plot_imu as plot_imu
+from gmwm.processes import AR1 as AR1
+from gmwm.processes import DR as DR
+from gmwm.processes import GM as GM
+from gmwm.processes import QN as QN
+from gmwm.processes import RW as RW
+from gmwm.processes import WN as WN
+from gmwm.processes import Model as Model
+from gmwm.processes import Process as Process
+from gmwm.processes import fixed as fixed
+from gmwm.processes import parse_model as parse_model
+from gmwm.readers import read as read
+from gmwm.signals import Imu as Imu
+from gmwm.signals import Signal as Signal
+from gmwm.simulation import reference_imu as reference_imu
+from gmwm.simulation import simulate as simulate
+from gmwm.variance import WaveletVariance as WaveletVariance
+from gmwm.variance import wavelet_variance as wavelet_variance
+from gmwm.writers import write as write
+
+__version__ = "0.1.0"

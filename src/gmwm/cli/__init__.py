@@ -1,0 +1,1 @@
+"""The command line. Every command calls public functions only: what it does can be done in Python too."""

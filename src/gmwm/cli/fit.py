@@ -1,0 +1,189 @@
+"""gmwm fit: a noise model for each axis of a recording, with its certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from gmwm.cli.options import (
+    RESULT,
+    Axes,
+    Columns,
+    Datasheet,
+    File,
+    Gaps,
+    Json,
+    Rate,
+    Units,
+    View,
+    chosen_axes,
+    load,
+)
+from gmwm.processes import registry
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+
+EXAMPLES = (
+    "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
+    "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
+    "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
+)
+_PROCESSES = ", ".join(f"{name} {process.title}" for name, process in registry.items())
+
+
+def fit(
+    file: File,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            "-m",
+            help=f"A sum of processes: {_PROCESSES}. Numbers repeat: 2*GM. Values start there, fixed values are "
+            "held: GM(beta=fixed(0.01)).",
+            metavar="MODEL",
+            show_default=False,
+        ),
+    ],
+    axis: Axes = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    weighting: Annotated[
+        Literal["diagonal", "identity"],
+        typer.Option(help="Weigh each level by its own variance, or all alike.", rich_help_panel="Estimation"),
+    ] = "diagonal",
+    certify: Annotated[
+        bool,
+        typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
+    ] = True,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Write fits.json and a picture of each fit into this directory.", rich_help_panel=RESULT),
+    ] = None,
+    view: View = "wavelet",
+    datasheet: Datasheet = False,
+    json: Json = False,
+) -> None:
+    """Fit a model to each axis and print its parameters.
+
+    Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
+    estimate is the best there is: no starting values are needed, and the certificate says by how many per cent
+    of the objective a better one gain at most.
+    """
+    from gmwm import parse_model
+    from gmwm.cli.output import print_json, print_written, tell, told_warnings
+
+    parsed = parse_model(model)
+    with told_warnings() as told:
+        imu = load(file, rate, units, columns, gaps)
+        fits = fit_axes(dict.fromkeys(imu.axes, parsed), chosen_axes(imu, axis), weighting=weighting, certify=certify)
+        if json:
+            for name, found in fits.items():
+                for note in found.diagnostics.notes():
+                    tell(told, f"{name}: {note}")
+        content = {
+            "file": str(file),
+            "model": str(parsed),
+            "axes": {name: f.to_dict() for name, f in fits.items()},
+        }
+        written = []
+        if output is not None:
+            written.append(write_fits(output / "fits.json", content))
+            written += [draw({name: f}, output / f"fit_{name}.png", view, datasheet) for name, f in fits.items()]
+        if plot is not None:
+            written.append(draw(fits, plot, view, datasheet))
+        if json:
+            print_json("fit", content, told)
+            return
+        print_fits(fits)
+        print_written(written)
+
+
+def fit_axes(
+    models: Mapping[str, Any],
+    signals: Mapping[str, Any],
+    *,
+    weighting: Literal["diagonal", "identity"] = "diagonal",
+    certify: bool = True,
+) -> dict[str, Fit]:
+    """A fit of each signal with the model of its axis, several at once."""
+    import gmwm
+    from gmwm.cli.parallel import over_axes
+
+    return over_axes(
+        lambda signal: gmwm.fit(models[signal.axis], signal, weighting=weighting, certify=certify),
+        signals,
+        "fitting",
+    )
+
+
+def draw(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> Path:
+    """A picture of one fit with its terms in words, or of several in a grid."""
+    from gmwm.cli.output import progress
+    from gmwm.plots.imu import plot_imu
+
+    with progress(f"drawing {path.name}"):
+        if len(fits) == 1:
+            next(iter(fits.values())).plot(view=view, units="datasheet" if datasheet else "si", path=path)
+        else:
+            plot_imu(fits, view=view, units="datasheet" if datasheet else "si", path=path)
+    return path
+
+
+def write_fits(path: Path, content: Mapping[str, Any]) -> Path:
+    """`content` as a JSON file, with the version of the package."""
+    from gmwm._files import write_text
+    from gmwm.cli.output import json_text
+
+    write_text(path, json_text("fit", content) + "\n")
+    return path
+
+
+def print_fits(fits: Mapping[str, Fit]) -> None:
+    """The summary of one fit, or a table for each sensor with its axes side by side."""
+    if len(fits) == 1:
+        print(next(iter(fits.values())).summary())
+        return
+    first = next(iter(fits.values()))
+    wv = first.wavelet_variance
+    print(f"{first.model.structure}, {wv.samples} samples at {wv.rate:g} Hz, weighting {first.weighting}")
+    sensors: dict[str, dict[str, Fit]] = {}
+    for name, found in fits.items():
+        sensors.setdefault(name.rpartition("_")[0], {})[name] = found
+    for group in sensors.values():
+        _print_sensor(group)
+    notes = [f"{name}: {note}" for name, found in fits.items() for note in found.diagnostics.notes()]
+    if notes:
+        print("\n".join(["", *notes]))
+
+
+def _print_sensor(group: Mapping[str, Fit]) -> None:
+    from gmwm.cli.output import print_table
+
+    first = next(iter(group.values()))
+    units = first.units()
+    rows = [
+        [name, units[name], *(_number(found.parameters[name]) for found in group.values())] for name in first.parameters
+    ]
+    last = len(rows) - 1
+    rows.append(["objective", "", *(f"{found.objective:.5g}" for found in group.values())])
+    rows.append(["gain at most", "", *_gains(list(group.values()))])
+    print()
+    print_table(["parameter", "unit", *group], rows, texts=2, rules=[last])
+
+
+def _number(value: float) -> str:
+    return f"{value:.3e}" if value else "0"
+
+
+def _gains(fits: Sequence[Fit]) -> list[str]:
+    return ["no proof" if found.gap is None else f"{100 * found.gap:.2g} %" for found in fits]

@@ -1,0 +1,34 @@
+"""gmwm info: what a file holds, as it was understood."""
+
+from __future__ import annotations
+
+from gmwm.cli.options import Columns, File, Gaps, Json, Rate, Units, load
+
+EXAMPLES = ("gmwm info static.csv", "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g")
+
+
+def info(
+    file: File,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    json: Json = False,
+) -> None:
+    """Say what a recording holds and whether it can be used.
+
+    Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
+    bit, whether the unit stood still, knocks, and what to beware of.
+    """
+    from gmwm.cli.errors import as_options
+    from gmwm.cli.output import print_json, progress, told_warnings
+    from gmwm.inspection import inspect
+
+    with told_warnings() as told:
+        imu = load(file, rate, units, columns, gaps)
+        with progress("inspecting"):
+            inspection = inspect(imu)
+        if json:
+            print_json("info", {"file": str(file), **inspection.to_dict()}, told)
+        else:
+            print(as_options(inspection.summary()))

@@ -1,0 +1,77 @@
+"""The command `gmwm`: its subcommands, and the one door through which it starts and ends."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from gmwm.cli import demo, fit, info, simulate, wv
+from gmwm.cli.errors import OneLineErrors, one_line
+
+app = typer.Typer(
+    name="gmwm",
+    cls=OneLineErrors,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _help(text: str | None) -> str:
+    """A docstring with each paragraph on one line, so that a terminal of any width breaks it well."""
+    return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
+
+
+for _command, _examples in (
+    (info.info, info.EXAMPLES),
+    (wv.wv, wv.EXAMPLES),
+    (fit.fit, fit.EXAMPLES),
+    (simulate.simulate, simulate.EXAMPLES),
+    (demo.demo, demo.EXAMPLES),
+):
+    app.command(help=_help(_command.__doc__), epilog="\n\n".join(("Examples:", *_examples)))(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from gmwm import __version__
+
+        print(f"gmwm {__version__}")
+        raise typer.Exit
+
+
+_PURPOSE = """Find the noise model of an inertial sensor in a static recording.
+
+By the Generalized Method of Wavelet Moments: a sum of processes is fitted to the wavelet variance, which is
+half the Allan variance. A recording is a text file (CSV, TXT) or Parquet with gyroscopes, accelerometers or both.
+
+Every command takes --json: the result as JSON on stdout, all else on stderr. Exit codes: 0 done, 2 an error that
+one line on stderr explains, 130 interrupted."""
+
+
+@app.callback(
+    invoke_without_command=True,
+    help=_help(_PURPOSE),
+    epilog="Start with:  gmwm demo\n\nYour own file:  gmwm info FILE,  then  gmwm fit FILE --model '2*GM + WN + RW'",
+)
+def _gmwm(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Help where no command is given."""
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+def run() -> None:
+    """Run the command line; the entry point of the script `gmwm`."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            # A terminal without σ and ² shows a question mark there; it does not stop the command.
+            stream.reconfigure(errors="replace")
+    app(prog_name="gmwm")

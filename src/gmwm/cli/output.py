@@ -1,0 +1,148 @@
+"""What commands write: JSON alone on stdout, tables that never wrap, warnings in a line, progress on stderr."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from gmwm.cli.errors import as_options, one_line
+from gmwm.errors import FitWarning, GmwmWarning
+
+Advance = Callable[[str], None]
+"""Moves a progress bar by one step, which the text describes."""
+
+
+def print_json(command: str, content: Mapping[str, Any], warned: Sequence[str]) -> None:
+    """The result of a command on stdout, as `json_text` has it."""
+    print(json_text(command, {**content, "warnings": list(warned)}))
+
+
+def json_text(command: str, content: Mapping[str, Any]) -> str:
+    """The result of a command as JSON, with the version; NaN and infinities are null.
+
+    >>> print(json_text("wv", {"limits": [1.0, float("inf")]}))
+    {
+     "gmwm": "...",
+     "command": "wv",
+     "limits": [
+      1.0,
+      null
+     ]
+    }
+    """
+    from gmwm import __version__
+
+    document = _plain({"gmwm": __version__, "command": command, **content})
+    return json.dumps(document, allow_nan=False, ensure_ascii=False, indent=1)
+
+
+def _plain(value: Any) -> Any:
+    """`value` with what JSON has no word for replaced: NaN and infinities by null, NumPy numbers by numbers."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def print_table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    title: str = "",
+    texts: int = 1,
+    rules: Sequence[int] = (),
+) -> None:
+    """A table on stdout; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
+
+    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        title=title or None,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        padding=(0, 1),
+    )
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="left" if k < texts else "right", no_wrap=True)
+    for k, row in enumerate(rows):
+        table.add_row(*row, end_section=k in rules)
+    console = Console(highlight=False, markup=False, width=10_000)
+    with console.capture() as captured:
+        console.print(table)
+    lines = (line.rstrip() for line in captured.get().splitlines())
+    print("\n".join(lines).strip("\n"))
+
+
+def print_written(paths: Sequence[Path]) -> None:
+    """Say which files there are now."""
+    if paths:
+        print("\nWrote")
+    for path in paths:
+        print(f"  {path}")
+
+
+@contextmanager
+def told_warnings() -> Iterator[list[str]]:
+    """Print each GmwmWarning as one line on stderr, once; yields the list of those printed so far.
+
+    Those of fits are left to `Fit.diagnostics`, where they stand beside the axis.
+    """
+    told: list[str] = []
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if not issubclass(category, GmwmWarning):
+            print(f"{category.__name__}: {message} ({filename}:{lineno})", file=sys.stderr)
+        elif not issubclass(category, FitWarning):
+            tell(told, str(message))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", GmwmWarning)
+        warnings.showwarning = show
+        yield told
+
+
+def tell(told: list[str], message: str) -> None:
+    """Print a warning in one line on stderr, unless it has been told before."""
+    text = as_options(one_line(message))
+    if text not in told:
+        told.append(text)
+        print(f"warning: {text}", file=sys.stderr)
+
+
+@contextmanager
+def progress(what: str, steps: int | None = None) -> Iterator[Advance]:
+    """A progress bar on stderr while the block runs, if that is a terminal; it leaves nothing behind."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=steps)
+        yield lambda text: bar.update(task, advance=1, description=text)

@@ -1,0 +1,97 @@
+"""gmwm simulate: a static recording with known noise, as a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.cli.options import Json
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.processes.model import ModelLike
+
+EXAMPLES = (
+    "gmwm simulate --reference --duration 3600 --output imu.csv",
+    "gmwm simulate --model 'gyro=WN(sigma2=4e-8) + RW(gamma2=1e-14)' --rate 200 --duration 600 --output imu.parquet",
+)
+_PLACE = re.compile(r"\s*((?:gyro|accel)(?:_[xyz])?)\s*=(.*)", re.DOTALL)
+
+
+def simulate(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.", show_default=False)
+    ],
+    duration: Annotated[float, typer.Option(help="Length of the recording (s).", show_default=False)],
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--model",
+            "-m",
+            help="A model with all its values: MODEL for all six axes, gyro=MODEL or accel=MODEL for three, "
+            "gyro_x=MODEL for one; repeat it.",
+            metavar="[AXIS=]MODEL",
+            show_default=False,
+        ),
+    ] = None,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="In place of --model: the six axes of the demo, a good MEMS unit."),
+    ] = False,
+    rate: Annotated[float, typer.Option(help="Samples per second (Hz).")] = 100.0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same recording.", min=0)] = 1,
+    json: Json = False,
+) -> None:
+    """Write a static recording whose noise is known.
+
+    Each axis is a path of its own model (values in SI units and per sample, GM.beta in 1/s); accel_z carries
+    gravity as well. Every axis draws from its own stream of the seed.
+    """
+    from gmwm.cli.output import print_json, progress, told_warnings
+    from gmwm.simulation import models_by_axis, reference_imu
+    from gmwm.simulation import simulate as simulated
+    from gmwm.writers import write
+
+    if reference == bool(model):
+        raise OptionError("give what to simulate as --model or as --reference, one of them")
+    truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
+    with told_warnings() as told:
+        with progress(f"simulating {duration:g} s"):
+            imu = simulated(truth, rate=rate, duration=duration, seed=seed)
+        with progress(f"writing {output.name}"):
+            write(imu, output)
+        if json:
+            content = {
+                "file": str(output), "seed": seed, "rate": imu.rate, "samples": len(imu), "duration": imu.duration,
+                "axes": {axis: {"model": str(m), "parameters": m.parameters} for axis, m in truth.items()},
+            }  # fmt: skip
+            print_json("simulate", content, told)
+            return
+        for axis, m in truth.items():
+            print(f"{axis:<8} {m}")
+        print(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
+
+
+def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
+    """What `gmwm.simulation.simulate` takes, from the values of --model.
+
+    >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
+    {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}
+    >>> parse_models(["WN(sigma2=4e-8)"])
+    'WN(sigma2=4e-8)'
+    """
+    matches = [_PLACE.fullmatch(text) for text in texts]
+    if len(texts) == 1 and matches[0] is None:
+        return texts[0]
+    models: dict[str, ModelLike] = {}
+    for text, match in zip(texts, matches, strict=True):
+        if match is None:
+            raise OptionError(f"with several --model each needs its axis, as gyro='{text}'; got {text!r}")
+        if match[1] in models:
+            raise OptionError(f"--model is given twice for {match[1]}; write its processes as one sum")
+        models[match[1]] = match[2].strip()
+    return models

@@ -1,0 +1,13 @@
+"""Seeing: what to draw, as data (`figure`, one module a plot), and one renderer for each drawing library.
+
+Each plot is a pair: a function that returns plot data (`wavelet_variance_panel`, `fit_panel`,
+`overlay_panel`, `imu_figure`), and one that draws them with Matplotlib (`plot_…`). Matplotlib is imported
+when something is drawn.
+"""
+
+from gmwm.plots.fit import plot_fit
+from gmwm.plots.imu import plot_imu
+from gmwm.plots.overlay import plot_comparison
+from gmwm.plots.variance import plot_wavelet_variance
+
+__all__ = ["plot_comparison", "plot_fit", "plot_imu", "plot_wavelet_variance"]

@@ -1,0 +1,137 @@
+"""Limits, ticks and grids of logarithmic axes, and how a number is written on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.plots.figure import Axis, Tick, drawable
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+_DURATIONS = (
+    (60.0, "1 min"), (600.0, "10 min"), (3600.0, "1 h"), (6 * 3600.0, "6 h"),
+    (86400.0, "1 d"), (10 * 86400.0, "10 d"), (100 * 86400.0, "100 d"),
+)  # fmt: skip
+
+MANY_DECADES = 2.5
+"""From here on powers of ten are enough labels; below, 2 and 5 are labelled too."""
+EMPTY = (1.0, 10.0)
+"""Limits of an axis on which nothing can be drawn; it has no ticks."""
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """A number in a few significant digits, with a power of ten outside 0.001 … 10 000.
+
+    >>> number_text(0.0123456), number_text(7.1123e-7), number_text(0.0), number_text(2.0e6)
+    ('0.0123', '7.11×10⁻⁷', '0', '2×10⁶')
+    """
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent)
+    if -3 <= power <= 3:
+        return f"{float(f'{value:.{digits}g}'):g}"
+    return f"{float(mantissa):g}×10{str(power).translate(_SUPERSCRIPT)}"
+
+
+def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
+    """Limits around the positive finite values: a share `margin` of the decades more, one decade at least."""
+    shown = drawable(values)
+    if not np.any(np.isfinite(shown)):
+        return EMPTY
+    low, high = math.log10(np.nanmin(shown)), math.log10(np.nanmax(shown))
+    spread = max(margin * (high - low), (1.0 - (high - low)) / 2, 0.08)
+    return 10 ** (low - spread), 10 ** (high + spread)
+
+
+def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
+    """Limits around `core`, stretched to hold the values `around` it by no more than a factor `reach`.
+
+    A confidence limit of the coarsest level, or the tail of a term that does not matter there, would else
+    decide the scale of the whole picture.
+    """
+    core = drawable(core)
+    if not np.any(np.isfinite(core)):
+        core = np.concatenate([drawable(values) for values in around] or [core])
+        return limits_of(core)
+    low, high = float(np.nanmin(core)), float(np.nanmax(core))
+    stretched = [np.clip(drawable(values), low / reach, high * reach) for values in around]
+    return limits_of(np.concatenate([core, *stretched]))
+
+
+def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
+    """Labelled and unlabelled ticks at powers of ten, at most `at_most` labels; 1, 2, 5 on a short axis.
+
+    >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
+    ['0.01', '0.1', '1', '10', '100', '1000']
+    """
+    low, high = math.log10(limits[0]), math.log10(limits[1])
+    decades = range(math.floor(low), math.ceil(high) + 1)
+    if high - low < MANY_DECADES:
+        major = [m * 10.0**e for e in decades for m in (1, 2, 5)]
+        minor = [m * 10.0**e for e in decades for m in (3, 4, 6, 7, 8, 9)]
+    else:
+        inside = [e for e in decades if low <= e <= high]
+        step = math.ceil(len(inside) / at_most)
+        labelled = [e for e in inside if e % step == 0]
+        major = [10.0**e for e in labelled]
+        minor = [10.0**e for e in inside if e % step]
+        if step == 1:
+            minor = [m * 10.0**e for e in decades for m in range(2, 10)]
+    major = [value for value in major if limits[0] <= value <= limits[1]]
+    minor = [value for value in minor if limits[0] <= value <= limits[1]]
+    ticks = zip(major, _tick_texts(major), strict=True)
+    return tuple(Tick(value, text) for value, text in ticks), tuple(minor)
+
+
+def _tick_texts(values: Sequence[float]) -> list[str]:
+    """Plain numbers if all of them are readable so, else all as powers of ten: one style for one axis."""
+    if all(0.999e-3 <= value <= 1.001e4 for value in values):
+        return [f"{value:.6g}" for value in values]
+    return [_power_text(value) for value in values]
+
+
+def _power_text(value: float) -> str:
+    mantissa, _, exponent = f"{value:.0e}".partition("e")
+    power = "10" + str(int(exponent)).translate(_SUPERSCRIPT)
+    return power if mantissa == "1" else f"{mantissa}×{power}"
+
+
+def time_axis(times: Vector, label: str) -> Axis:
+    """The axis of scales in seconds: a grid line at every dyadic scale, minutes and hours on the other side.
+
+    Parameters
+    ----------
+    times : (n,) array, s
+        The positions of the levels of all curves of the panel, in any order, repeated or not.
+    label : str
+        What it says under the axis.
+    """
+    limits = limits_of(times, margin=0.03)
+    ticks, _ = power_ticks(limits)
+    scales = np.unique(times)
+    # Curves of two sampling rates have two dyadic grids, which together are no help to the eye.
+    one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
+    grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
+    above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
+    return Axis(label, limits, ticks, grid=tuple(grid), opposite=spaced(above, limits, 0.1))
+
+
+def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
+    """The ticks that keep a distance of a `share` of the axis from the one before."""
+    kept: list[Tick] = []
+    least = (limits[1] / limits[0]) ** share
+    for tick in ticks:
+        if not kept or tick.value >= least * kept[-1].value:
+            kept.append(tick)
+    return tuple(kept)
+
+
+def value_axis(limits: tuple[float, float], label: str) -> Axis:
+    """The vertical axis: powers of ten, with grid lines at the labels."""
+    ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
+    return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))

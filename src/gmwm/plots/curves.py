@@ -1,0 +1,137 @@
+"""The pieces that several plots share: the observed curve with its band, and the panel around its marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+from gmwm.plots.axes import limits_near, time_axis, value_axis
+from gmwm.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
+from gmwm.plots.style import OBSERVED
+from gmwm.plots.view import UnitSystem, View, ViewName, view_of
+
+if TYPE_CHECKING:
+    from gmwm.variance.result import WaveletVariance
+
+BEHIND, BAND, MIDDLE, FRONT = range(4)
+"""Layers: terms of a model, limits, the model as a whole, data."""
+
+
+def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
+    """The view of one result.
+
+    Raises
+    ------
+    OptionError
+        If a name is unknown, or an Allan deviation is asked of a filter other than Haar's.
+    """
+    chosen = view_of(wv.unit, view, units)
+    if chosen.name == "allan" and wv.filter != "haar":
+        raise OptionError(
+            'view="allan" needs the Haar filter, since only its variance is half of Allan\'s; got '
+            f'filter={wv.filter!r}. Use view="wavelet", or measure with filter="haar"'
+        )
+    return chosen
+
+
+def observed_marks(
+    wv: WaveletVariance,
+    view: View,
+    *,
+    stroke: Stroke = OBSERVED,
+    label: str = "",
+    used: NDArray[np.bool_] | None = None,
+) -> tuple[Mark, ...]:
+    """The estimate, its confidence band, and the levels that a fit left out as open symbols.
+
+    Parameters
+    ----------
+    wv : WaveletVariance
+        What was measured.
+    view : View
+        How it is shown.
+    stroke : Stroke
+        How the curve looks; the band has its colour.
+    label : str
+        Entry in the legend; by default the name of the quantity.
+    used : (J,) array of bool, optional
+        Levels that the fit used; all by default.
+    """
+    x, y = view.time(wv.tau), drawable(view.height(wv.variance))
+    robust = ", robust" if wv.robust else ""
+    name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
+    kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
+    lower, upper = band_edges(wv, view)
+    marks: list[Mark] = [
+        Line(x, y, stroke if kept.all() else replace(stroke, symbol=None), name, FRONT),
+        Band(x, lower, upper, stroke.colour, 0.22, f"{100 * wv.confidence:g} % confidence", BAND),
+    ]
+    if not kept.all():
+        dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
+        marks.append(Line(x, np.where(kept, y, np.nan), dots, "", FRONT))
+        marks.append(Line(x, np.where(kept, np.nan, y), rings, "Left out of the fit", FRONT))
+    return tuple(marks)
+
+
+def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:
+    """Lower and upper limits as heights; NaN where the estimate itself cannot be drawn."""
+    lower, upper = view.height(wv.lower), view.height(wv.upper)
+    there = np.isfinite(drawable(view.height(wv.variance))) & ~np.isnan(lower) & ~np.isnan(upper)
+    return np.where(there, lower, np.nan), np.where(there, upper, np.nan)
+
+
+def closed_panel(
+    views: Sequence[View],
+    measured: Sequence[WaveletVariance],
+    marks: Iterable[Mark],
+    *,
+    around: Iterable[Vector] = (),
+    strokes: Sequence[Stroke] = (OBSERVED,),
+    names: Sequence[str] = ("",),
+    title: str = "",
+) -> Panel:
+    """A panel with axes that fit what was measured, and with a sign where a variance of zero has no place.
+
+    Parameters
+    ----------
+    views : sequence of View
+        How each measured curve is shown; they share the quantity and the unit.
+    measured : sequence of WaveletVariance
+        Decides the limits of the axes, together with their confidence limits, within the view's reach.
+    marks : iterable of Mark
+        What is drawn.
+    around : iterable of (n,) arrays
+        Further heights to which the axis may stretch, within the reach.
+    strokes, names : sequences
+        Colour and name of each measured curve, for its zeros.
+    title : str
+        Over the panel.
+    """
+    shown = list(zip(views, measured, strokes, names, strict=True))
+    edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]
+    core = np.concatenate([view.height(wv.variance) for view, wv, _, _ in shown])
+    limits = limits_near(core, [*edges, *around], reach=views[0].reach)
+    feet = [_zeros(wv, view, stroke, name) for view, wv, stroke, name in shown]
+    return Panel(
+        time_axis(np.concatenate([view.time(wv.tau) for view, wv, _, _ in shown]), views[0].time_label),
+        value_axis(limits, views[0].height_label),
+        (*marks, *(foot for foot in feet if foot is not None)),
+        title,
+        () if np.any(core > 0) else (Text("Every variance is zero"),),
+    )
+
+
+def _zeros(wv: WaveletVariance, view: View, stroke: Stroke, name: str) -> Foot | None:
+    zero = wv.variance == 0
+    count = int(np.count_nonzero(zero))
+    if not count:
+        return None
+    label = f"{name}: zero" if name else "Zero"
+    symbol = replace(stroke, width=0.0, symbol="down", filled=False)
+    return Foot(view.time(wv.tau)[zero], symbol, f"{label} at {count} of {zero.size} scales")

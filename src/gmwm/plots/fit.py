@@ -1,0 +1,126 @@
+"""A fitted model over the data: the implied curve, and each term by itself."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.plots.curves import BEHIND, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.plots.figure import Figure, Line, Panel, Stroke, drawable
+from gmwm.plots.labels import axis_title, model_text, term_label
+from gmwm.plots.style import IMPLIED, term_stroke
+from gmwm.plots.view import UnitSystem, View, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.estimation.result import Fit
+
+
+def fit_panel(
+    fit: Fit,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    decomposition: bool = True,
+    strokes: Mapping[str, Stroke] | None = None,
+) -> Panel:
+    """What `plot_fit` draws, as data.
+
+    With `strokes` (term to stroke) the legend names the terms alone and every term looks as it is told, as
+    several panels with one legend need it.
+    """
+    wv = fit.wavelet_variance
+    shown = view_for(wv, view, units)
+    implied = drawable(shown.height(np.asarray(fit.implied)))
+    name = "Model" if strokes is not None else f"Model: {model_text(fit.decomposition)}"
+    model = Line(shown.time(wv.tau), implied, IMPLIED, name, MIDDLE)
+    terms = term_lines(fit, shown, strokes) if decomposition else ()
+    marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
+    panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
+    return panel if strokes is not None else _say_what_is_not_seen(panel, terms)
+
+
+def term_lines(fit: Fit, view: View, strokes: Mapping[str, Stroke] | None = None) -> tuple[Line, ...]:
+    """The wavelet variance of every term, thin and behind the data; named with its key parameters.
+
+    A term that was estimated as zero is in the legend of a plot of its own, and nowhere else.
+    """
+    times = view.time(fit.wavelet_variance.tau)
+    processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    lines = []
+    for k, (term, variance) in enumerate(fit.decomposition.items()):
+        y = drawable(view.height(np.asarray(variance)))
+        zero = not np.any(np.isfinite(y))
+        if strokes is None:
+            label = f"{term}: zero, not supported" if zero else term_label(term, processes[term], view)
+            acting = fit.diagnostics.acts_as.get(term)
+            label += f" (acts as {acting})" if acting and not zero else ""
+            lines.append(Line(times, y, term_stroke(k), label, BEHIND))
+        elif not zero:
+            lines.append(Line(times, y, strokes[term], term, BEHIND))
+    return tuple(lines)
+
+
+def _summit(line: Line) -> Vector:
+    """A little under the highest point of a term: enough of it to be seen."""
+    return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
+
+
+def _say_what_is_not_seen(panel: Panel, terms: tuple[Line, ...]) -> Panel:
+    """Terms that lie under the lower border everywhere say so in the legend."""
+    low = panel.y.limits[0]
+    hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}
+    marks = tuple(
+        replace(mark, label=f"{mark.label} (below the axes)") if id(mark) in hidden else mark for mark in panel.marks
+    )
+    return replace(panel, marks=marks)
+
+
+def plot_fit(
+    fit: Fit,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    decomposition: bool = True,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a fit: the data with their band, the curve that the model implies, and each of its terms.
+
+    Parameters
+    ----------
+    fit : Fit
+        What was fitted; levels that it left out are open circles.
+    view : "wavelet" or "allan"
+        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    decomposition : bool
+        Whether to draw the terms; the legend gives their standard deviations and correlation times.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for these data.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    panel = fit_panel(fit, view=view, units=units, decomposition=decomposition)
+    rows = (len(panel.labels) + 1) // 2
+    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)

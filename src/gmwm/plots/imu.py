@@ -1,0 +1,170 @@
+"""All axes of a unit: one panel an axis in a grid, or one panel a sensor with its axes over one another."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+from gmwm.plots.axes import spaced, value_axis
+from gmwm.plots.figure import Axis, Figure, Panel, Tick
+from gmwm.plots.fit import fit_panel
+from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
+from gmwm.plots.overlay import Item, checked_items, measured, overlay_panel
+from gmwm.plots.style import curve_stroke, letter_stroke, term_stroke
+from gmwm.plots.variance import wavelet_variance_panel
+from gmwm.plots.view import UnitSystem, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.estimation.result import Fit
+
+PAGE = 174.0
+"""Width of two printed columns (mm)."""
+SINGLE = 120.0
+"""Width of a panel by itself (mm): reduced to a column of 85 mm its text is still 5 points high."""
+
+
+def imu_figure(
+    items: Mapping[str, Item], *, split: bool = True, view: ViewName = "wavelet", units: UnitSystem = "si"
+) -> Figure:
+    """What `plot_imu` draws, as data."""
+    axes = checked_items(items)
+    return _grid(axes, view, units) if split else _by_sensor(axes, view, units)
+
+
+def plot_imu(
+    items: Mapping[str, Item],
+    *,
+    split: bool = True,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw all axes of an inertial unit.
+
+    Parameters
+    ----------
+    items : mapping of axis to WaveletVariance or Fit
+        Named "gyro_x" … "accel_z", any number of them; other names get a panel each.
+    split : bool
+        One panel for every axis, a row for each sensor; else one panel for every sensor, x, y and z in
+        vermillion, green and blue with symbols and dashes of their own.
+    view : "wavelet" or "allan"
+        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or there is nothing to draw.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(imu_figure(items, split=split, view=view, units=units), path=path)
+
+
+def _grid(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> Figure:
+    terms = dict.fromkeys(term for item in items.values() for term in getattr(item, "decomposition", ()))
+    strokes = {term: term_stroke(k) for k, term in enumerate(terms)}
+    panels = {
+        name: fit_panel(cast("Fit", item), view=view, units=units, strokes=strokes)
+        if hasattr(item, "implied")
+        else wavelet_variance_panel(measured(item), view=view, units=units)
+        for name, item in items.items()
+    }
+    rows = _arranged({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
+    columns = len(rows[0])
+    if columns > 1:
+        rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
+    return Figure(
+        _shared([_one_scale(row) for row in rows]),
+        width=max(PAGE * columns / 3, SINGLE),
+        height=16.0 + 56.0 * len(rows),
+        legend_columns=6,
+    )
+
+
+def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> Figure:
+    sensors: dict[str, dict[str, Item]] = {}
+    for name, item in items.items():
+        sensor, letter = sensor_and_letter(name)
+        sensors.setdefault(sensor or name, {})[letter.upper() or name] = item
+    panels = []
+    for sensor, members in sensors.items():
+        strokes = [letter_stroke(name.lower()) or curve_stroke(k) for k, name in enumerate(members)]
+        title = sensor_title(sensor) if sensor not in members else sensor
+        panels.append(overlay_panel(members, view=view, units=units, strokes=strokes, title=title))
+    rows: list[tuple[Panel | None, ...]] = [tuple(panels[k : k + 2]) for k in range(0, len(panels), 2)]
+    if len(rows) > 1 and len(panels) % 2:
+        rows[-1] = (*rows[-1], None)
+    width = PAGE if len(panels) > 1 else SINGLE
+    return Figure(tuple(rows), width=width, height=10.0 + 74.0 * len(rows), legend_columns=7)
+
+
+def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
+    """A row for each sensor and a column for each letter present; other names in rows of three."""
+    places = {name: sensor_and_letter(name) for name in panels}
+    if all(sensor for sensor, _ in places.values()):
+        letters = sorted({letter for _, letter in places.values()})
+        sensors = dict.fromkeys(sensor for sensor, _ in places.values())
+        return [tuple(panels.get(f"{sensor}_{letter}") for letter in letters) for sensor in sensors]
+    everything = list(panels.values())
+    width = min(3, len(everything))
+    padded = [*everything, *[None] * (-len(everything) % width)]
+    return [tuple(padded[k : k + width]) for k in range(0, len(padded), width)]
+
+
+def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
+    """Panels of one quantity side by side get one vertical scale, so that axes compare at a glance."""
+    present = [panel for panel in row if panel is not None and panel.marks and not panel.texts]
+    if len({panel.y.label for panel in present}) != 1:
+        return row
+    low = min(panel.y.limits[0] for panel in present)
+    high = max(panel.y.limits[1] for panel in present)
+    axis = value_axis((low, high), present[0].y.label)
+    return tuple(replace(panel, y=axis) if panel in present else panel for panel in row)
+
+
+def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
+    """Labels once: of a scale that a row shares at its left, of the time under the lowest panel."""
+    result: list[tuple[Panel | None, ...]] = []
+    for i, row in enumerate(rows):
+        done: list[Panel | None] = []
+        for k, panel in enumerate(row):
+            if panel is None:
+                done.append(None)
+                continue
+            left = next((p for p in row[:k] if p is not None), None)
+            above = next((upper[k] for upper in rows[:i] if upper[k] is not None), None)
+            below = next((lower[k] for lower in rows[i + 1 :] if lower[k] is not None), None)
+            y = _quiet(panel.y) if left is not None and _same(left.y, panel.y) else panel.y
+            x = _quiet(panel.x) if below is not None and _same(below.x, panel.x) else panel.x
+            if above is not None and _same(above.x, panel.x):
+                x = replace(x, opposite=())
+            done.append(replace(panel, x=x, y=y))
+        result.append(tuple(done))
+    return tuple(result)
+
+
+def _sparse(panel: Panel) -> Panel:
+    """A narrow panel has room for fewer durations above it."""
+    return replace(panel, x=replace(panel.x, opposite=spaced(panel.x.opposite, panel.x.limits, 0.2)))
+
+
+def _same(one: Axis, other: Axis) -> bool:
+    return one.label == other.label and one.limits == other.limits
+
+
+def _quiet(axis: Axis) -> Axis:
+    return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))

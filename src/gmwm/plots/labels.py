@@ -1,0 +1,119 @@
+"""Words for the reader: titles of axes, and terms of a model with the parameters that say what they are."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from gmwm.plots.axes import number_text
+from gmwm.plots.view import View
+
+if TYPE_CHECKING:
+    from gmwm.processes.base import Process
+    from gmwm.processes.parameter import Parameter
+
+_SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
+
+# Unit, its length, and the shortest duration told in it (s).
+_DURATIONS = (
+    ("d", 86400.0, 172800.0),
+    ("h", 3600.0, 7200.0),
+    ("min", 60.0, 120.0),
+    ("s", 1.0, 0.1),
+    ("ms", 1e-3, 1e-4),
+)
+
+DIGITS = 2
+"""Significant digits in a legend; the numbers to use are in the summary of the fit."""
+KEY_PARAMETERS = 2
+"""How many parameters of a term its entry in a legend shows."""
+
+
+def sensor_and_letter(axis: str) -> tuple[str, str]:
+    """The sensor and the letter of an axis named like "gyro_x"; ("", "") for any other name.
+
+    >>> sensor_and_letter("accel_z"), sensor_and_letter("pressure")
+    (('accel', 'z'), ('', ''))
+    """
+    sensor, _, letter = axis.rpartition("_")
+    return (sensor, letter) if sensor and letter in ("x", "y", "z") else ("", "")
+
+
+def sensor_title(sensor: str) -> str:
+    """The name of a sensor in words.
+
+    >>> sensor_title("gyro")
+    'Gyroscope'
+    """
+    return _SENSORS.get(sensor, sensor.replace("_", " ").capitalize())
+
+
+def axis_title(axis: str) -> str:
+    """The name of an axis in words.
+
+    >>> axis_title("gyro_x"), axis_title("pressure")
+    ('Gyroscope X', 'pressure')
+    """
+    sensor, letter = sensor_and_letter(axis)
+    return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
+
+
+def term_label(term: str, process: Process, view: View) -> str:
+    """A term with its key parameters: standard deviations in the unit shown, correlation times, not rates.
+
+    Parameters
+    ----------
+    term : str
+        Name of the term, such as "GM[1]".
+    process : Process
+        The term with its estimates; says what its parameters are.
+    view : View
+        Gives the unit and the factor from the unit of the data.
+
+    >>> from gmwm.processes import GM
+    >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), View("allan", "rad/s", 1.0))
+    'GM[1]: T = 50 s, σ = 3×10⁻⁴ rad/s'
+    """
+    texts = [parameter_text(p, process.value(p.name), view) for p in process.parameters[:KEY_PARAMETERS]]
+    more = ", …" if len(process.parameters) > KEY_PARAMETERS else ""
+    return f"{term}: {', '.join(texts)}{more}"
+
+
+def parameter_text(parameter: Parameter, value: float, view: View) -> str:
+    """One estimate: the root of a variance, the inverse of a rate, anything else as it is."""
+    unit = f" {view.unit}" if view.unit else ""
+    if parameter.signal_power == 2 and parameter.time_power == 0:
+        root = parameter.symbol.removesuffix("²")
+        return f"{root} = {number_text(view.factor * value**0.5, DIGITS)}{unit}"
+    if parameter.signal_power == 1 and parameter.time_power == 0:
+        per = " per sample" if parameter.per_sample else ""
+        return f"{parameter.symbol} = {number_text(view.factor * value, DIGITS)}{unit}{per}"
+    if parameter.signal_power == 0 and parameter.time_power == -1 and value > 0:
+        return f"T = {duration_text(1 / value)}"
+    return f"{parameter.symbol} = {number_text(value)}"
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in the unit in which it reads well.
+
+    >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
+    ('4.2 ms', '53 s', '90 min', '11 h')
+    """
+    for unit, size, least in _DURATIONS:
+        if seconds >= least:
+            return f"{number_text(seconds / size, DIGITS)} {unit}"
+    return f"{number_text(1e6 * seconds, DIGITS)} µs"
+
+
+def model_text(terms: Iterable[str]) -> str:
+    """A model in short, from the names of its terms.
+
+    >>> model_text(["GM[1]", "GM[2]", "WN"])
+    '2·GM + WN'
+    """
+    counts: dict[str, int] = {}
+    for term in terms:
+        name = re.sub(r"\[\d+\]$", "", term)
+        counts[name] = counts.get(name, 0) + 1
+    return " + ".join(name if count == 1 else f"{count}·{name}" for name, count in counts.items())

@@ -1,0 +1,210 @@
+"""The renderer for Matplotlib: plot data become a Matplotlib figure, without pyplot's global state."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as MatplotlibFigure
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullLocator
+
+from gmwm._files import written_whole
+from gmwm.errors import OptionError
+from gmwm.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
+from gmwm.plots.style import GRID
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axis import Axis as MatplotlibAxis
+
+FORMATS = (".png", ".pdf", ".svg")
+"""File endings of the pictures that can be written."""
+
+MILLIMETRE = 1 / 25.4
+DPI = 200
+PRINT_DPI = 400
+TEXT_SIZE = 8.0
+SMALL_SIZE = 7.0
+LEGEND_SIZE = 6.6
+FOOT = 0.03
+
+_SYMBOLS: dict[Symbol, str] = {
+    "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "down": "v", "cross": "x", "plus": "+",
+    "star": "*",
+}  # fmt: skip
+
+# Where a date or a random identifier would make two pictures of the same data differ.
+_METADATA: dict[str, dict[str, None]] = {".png": {}, ".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
+
+
+class Picture(MatplotlibFigure):
+    """A Matplotlib figure that shows itself in a notebook, though pyplot does not know it."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+
+def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw plot data and, where a path is given, write the picture whole or not at all.
+
+    Parameters
+    ----------
+    figure : Figure
+        What to draw.
+    ax : matplotlib Axes, optional
+        Draw the only panel there, with the legend inside; a new figure by default.
+    path : path, optional
+        A file that ends in .png, .pdf or .svg.
+
+    Raises
+    ------
+    OptionError
+        If `ax` is not Matplotlib axes, or cannot hold several panels, or the ending of `path` is unknown.
+    """
+    if path is not None and Path(path).suffix.lower() not in FORMATS:
+        raise OptionError(f"path must end in one of {', '.join(FORMATS)}, got {str(path)!r}")
+    picture = _new_picture(figure) if ax is None else _onto(figure, ax)
+    if path is not None:
+        save(picture, path)
+    return picture
+
+
+def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
+    """Write a picture in the format that `path` ends in; the same picture gives the same bytes."""
+    suffix = Path(path).suffix.lower()
+    # Text in a PDF stays text (font type 42), as journals ask; the salt fixes the identifiers in an SVG.
+    settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
+    with written_whole(path) as temporary, matplotlib.rc_context(settings):
+        picture.savefig(temporary, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
+
+
+def _new_picture(figure: Figure) -> MatplotlibFigure:
+    picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=DPI, layout="constrained")
+    rows, columns = len(figure.rows), len(figure.rows[0])
+    handles: dict[str, Artist] = {}
+    for i, row in enumerate(figure.rows):
+        for k, panel in enumerate(row):
+            if panel is not None:
+                axes = picture.add_subplot(rows, columns, i * columns + k + 1)
+                for label, handle in draw_panel(panel, axes).items():
+                    handles.setdefault(label, handle)
+    if figure.title:
+        picture.suptitle(figure.title, fontsize=TEXT_SIZE + 1)
+    if handles:
+        _legend_below(picture, handles, figure.legend_columns)
+    return picture
+
+
+def _legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
+    """One legend under all panels, in as many columns up to `columns` as the width holds."""
+    for ncols in range(columns, 0, -1):
+        legend = picture.legend(
+            [*handles.values()], [*handles], loc="outside lower center", ncols=ncols, fontsize=LEGEND_SIZE,
+            frameon=False, handlelength=3.0, handletextpad=0.6, columnspacing=1.2, labelspacing=0.3,
+        )  # fmt: skip
+        if ncols == 1 or legend.get_window_extent().width <= picture.bbox.width:
+            return
+        legend.remove()
+
+
+def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
+    if not isinstance(ax, Axes):
+        raise OptionError(f"ax must be Matplotlib axes, got {type(ax).__name__}; pass figure.add_subplot()")
+    if len(figure.panels) != 1:
+        raise OptionError(f"ax holds one panel, this plot has {len(figure.panels)}; leave ax out")
+    handles = draw_panel(figure.panels[0], ax)
+    ax.legend([*handles.values()], [*handles], fontsize=LEGEND_SIZE, frameon=False, handlelength=3.0)
+    owner: Any = ax.figure
+    while not isinstance(owner, MatplotlibFigure):
+        owner = owner.figure
+    return owner
+
+
+def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
+    """Draw one panel on axes; returns what stands for each entry of the legend."""
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    handles: dict[str, Artist] = {}
+    for mark in panel.marks:
+        artist = _draw_mark(mark, ax, panel.y.limits)
+        if mark.label:
+            handles.setdefault(mark.label, artist)
+    for text in panel.texts:
+        place: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
+        ax.text(text.x, text.y, text.text, fontsize=TEXT_SIZE, **place)
+    ax.vlines(panel.x.grid, 0, 1, transform=ax.get_xaxis_transform(), colors=GRID, linewidths=0.5, zorder=0.5)
+    ax.hlines(panel.y.grid, 0, 1, transform=ax.get_yaxis_transform(), colors=GRID, linewidths=0.5, zorder=0.5)
+    _dress(ax.xaxis, panel.x)
+    _dress(ax.yaxis, panel.y)
+    ax.set_xlim(panel.x.limits)
+    ax.set_ylim(panel.y.limits)
+    for spine in ax.spines.values():
+        spine.set_linewidth(0.7)
+    if panel.x.opposite:
+        _opposite(ax, panel.x.opposite)
+    if panel.title:
+        ax.set_title(panel.title, fontsize=TEXT_SIZE)
+    return handles
+
+
+def _draw_mark(mark: Mark, ax: Axes, limits: tuple[float, float]) -> Artist:
+    if isinstance(mark, Foot):
+        place, style = np.full(mark.x.shape, FOOT), _line_style(mark.stroke)
+        return ax.plot(mark.x, place, label=mark.label, transform=ax.get_xaxis_transform(), **style)[0]
+    if isinstance(mark, Band):
+        return _draw_band(mark, ax, limits)
+    style = _line_style(mark.stroke)
+    return ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **style)[0]
+
+
+def _draw_band(band: Band, ax: Axes, limits: tuple[float, float]) -> Artist:
+    # Edges at zero or infinity have no place on the axis: far outside the panel serves as well.
+    lower, upper = (np.clip(edge, limits[0] / 100, limits[1] * 100) for edge in (band.lower, band.upper))
+    style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
+    there = np.isfinite(lower) & np.isfinite(upper)
+    # A point without neighbours has an interval but no area: a bar stands for it.
+    beside = np.concatenate([[False], there, [False]])
+    alone = there & ~beside[:-2] & ~beside[2:]
+    if np.any(alone):
+        ax.vlines(band.x[alone], lower[alone], upper[alone], linewidth=4.0, **style)
+    return ax.fill_between(band.x, lower, upper, linewidth=0, label=band.label, **style)
+
+
+def _line_style(stroke: Stroke) -> dict[str, Any]:
+    drawn: Any = "none" if stroke.width == 0 else (0, stroke.dash) if stroke.dash else "solid"
+    return {
+        "color": stroke.colour,
+        "linewidth": stroke.width,
+        "linestyle": drawn,
+        "marker": _SYMBOLS[stroke.symbol] if stroke.symbol else "none",
+        "markersize": 3.2,
+        "markerfacecolor": stroke.colour if stroke.filled else "white",
+        "markeredgewidth": 0.8,
+    }
+
+
+def _dress(axis: MatplotlibAxis, data: Axis) -> None:
+    """Give an axis its label and exactly the ticks of the data."""
+    axis.set_major_locator(FixedLocator([tick.value for tick in data.ticks]))
+    axis.set_major_formatter(FixedFormatter([tick.label for tick in data.ticks]))
+    axis.set_minor_locator(FixedLocator(list(data.minor)) if data.minor else NullLocator())
+    axis.set_minor_formatter(NullFormatter())
+    axis.set_tick_params(which="major", labelsize=SMALL_SIZE, length=3.5, width=0.7)
+    axis.set_tick_params(which="minor", length=1.8, width=0.5)
+    axis.set_label_text(data.label, fontsize=TEXT_SIZE)
+
+
+def _opposite(ax: Axes, ticks: tuple[Tick, ...]) -> None:
+    upper = ax.secondary_xaxis("top")
+    upper.spines["top"].set_visible(False)
+    upper.xaxis.set_major_locator(FixedLocator([tick.value for tick in ticks]))
+    upper.xaxis.set_major_formatter(FixedFormatter([tick.label for tick in ticks]))
+    upper.xaxis.set_minor_locator(NullLocator())
+    upper.xaxis.set_tick_params(labelsize=SMALL_SIZE, length=2.5, width=0.7, pad=1.5)

@@ -1,0 +1,145 @@
+"""Several curves in one panel: the axes of a triad, or whatever is to be compared."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
+
+import numpy as np
+
+from gmwm.errors import OptionError
+from gmwm.plots.curves import MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable
+from gmwm.plots.style import curve_stroke
+from gmwm.plots.view import UnitSystem, View, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.estimation.result import Fit
+    from gmwm.variance.result import WaveletVariance
+
+Item: TypeAlias = "WaveletVariance | Fit"
+"""What can be laid over others: a measurement, or a fit with its measurement."""
+
+
+def measured(item: Item) -> WaveletVariance:
+    """The wavelet variance behind an item.
+
+    Raises
+    ------
+    OptionError
+        If it is neither a WaveletVariance nor a Fit.
+    """
+    wv: Any = getattr(item, "wavelet_variance", item)
+    if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
+        raise OptionError(f"expected a WaveletVariance or a Fit for each curve, got {type(item).__name__}")
+    return cast("WaveletVariance", wv)
+
+
+def checked_items(items: Mapping[str, Item]) -> dict[str, Item]:
+    """The items as a dict, none of them foreign, at least one.
+
+    Raises
+    ------
+    OptionError
+        If it is not a mapping, is empty, or holds something else than WaveletVariance and Fit.
+    """
+    if not isinstance(items, Mapping) or not items:
+        came = "an empty one" if isinstance(items, Mapping) else type(items).__name__
+        raise OptionError(
+            f"expected a mapping of names to WaveletVariance or Fit, got {came}; "
+            'pass for instance {"gyro_x": wv_x, "gyro_y": wv_y}'
+        )
+    for item in items.values():
+        measured(item)
+    return dict(items)
+
+
+def overlay_panel(
+    items: Mapping[str, Item],
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    strokes: Sequence[Stroke] | None = None,
+    title: str = "",
+) -> Panel:
+    """Several curves in one panel, each with its band; of a fit, symbols for the data, a line for the model.
+
+    Raises
+    ------
+    OptionError
+        If the curves are not of one unit.
+    """
+    results = [measured(item) for item in items.values()]
+    views = [view_for(wv, view, units) for wv in results]
+    if len({shown.unit for shown in views}) > 1:
+        pairs = zip(items, views, strict=True)
+        found = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
+        raise OptionError(f"curves in one panel must have one unit, got {found}; plot each sensor by itself")
+    strokes = strokes or [curve_stroke(k) for k in range(len(results))]
+    marks: list[Mark] = []
+    around = []
+    for name, item, shown, stroke in zip(items, items.values(), views, strokes, strict=True):
+        marks += _curve(name, item, shown, stroke)
+        around.append(shown.height(np.asarray(getattr(item, "implied", np.empty(0)))))
+    # Bands last: the legend names the curves first, and the limits once.
+    marks.sort(key=lambda mark: isinstance(mark, Band))
+    return closed_panel(views, results, marks, around=around, strokes=strokes, names=list(items), title=title)
+
+
+def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
+    implied = getattr(item, "implied", None)
+    wv = measured(item)
+    if implied is None:
+        marks = observed_marks(wv, view, stroke=stroke, label=name)
+        return [_faint(mark) for mark in marks]
+    used = getattr(item, "used", None)
+    dots = observed_marks(wv, view, stroke=replace(stroke, width=0.0), label=name, used=used)
+    curve = drawable(view.height(np.asarray(implied)))
+    model = Line(view.time(wv.tau), curve, replace(stroke, symbol=None), f"{name}, model", MIDDLE)
+    return [*(_faint(mark) for mark in dots), model]
+
+
+def _faint(mark: Mark) -> Mark:
+    """Bands over bands need more air."""
+    return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
+
+
+def plot_comparison(
+    items: Mapping[str, Item],
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    title: str = "",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw several wavelet variances over one another: classical and robust, two sensors, two recordings.
+
+    Parameters
+    ----------
+    items : mapping of name to WaveletVariance or Fit
+        The names stand in the legend; of a fit the data are symbols and the model is a line.
+    view, units, ax, path
+        As for `plot_wavelet_variance`.
+    title : str
+        Over the panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the curves are not of one unit.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
+    return draw(Figure(((panel,),), height=88.0), ax=ax, path=path)

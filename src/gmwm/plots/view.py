@@ -1,0 +1,124 @@
+"""How a wavelet variance is shown: as itself or as an Allan deviation, in SI or in datasheet units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+from gmwm.units import SI_UNIT, Quantity, Unit, find_unit, parse_unit
+
+ViewName: TypeAlias = Literal["wavelet", "allan"]
+"""The wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time τ/2."""
+UnitSystem: TypeAlias = Literal["si", "datasheet"]
+"""rad/s and m/s², or deg/h and mg."""
+
+DATASHEET_UNIT: dict[Quantity, str] = {"gyro": "deg/h", "accel": "mg"}
+"""The unit in which a deviation of each quantity is quoted on a datasheet."""
+
+_SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg": "mg²"}
+
+
+@dataclass(frozen=True)
+class View:
+    """One way to show a wavelet variance.
+
+    Parameters
+    ----------
+    name : "wavelet" or "allan"
+        Which quantity is drawn.
+    unit : str
+        The unit of a deviation in the picture; "" where the data have none.
+    factor : float
+        From the unit of the data to `unit`.
+    """
+
+    name: ViewName
+    unit: str
+    factor: float
+
+    def time(self, tau: Vector) -> Vector:
+        """The horizontal position of a scale τ (s): τ itself, or the Allan averaging time τ/2."""
+        return tau / 2 if self.name == "allan" else tau
+
+    def height(self, variance: Vector) -> Vector:
+        """The vertical position of a wavelet variance ν² given in the square of the data's unit.
+
+        ν² itself, or the Allan deviation √(2ν²): Allan's variance of clusters of τ/2 is twice the Haar
+        wavelet variance at scale τ.
+        """
+        if self.name == "allan":
+            variance = 2 * np.maximum(variance, 0.0)
+            return np.asarray(self.factor * np.sqrt(variance), dtype=np.float64)
+        return self.factor**2 * variance
+
+    @property
+    def time_label(self) -> str:
+        """Label of the horizontal axis."""
+        return "Averaging time τ (s)" if self.name == "allan" else "Scale τ (s)"
+
+    @property
+    def height_label(self) -> str:
+        """Label of the vertical axis."""
+        if self.name == "allan":
+            return f"Allan deviation ({self.unit or 'unit of the data'})"
+        return f"Wavelet variance ({self.square})"
+
+    @property
+    def square(self) -> str:
+        """The unit of a variance."""
+        if not self.unit:
+            return "unit of the data, squared"
+        return _SQUARES.get(self.unit, f"({self.unit})²")
+
+    @property
+    def reach(self) -> float:
+        """How far limits and models may stretch the vertical axis beyond the data: a factor."""
+        return 10**0.5 if self.name == "allan" else 10.0
+
+
+def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
+    """The view named `view` of data in `unit`, in the unit system `units`.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of the data, such as "rad/s"; a unit that is not of an inertial sensor is kept as it is.
+    view : "wavelet" or "allan"
+        Which quantity to draw.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+
+    Raises
+    ------
+    OptionError
+        If `view` or `units` is unknown, or datasheet units are asked of data that are neither an angular rate
+        nor an acceleration.
+
+    >>> view_of("deg/s", "wavelet", "si").height_label
+    'Wavelet variance (rad²/s²)'
+    >>> view_of("m/s²", "allan", "datasheet").height_label
+    'Allan deviation (mg)'
+    """
+    if view not in ("wavelet", "allan"):
+        raise OptionError(f'view must be "wavelet" or "allan", got {view!r}')
+    if units not in ("si", "datasheet"):
+        raise OptionError(f'units must be "si" (rad/s, m/s²) or "datasheet" (deg/h, mg), got {units!r}')
+    known = find_unit(unit)
+    if known is None:
+        if units == "datasheet":
+            raise OptionError(
+                'units="datasheet" needs data in a unit of angular rate or acceleration, got '
+                f'{unit or "no unit"!r}; give the signal its unit (unit="rad/s"), or use units="si"'
+            )
+        return View(view, unit, 1.0)
+    shown = _shown_unit(known, units)
+    return View(view, shown.name, known.factor / shown.factor)
+
+
+def _shown_unit(known: Unit, units: UnitSystem) -> Unit:
+    names = SI_UNIT if units == "si" else DATASHEET_UNIT
+    return parse_unit(names[known.quantity], known.quantity)

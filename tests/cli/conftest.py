@@ -1,0 +1,72 @@
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from gmwm.cli.main import app
+from gmwm.simulation import simulate
+from gmwm.writers import write
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self):
+        def refuse(word):
+            raise AssertionError(f"{word} is not JSON")
+
+        return json.loads(self.out, parse_constant=refuse)
+
+
+@pytest.fixture(scope="session")
+def gmwm():
+    """The command line in this process: `gmwm("fit", file, "--model", "WN")`."""
+
+    def run(*arguments):
+        result = CliRunner().invoke(app, [str(a) for a in arguments], prog_name="gmwm")
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        return Outcome(result.exit_code, result.stdout, result.stderr)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("recordings")
+
+
+MODELS = {"gyro": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel": "WN(sigma2=2e-5) + GM(beta=2.0, sigma2=2e-6)"}
+
+
+@pytest.fixture(scope="session")
+def recording(folder) -> Path:
+    """Six axes, 200 s at 100 Hz, as CSV with names, units and time."""
+    path = folder / "six.csv"
+    write(simulate(MODELS, rate=100.0, samples=20_000, seed=5), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def unlabelled(folder) -> Path:
+    """One gyroscope axis without time or unit."""
+    path = folder / "one.csv"
+    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, seed=6)["gyro_x"].values
+    path.write_text("gyro_x\n" + "\n".join(map(repr, values.tolist())) + "\n")
+    return path
+
+
+@pytest.fixture(scope="session")
+def broken(folder) -> Path:
+    """One gyroscope axis with a gap of ten seconds after 300 samples of 500."""
+    path = folder / "gap.csv"
+    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, seed=7)["gyro_x"].values
+    rows = [f"{k / 100 + (10 if k >= 300 else 0)!r},{v!r}" for k, v in enumerate(values.tolist())]
+    path.write_text("time [s],gyro_x [rad/s]\n" + "\n".join(rows) + "\n")
+    return path

@@ -1,0 +1,115 @@
+"""The command as a program: pipes, signals, terminals, start-up."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import gmwm as library
+from gmwm.processes import registry
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
+
+
+def start(*arguments, **options):
+    command = [sys.executable, "-m", "gmwm", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
+
+
+def run(*arguments, **options):
+    process = start(*arguments, text=True, encoding="utf-8", **options)
+    out, err = process.communicate(timeout=120)
+    return process.returncode, out, err
+
+
+def test_version():
+    assert run("--version") == (0, f"gmwm {library.__version__}\n", "")
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
+def test_help_names_every_command(arguments):
+    code, out, err = run(*arguments)
+    assert (code, err) == (0, "")
+    assert all(name in out for name in ("info", "wv", "fit", "simulate", "demo"))
+    assert "\x1b" not in out
+
+
+@pytest.mark.parametrize("command", ["info", "wv", "fit", "simulate", "demo"])
+def test_help_of_a_command_fits_eighty_columns(command, gmwm):
+    outcome = gmwm(command, "--help")
+    assert outcome.code == 0
+    assert "--json" in outcome.out
+    assert f"gmwm {command}" in outcome.out.partition("Examples:")[2]
+    assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+def test_help_of_fit_knows_every_process(gmwm):
+    words = " ".join(gmwm("fit", "--help").out.replace("│", " ").split())
+    for name, process in registry.items():
+        assert f"{name} {process.title}" in words
+
+
+def test_start_up_is_light():
+    heavy = ("polars", "matplotlib", "scipy.optimize", "scipy.stats", "scipy.signal", "rich.progress")
+    code = f"import sys, gmwm.cli.main; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_json_stands_alone_on_stdout(recording):
+    code, out, err = run("fit", recording, "--model", "WN + QN", "--json")
+    assert code == 0
+    assert json.loads(out)["command"] == "fit"
+    assert all(line.startswith("warning: ") for line in err.splitlines())
+
+
+def test_tables_in_a_pipe_are_plain_and_narrow(recording):
+    code, out, err = run("fit", recording, "--model", "2*GM + WN + RW", env={**os.environ, "COLUMNS": "40"})
+    assert (code, err) == (0, "")
+    assert "\x1b" not in out
+    assert "…" not in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def test_an_ascii_terminal_is_no_obstacle(recording):
+    code, out, err = run("fit", recording, "--model", "WN", env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert (code, err) == (0, "")
+    assert "WN.sigma2" in out
+
+
+def test_an_error_is_no_traceback(folder):
+    code, out, err = run("info", folder / "none.csv")
+    assert (code, out) == (2, "")
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+@POSIX
+@pytest.mark.parametrize("arguments", [["wv", "--json"], ["fit", "--model", "WN"]], ids=["wv", "fit"])
+def test_a_closed_pipe_ends_quietly(recording, arguments):
+    process = start(*arguments, recording)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == b""
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+
+
+@POSIX
+def test_ctrl_c(tmp_path):
+    def let_signals_in():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    process = start(
+        "demo", "--output", tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=let_signals_in
+    )
+    assert process.stdout is not None
+    assert b"Simulated" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, b"interrupted\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["imu.csv"]

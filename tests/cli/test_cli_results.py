@@ -1,0 +1,226 @@
+"""What the commands print and write: the same numbers as the library gives, in every form."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import gmwm as library
+from gmwm.readers import read
+from gmwm.simulation import reference_imu
+
+AXES = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+
+
+def test_info_says_what_the_file_holds(gmwm, recording):
+    outcome = gmwm("info", recording)
+    assert outcome.code == 0
+    assert "20000 samples at 100 Hz" in outcome.out
+    assert all(axis in outcome.out for axis in AXES)
+
+
+def test_info_json(gmwm, recording):
+    content = gmwm("info", recording, "--json").json
+    assert (content["command"], content["file"]) == ("info", str(recording))
+    assert content["gmwm"] == library.__version__
+    assert content["rate"] == pytest.approx(100.0)
+    assert content["samples"] == 20_000
+    assert list(content["axes"]) == AXES
+    assert content["axes"]["gyro_x"]["unit"] == "rad/s"
+    assert isinstance(content["static"], bool)
+    assert isinstance(content["warnings"], list)
+
+
+def test_wv_json_is_the_library_s(gmwm, recording):
+    content = gmwm("wv", recording, "--axis", "gyro_y", "--json").json
+    assert list(content["axes"]) == ["gyro_y"]
+    assert content["axes"]["gyro_y"] == library.wavelet_variance(read(recording)["gyro_y"]).to_dict()
+
+
+def test_wv_table_and_csv(gmwm, recording, tmp_path):
+    target = tmp_path / "wv.csv"
+    outcome = gmwm("wv", recording, "--csv", target)
+    assert outcome.code == 0
+    assert str(target) in outcome.out
+    with target.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    expected = library.wavelet_variance(read(recording)["accel_z"])
+    mine = [row for row in rows if row["axis"] == "accel_z"]
+    assert [float(row["variance"]) for row in mine] == expected.variance.tolist()
+    assert [float(row["tau_s"]) for row in mine] == expected.tau.tolist()
+    assert [int(row["coefficients"]) for row in mine] == expected.counts.tolist()
+    assert [float(row["allan_deviation"]) for row in mine] == pytest.approx(np.sqrt(2 * expected.variance))
+    assert [float(row["averaging_time_s"]) for row in mine] == (expected.tau / 2).tolist()
+    assert mine[0]["unit"] == "m/s²"
+    assert len(rows) == 6 * len(expected)
+    for value in expected.variance:
+        assert f"{value:.4e}" in outcome.out
+
+
+def test_wv_view_and_units(gmwm, recording):
+    outcome = gmwm("wv", recording, "--axis", "gyro_x", "--view", "allan", "--datasheet")
+    first = library.wavelet_variance(read(recording)["gyro_x"]).variance[0]
+    assert "Allan deviation (deg/h)" in outcome.out
+    assert f"{np.sqrt(2 * first) * 180 / np.pi * 3600:#.5g}" in outcome.out
+    assert "95 % limits" in outcome.out
+
+
+@pytest.mark.parametrize("extra", [[], ["--axis", "gyro_x"], ["--overlay", "--view", "allan"]])
+def test_wv_plot(gmwm, recording, tmp_path, extra):
+    target = tmp_path / "wv.png"
+    assert gmwm("wv", recording, "--plot", target, *extra).code == 0
+    assert target.read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_json_is_the_library_s(gmwm, recording):
+    outcome = gmwm("fit", recording, "--model", "GM + WN", "--axis", "accel", "--json")
+    content = outcome.json
+    assert outcome.code == 0
+    assert content["model"] == "GM + WN"
+    assert list(content["axes"]) == AXES[3:]
+    imu = read(recording)
+    for axis, found in content["axes"].items():
+        expected = library.fit("GM + WN", imu[axis]).to_dict()
+        assert found == json.loads(json.dumps(expected))
+        assert set(found) >= {"parameters", "units", "objective", "lower_bound", "weighting", "wavelet_variance"}
+        assert found["lower_bound"] <= found["objective"]
+
+
+def test_fit_tables(gmwm, recording):
+    outcome = gmwm("fit", recording, "--model", "WN + RW", "--axis", "gyro")
+    assert outcome.code == 0
+    fits = [library.fit("WN + RW", read(recording)[axis]) for axis in AXES[:3]]
+    for found in fits:
+        for value in found.parameters.values():
+            assert f"{value:.3e}" in outcome.out
+        assert f"{found.objective:.5g}" in outcome.out
+    assert "accel" not in outcome.out
+
+
+def test_fit_one_axis_is_its_summary(gmwm, recording):
+    expected = library.fit("WN + RW", read(recording)["gyro_z"]).summary()
+    assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_z").out == expected + "\n"
+
+
+def test_fit_notes_name_their_axis(gmwm, unlabelled):
+    arguments = ("fit", unlabelled, "-m", "WN + QN", "--rate", 100, "--units", "gyro=rad/s", "--json")
+    outcome = gmwm(*arguments)
+    notes = outcome.json["warnings"]
+    assert any(note.startswith("gyro_x: QN is not supported") for note in notes)
+    assert all(f"warning: {note}" in outcome.err.splitlines() for note in notes)
+
+
+def test_fit_writes_a_directory(gmwm, recording, tmp_path):
+    target = tmp_path / "new" / "results"
+    outcome = gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x,gyro_y", "--output", target, "--no-certify")
+    assert outcome.code == 0
+    assert sorted(path.name for path in target.iterdir()) == ["fit_gyro_x.png", "fit_gyro_y.png", "fits.json"]
+    content = json.loads((target / "fits.json").read_text(encoding="utf-8"))
+    assert content["axes"]["gyro_x"]["lower_bound"] is None
+    assert "no proof" in outcome.out
+
+
+def test_fit_plots_all_axes(gmwm, recording, tmp_path):
+    target = tmp_path / "fits.svg"
+    assert gmwm("fit", recording, "-m", "WN + RW", "--plot", target, "--json").code == 0
+    assert "<svg" in target.read_text(encoding="utf-8")
+
+
+def test_units_of_the_command_line_reach_the_numbers(gmwm, unlabelled):
+    def white(unit):
+        arguments = ("fit", unlabelled, "-m", "WN", "--rate", 100, "--units", f"gyro={unit}", "--json")
+        return gmwm(*arguments).json["axes"]["gyro_x"]["parameters"]["WN.sigma2"]
+
+    assert white("deg/s") == pytest.approx(white("rad/s") * (np.pi / 180) ** 2)
+
+
+def test_columns_by_number(gmwm, recording):
+    arguments = ("wv", recording, "--columns", "time=0,gyro_z=1", "--units", "gyro=rad/s", "--json")
+    found = gmwm(*arguments).json["axes"]
+    assert list(found) == ["gyro_z"]
+    expected = library.wavelet_variance(read(recording)["gyro_x"]).variance
+    assert found["gyro_z"]["variance"] == expected.tolist()
+
+
+def test_gaps(gmwm, broken):
+    content = gmwm("wv", broken, "--gaps", "longest", "--json").json
+    assert content["axes"]["gyro_x"]["samples"] == 300
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_simulate_writes_what_it_says(gmwm, tmp_path, suffix):
+    target = tmp_path / f"imu{suffix}"
+    arguments = ("--model", "gyro=WN(sigma2=1e-6)", "--model", "accel_z=QN(q2=1e-5)")
+    outcome = gmwm("simulate", *arguments, "--duration", 2, "--rate", 50, "--seed", 3, "--output", target, "--json")
+    content = outcome.json
+    assert (content["samples"], content["rate"], content["seed"]) == (100, 50.0, 3)
+    assert content["axes"]["accel_z"]["parameters"] == {"QN.q2": 1e-5}
+    imu = read(target)
+    assert imu.axes == ("gyro_x", "gyro_y", "gyro_z", "accel_z")
+    assert len(imu) == 100
+    assert imu.rate == pytest.approx(50.0)
+    assert abs(imu["accel_z"].values.mean() - 9.80665) < 0.01
+
+
+def test_simulate_seed_is_printed_and_decides(gmwm, tmp_path):
+    def written(name, *extra):
+        outcome = gmwm("simulate", "--reference", "--duration", 1, "--output", tmp_path / name, *extra)
+        assert outcome.code == 0
+        return outcome.out, (tmp_path / name).read_bytes()
+
+    says, first = written("a.csv")
+    assert "seed 1" in says
+    assert written("b.csv", "--seed", 1)[1] == first
+    assert written("c.csv", "--seed", 2)[1] != first
+
+
+@pytest.fixture(scope="module")
+def demo(gmwm, tmp_path_factory):
+    """The demo on a seventh of its length, once in words and once as JSON."""
+    target = tmp_path_factory.mktemp("demo") / "out"
+    patch = pytest.MonkeyPatch()
+    patch.setattr("gmwm.cli.demo.SAMPLES", 100_000)
+    try:
+        return target, gmwm("demo", "--output", target), gmwm("demo", "--output", target, "--json")
+    finally:
+        patch.undo()
+
+
+def test_demo_compares_with_the_truth(demo):
+    _, words, machine = demo
+    assert (words.code, machine.code) == (0, 0)
+    rows = machine.json["comparison"]
+    truth = {axis: model.sorted(100.0).parameters for axis, model in reference_imu().items()}
+    assert {(r["axis"], r["parameter"]) for r in rows} == {(a, p) for a, values in truth.items() for p in values}
+    for row in rows:
+        assert row["truth"] == truth[row["axis"]][row["parameter"]]
+        assert row["ratio"] == pytest.approx(row["estimate"] / row["truth"])
+        assert f"{row['truth']:.3e}   {row['estimate']:.3e}   {row['ratio']:.3f}" in words.out
+        if row["parameter"] in ("WN.sigma2", "QN.q2"):
+            # Four standard errors at 10^5 samples, a little more where QN and WN share the first levels.
+            assert 0.9 < row["ratio"] < 1.1
+
+
+def test_demo_estimates_come_from_its_file(demo, gmwm):
+    target, _, machine = demo
+    content = machine.json
+    for axis in ("gyro_z", "accel_z"):
+        model = reference_imu()[axis].structure
+        again = gmwm("fit", target / "imu.csv", "--model", model, "--axis", axis, "--json").json
+        assert again["axes"][axis] == content["axes"][axis]
+
+
+def test_demo_writes_all_it_names(demo):
+    target, words, machine = demo
+    written = machine.json["written"]
+    assert all((target / name.rsplit("/", 1)[-1]).stat().st_size > 0 for name in written)
+    assert all(name in words.out for name in written)
+    assert sorted(path.name for path in target.iterdir()) == sorted(name.rsplit("/", 1)[-1] for name in written)
+    assert json.loads((target / "fits.json").read_text(encoding="utf-8"))["seed"] == machine.json["seed"]
+
+
+def test_demo_fits_in_eighty_columns(demo):
+    target, words, _ = demo
+    assert max(len(line.replace(str(target), "out")) for line in words.out.splitlines()) <= 80
+    assert "gmwm fit FILE" in words.out

@@ -1,0 +1,195 @@
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from gmwm.errors import OptionError
+from gmwm.plots.fit import fit_panel
+from gmwm.plots.imu import imu_figure
+from gmwm.plots.overlay import overlay_panel
+from gmwm.plots.style import curve_stroke, letter_stroke, term_stroke
+from gmwm.plots.variance import wavelet_variance_panel
+
+
+def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
+    panel = wavelet_variance_panel(wv)
+    line, band = panel["Wavelet variance"], panel["95 % confidence"]
+    np.testing.assert_array_equal(line.x, wv.tau)
+    np.testing.assert_array_equal(line.y, wv.variance)
+    np.testing.assert_array_equal(band.lower, wv.lower)
+    np.testing.assert_array_equal(band.upper, wv.upper)
+    np.testing.assert_array_equal(panel.x.grid, wv.tau)
+    assert panel.title == "Gyroscope Y"
+
+
+def test_the_allan_view(wv):
+    panel = wavelet_variance_panel(wv, view="allan")
+    line = panel["Allan deviation"]
+    np.testing.assert_array_equal(line.x, wv.tau / 2)
+    np.testing.assert_allclose(line.y, np.sqrt(2 * wv.variance), rtol=1e-15)
+    assert panel.y.label == "Allan deviation (rad/s)"
+
+
+def test_the_allan_view_is_for_haar_only(wv):
+    with pytest.raises(OptionError, match="Haar"):
+        wavelet_variance_panel(replace(wv, filter="d4"), view="allan")
+    assert wavelet_variance_panel(replace(wv, filter="d4")).lines
+
+
+def test_robust_and_confidence_are_named(wv):
+    labels = wavelet_variance_panel(replace(wv, robust=True, confidence=0.9)).labels
+    assert labels == ("Wavelet variance, robust", "90 % confidence")
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("view", ["wavelet", "allan"])
+def test_the_whole_curve_is_inside_whatever_the_scale(wv, scale, view, scaled):
+    panel = wavelet_variance_panel(scaled(wv, variance=wv.variance * scale**2), view=view)
+    y = panel.lines[0].y
+    assert np.all((panel.y.limits[0] < y) & (y < panel.y.limits[1]))
+    assert np.all((panel.x.limits[0] < panel.lines[0].x) & (panel.lines[0].x < panel.x.limits[1]))
+    assert len(panel.y.ticks) >= 2
+
+
+def test_zeros_are_marked_and_counted(wv, scaled):
+    values = wv.variance.copy()
+    values[[2, 5]] = 0.0
+    panel = wavelet_variance_panel(scaled(wv, variance=values))
+    (foot,) = panel.feet
+    np.testing.assert_array_equal(foot.x, wv.tau[[2, 5]])
+    assert foot.label == "Zero at 2 of 20 scales"
+    np.testing.assert_array_equal(np.isnan(panel.lines[0].y), values == 0)
+    np.testing.assert_array_equal(np.isnan(panel.bands[0].lower), values == 0)
+
+
+def test_a_constant_signal_says_so(wv, scaled):
+    panel = wavelet_variance_panel(scaled(wv, variance=np.zeros(5)))
+    assert [text.text for text in panel.texts] == ["Every variance is zero"]
+    assert panel.feet[0].x.size == 5
+
+
+def test_an_unbounded_limit_does_not_move_the_axes(wv):
+    free = wavelet_variance_panel(replace(wv, upper=np.where(wv.levels == 20, np.inf, wv.upper)))
+    assert np.isposinf(free.bands[0].upper[-1])
+    assert free.y.limits[1] < 20 * wv.variance.max()
+
+
+def test_a_fit_shows_the_model_and_every_term(fit):
+    panel = fit_panel(fit)
+    np.testing.assert_array_equal(panel["Model: GM + WN + QN + RW"].y, fit.implied)
+    for term, variance in fit.decomposition.items():
+        (line,) = [line for line in panel.lines if line.label.startswith(f"{term}: ")]
+        np.testing.assert_array_equal(line.y, variance)
+    assert any("T = 2 s, σ = 7.7×10⁻⁵ rad/s" in label for label in panel.labels)
+
+
+def test_a_fit_without_its_terms(fit):
+    assert fit_panel(fit, decomposition=False).labels == (
+        "Wavelet variance",
+        "95 % confidence",
+        "Model: GM + WN + QN + RW",
+    )
+
+
+def test_deep_tails_do_not_decide_the_axis_but_every_summit_is_seen(wv, fit):
+    panel = fit_panel(fit)
+    tails = min(part.min() for part in fit.decomposition.values())
+    assert tails < 1e-3 * wv.variance.min()
+    assert panel.y.limits[0] > wv.variance.min() / 15
+    for line in panel.lines:
+        assert np.any(line.y > panel.y.limits[0]), line.label
+
+
+def test_a_term_below_the_axes_says_so(fit):
+    tiny = {**fit.decomposition, "WN": fit.decomposition["WN"] * 1e-9}
+    labels = fit_panel(replace(fit, decomposition=tiny)).labels
+    assert next(label for label in labels if label.endswith("(below the axes)")).startswith("WN: ")
+
+
+def test_a_term_that_is_zero_says_so(fit):
+    none = {**fit.decomposition, "WN": np.zeros_like(fit.implied)}
+    assert "WN: zero, not supported" in fit_panel(replace(fit, decomposition=none)).labels
+
+
+def test_what_acts_as_another_process_says_so(fit):
+    acting = replace(fit, diagnostics=replace(fit.diagnostics, acts_as={"GM": "WN"}))
+    assert any(label.endswith("(acts as WN)") for label in fit_panel(acting).labels)
+
+
+def test_levels_left_out_are_open_symbols(fit):
+    from gmwm.plots.curves import observed_marks, view_for
+
+    wv = fit.wavelet_variance
+    used = wv.levels < 19
+    marks = observed_marks(wv, view_for(wv, "wavelet", "si"), used=used)
+    (rings,) = [mark for mark in marks if mark.label == "Left out of the fit"]
+    assert not rings.stroke.filled
+    np.testing.assert_array_equal(np.isfinite(rings.y), ~used)
+
+
+def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
+    figure = imu_figure(six)
+    assert [[panel.title for panel in row] for row in figure.rows] == [
+        [f"{sensor} {letter}" for letter in "XYZ"] for sensor in ("Gyroscope", "Accelerometer")
+    ]
+    for row in figure.rows:
+        assert len({panel.y.limits for panel in row}) == 1
+        assert [bool(panel.y.label) for panel in row] == [True, False, False]
+    assert [bool(row[0].x.label) for row in figure.rows] == [False, True]
+    assert figure.labels == ("Wavelet variance", "95 % confidence")
+
+
+def test_terms_look_alike_in_all_panels(fit):
+    figure = imu_figure({"gyro_x": fit, "gyro_y": fit})
+    first, second = figure.panels
+    for term in fit.decomposition:
+        assert first[term].stroke == second[term].stroke
+
+
+@pytest.mark.parametrize("split", [True, False])
+@pytest.mark.parametrize("names", [["gyro_y"], ["gyro_x", "gyro_z", "accel_z"], ["a", "b", "c", "d"]])
+def test_fewer_axes_and_other_names(wv, split, names, scaled):
+    figure = imu_figure({name: scaled(wv, axis=name) for name in names}, split=split)
+    assert sum(len(panel.bands) for panel in figure.panels) == len(names)
+    assert len({len(row) for row in figure.rows}) == 1
+    lowest = [[row[k] for row in figure.rows if row[k] is not None][-1] for k in range(len(figure.rows[0]))]
+    assert all(panel.x.label and panel.x.ticks[0].label for panel in lowest)
+
+
+def test_sensors_over_one_another(fit, six):
+    figure = imu_figure(six, split=False)
+    assert [panel.title for panel in figure.panels] == ["Gyroscope", "Accelerometer"]
+    assert figure.labels == ("X", "Y", "Z", "95 % confidence")
+    model = imu_figure({"gyro_y": fit}, split=False).panels[0]["Y, model"]
+    np.testing.assert_array_equal(model.y, fit.implied)
+
+
+def test_curves_of_two_units_are_not_compared(wv, scaled):
+    with pytest.raises(OptionError, match="one unit"):
+        overlay_panel({"a": wv, "b": scaled(wv, unit="m/s²")})
+
+
+def test_curves_of_one_quantity_meet_in_one_unit(wv, scaled):
+    half = scaled(wv, variance=wv.variance * (180 / np.pi) ** 2, unit="deg/s")
+    panel = overlay_panel({"rad": wv, "deg": half})
+    np.testing.assert_allclose(panel["rad"].y, panel["deg"].y, rtol=1e-12)
+
+
+@pytest.mark.parametrize("items", [{}, [1, 2], {"gyro_x": np.ones(4)}])
+def test_foreign_things_are_refused(items):
+    with pytest.raises(OptionError, match="expected a"):
+        imu_figure(items)
+
+
+@pytest.mark.parametrize(
+    "strokes",
+    [
+        [term_stroke(k) for k in range(7)],
+        [letter_stroke(letter) for letter in "xyz"],
+        [curve_stroke(k) for k in range(6)],
+    ],
+)
+def test_no_two_strokes_differ_by_colour_alone(strokes):
+    for one, other in combinations(strokes, 2):
+        assert (one.dash, one.symbol) != (other.dash, other.symbol)

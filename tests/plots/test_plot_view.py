@@ -1,0 +1,99 @@
+import math
+
+import numpy as np
+import pytest
+
+from gmwm.errors import OptionError
+from gmwm.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label
+from gmwm.plots.view import view_of
+from gmwm.processes import registry
+from gmwm.units import STANDARD_GRAVITY
+
+
+def test_the_wavelet_view_in_si_leaves_the_numbers_alone():
+    view, values = view_of("rad/s", "wavelet", "si"), np.array([1e-6, 2e-9])
+    np.testing.assert_array_equal(view.height(values), values)
+    np.testing.assert_array_equal(view.time(values), values)
+    assert view.height_label == "Wavelet variance (rad²/s²)"
+    assert view.time_label == "Scale τ (s)"
+
+
+def test_allan_variance_is_twice_the_wavelet_variance_at_half_the_scale():
+    view = view_of("rad/s", "allan", "si")
+    # White noise of variance σ² at f Hz: ν² = σ²/2^j, Allan deviation σ/√n over clusters of n = 2^(j−1).
+    rate, sigma = 200.0, 3e-4
+    scales = 2.0 ** np.arange(1, 12)
+    np.testing.assert_allclose(view.time(scales / rate), scales / 2 / rate)
+    np.testing.assert_allclose(view.height(sigma**2 / scales), sigma / np.sqrt(scales / 2), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown", "factor"),
+    [
+        ("rad/s", "deg/h", 180 / math.pi * 3600),
+        ("deg/s", "deg/h", 3600.0),
+        ("m/s²", "mg", 1e3 / STANDARD_GRAVITY),
+        ("g", "mg", 1e3),
+    ],
+)
+def test_datasheet_units(unit, shown, factor):
+    view = view_of(unit, "allan", "datasheet")
+    assert view.height_label == f"Allan deviation ({shown})"
+    np.testing.assert_allclose(view.height(np.array([0.5])), [factor], rtol=1e-14)
+    square = view_of(unit, "wavelet", "datasheet")
+    np.testing.assert_allclose(square.height(np.array([2.0])), [2 * factor**2], rtol=1e-14)
+
+
+def test_si_converts_what_is_not_si():
+    view = view_of("deg/s", "allan", "si")
+    assert view.unit == "rad/s"
+    np.testing.assert_allclose(view.height(np.array([0.5])), [math.pi / 180])
+
+
+@pytest.mark.parametrize("unit", ["", "volt"])
+def test_foreign_units_are_kept_and_have_no_datasheet(unit):
+    assert unit in view_of(unit, "wavelet", "si").height_label
+    with pytest.raises(OptionError, match="datasheet"):
+        view_of(unit, "wavelet", "datasheet")
+
+
+@pytest.mark.parametrize(("view", "units"), [("adev", "si"), ("wavelet", "SI"), ("Allan", "si")])
+def test_unknown_names_are_errors(view, units):
+    with pytest.raises(OptionError, match="must be"):
+        view_of("rad/s", view, units)
+
+
+def test_axis_titles():
+    assert axis_title("gyro_z") == "Gyroscope Z"
+    assert axis_title("accel_x") == "Accelerometer X"
+    assert axis_title("turn rate") == "turn rate"
+
+
+def test_models_in_short():
+    assert model_text(["GM[1]", "GM[2]", "WN", "RW"]) == "2·GM + WN + RW"
+
+
+def test_durations_read_well():
+    assert duration_text(3e-6) == "3 µs"
+    assert duration_text(119.0) == "120 s"
+    assert duration_text(600.0) == "10 min"
+    assert duration_text(3 * 86400.0) == "3 d"
+
+
+@pytest.mark.parametrize("name", sorted(registry))
+def test_every_process_has_a_legend_with_units(name):
+    process = registry[name].standard([0.5] * len(registry[name].nonlinear_parameters()))
+    text = term_label(name, process, view_of("rad/s", "wavelet", "datasheet"))
+    assert text.startswith(f"{name}: ")
+    scale = process.scale_parameter()
+    if scale in process.parameters[:2] and scale.signal_power:
+        assert "deg/h" in text
+
+
+@pytest.mark.parametrize("name", sorted(registry))
+def test_a_variance_is_shown_as_its_root_in_the_unit(name):
+    scale = registry[name].scale_parameter()
+    if scale.signal_power != 2:
+        pytest.skip("its scale is no variance")
+    text = parameter_text(scale, 4e-8, view_of("rad/s", "allan", "si"))
+    assert text == f"{scale.symbol.removesuffix('²')} = 2×10⁻⁴ rad/s"
