@@ -1,0 +1,68 @@
+# Needs Python >= 3.11 (with venv and headers), g++ and make; the rest comes from the package index into .venv.
+# Another interpreter: make test PYTHON=python3.12
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
+
+# What the installed package is built from. Python files are not among them: they are used in place.
+BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 'cpp/tests/*')
+
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-print-directory
+.DELETE_ON_ERROR:
+.PHONY: help demo test bench validate lint cpp-test format clean
+
+help: ## list these commands
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
+
+demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
+	$(BIN)/gmwm demo --output demo-output
+
+test: lint cpp-test ## everything that guards main: lint, types, floors, C++ tests, Python tests
+	$(BIN)/python -m pytest
+
+bench: $(VENV)/.dev ## print the benchmark ratios
+	$(BIN)/python -m benchmarks
+
+validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
+	$(BIN)/python -m validation
+
+lint: $(VENV)/.dev ## ruff, mypy and the floors alone
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+cpp-test: $(VENV)/.dev ## the C++ tests alone
+	$(BIN)/cmake -S . -B build/cpp-tests -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
+	$(BIN)/cmake --build build/cpp-tests --parallel 2
+	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
+
+format: $(VENV)/.dev ## let ruff fix what it can, and format
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+clean: ## remove all that these commands made, results under docs/validation excepted
+	rm -rf $(VENV) build demo-output .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+
+# --- what the commands need: a file each, so that make knows when it is out of date --------------------
+
+$(VENV)/.created:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "gmwm needs Python 3.11 or later; name one, as in: make $(MAKECMDGOALS) PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || \
+	  { echo "could not make $(VENV); on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	@touch $@
+
+$(VENV)/.package: $(BUILT_FROM) | $(VENV)/.created
+	@echo "installing gmwm into $(VENV) (builds the C++ kernels; the first time this takes a minute)"
+	@$(PIP) --editable .
+	@touch $@
+
+# With the tools for developing; whoever has these has the package too.
+$(VENV)/.dev: $(BUILT_FROM) | $(VENV)/.created
+	@echo "installing gmwm and its development tools into $(VENV) (the first time this takes a minute or two)"
+	@$(PIP) --editable '.[dev]'
+	@touch $(VENV)/.package $@

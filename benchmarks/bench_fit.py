@@ -1,0 +1,32 @@
+"""Fitting 3·GM + WN + QN + RW, from a wavelet variance and from data, against `numpy.cumsum` of 10^6 numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+
+import numpy as np
+
+import gmwm
+from benchmarks.harness import Case
+
+RATE = 100.0
+TRUTH = gmwm.parse_model(
+    "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
+    " + QN(q2=2e-6) + RW(gamma2=1e-13)"
+)
+
+
+def cases() -> Iterable[Case]:
+    """One recording of 10^6 samples, 19 levels."""
+    x = TRUTH.simulate(10**6, RATE, np.random.default_rng(1))
+    buffer = np.empty_like(x)
+    wv = gmwm.wavelet_variance(x, RATE)
+    cumsum = partial(np.cumsum, x, out=buffer)
+    model = TRUTH.structure
+    for name, target, run in (
+        ("fit from a wavelet variance, no certificate", 5.0, partial(gmwm.fit, model, wv, certify=False)),
+        ("fit from a wavelet variance, certified", 30.0, partial(gmwm.fit, model, wv)),
+        ("from 10^6 samples to a certified fit", 8.0, partial(gmwm.fit, model, x, RATE)),
+    ):
+        yield Case(name, run, "np.cumsum of 10^6", cumsum, 31, target)
