@@ -309,7 +309,7 @@ def _motion_warnings(
             "accelerometers' biases wander (with temperature?)"
         )
     if knocks:
-        said.append(f"{len(knocks)} knocks (the first at {knocks[0].time:.6g} s): cut them out, as they raise the curve")
+        said.append(f"{len(knocks)} knocks (the first at {knocks[0].time:.6g} s): cut them out, they raise the curve")
     return said
 
 
