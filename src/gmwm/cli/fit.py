@@ -77,7 +77,7 @@ def fit(
 
     Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
     estimate is the best there is: no starting values are needed, and the certificate says by how many per cent
-    of the objective a better one gain at most.
+    of the objective a better one could gain at most.
     """
     from gmwm import parse_model
     from gmwm.cli.output import print_json, print_written, tell, told_warnings
