@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from gmwm.errors import OptionError
 from gmwm.inspection import inspect, lsb
-from gmwm.signals import Imu, Signal
+from gmwm.signals import Imu, Signal, TimeBase
 
 RATE = 100.0
 
@@ -107,6 +109,73 @@ def test_gaps_are_told_and_not_bridged():
     assert found.knocks == ()
     assert "2 segments" in found.warnings[0]
     assert "2 segments" in found.summary()
+
+
+def cut(values, segments):
+    axes = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
+    units = ["rad/s"] * 3 + ["m/s²"] * 3
+    pairs = zip(axes, values.T, units, strict=True)
+    return Imu({name: Signal(column, RATE, unit, name, segments=segments) for name, column, unit in pairs})
+
+
+@pytest.mark.parametrize("length", [1, 7, 50, 400])
+def test_short_segments_do_not_inflate_wander_and_turn(length):
+    values = still(20_000)
+    whole = inspect(cut(values, ((0, 20_000),)))
+    edges = [0, 5000, *range(5000 + length, 15_000, length), 15_000, 20_000]
+    broken = inspect(cut(values, tuple(pairwise(edges))))
+    lone = inspect(cut(values, ((0, 700), (700, 701), (701, 702), (702, 20_000))))
+    for found in (broken, lone):
+        assert found.static
+        assert found.tilt < 1.5 * whole.tilt
+        for axis in whole.axes:
+            assert found.axes[axis].wander == pytest.approx(whole.axes[axis].wander, rel=0.5)
+
+
+def test_a_unit_that_makes_a_gyroscope_too_noisy_is_told():
+    # 0.0057 deg/s/√Hz in rad/s; read as if the numbers were deg/s taken for rad/s it is 0.33.
+    assert not any("unit" in warning for warning in look(still()).warnings)
+    (warning,) = look(still() * [57.3, 57.3, 57.3, 1, 1, 1]).warnings
+    assert "gyro_x, gyro_y, gyro_z: a noise of 0.32" in warning
+    assert "is the unit right" in warning
+    knocked = still()
+    knocked[300:320, 0] += 1e4
+    assert not any("is the unit right" in warning for warning in look(knocked).warnings)
+
+
+def test_one_of_something_is_singular():
+    values = still(5000)
+    values[333, 1] += 1
+    found = look(values)
+    assert "knock at 3.33 s of one sample" in found.summary()
+    assert found.warnings[0].startswith("1 knock (the first at 3.33 s), which raises the curve: ")
+    assert repr(found).endswith("static, 1 knock, 1 warning)")
+
+
+def test_after_a_cut_gaps_of_the_rest_are_not_told():
+    rows = np.arange(3000)
+    base = TimeBase(RATE, True, 0.0, 0.0, ((1000, 5.0),), 0, 1)
+    values, segments = 1e-3 * np.sin(rows), ((0, 1000), (1000, 3000))
+    signal = Signal(values, RATE, "rad/s", "gyro_x", segments=segments, starts=(0.0, 15.0))
+    imu = Imu({"gyro_x": signal}, time_base=base)
+    assert "2 segments" in inspect(imu).warnings[0]
+    found = inspect(imu.longest())
+    assert (found.time_base.gaps, found.time_base.backward, found.time_base.start) == ((), 0, 15.0)
+    assert found.warnings == ()
+    assert "0 gaps" in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("given", "way_out"),
+    [
+        ("file.csv", r"read it first: inspect\(read\('file.csv'\)\)"),
+        (np.ones((9, 6)), "Imu.from_arrays"),
+        (Signal(np.arange(9.0), RATE, axis="gyro_y"), r'Imu\(\{"gyro_y": signal\}\)'),
+    ],
+)
+def test_what_is_no_imu_is_told_the_way(given, way_out):
+    with pytest.raises(OptionError, match=way_out):
+        inspect(given)
 
 
 def test_deterministic_and_ready_for_json():

@@ -52,8 +52,9 @@ def test_segments_starts_and_temperature_survive(tmp_path, suffix, starts):
 
 
 def test_header_names_units(tmp_path):
-    write(Imu.from_arrays(np.random.default_rng(0).normal(size=(9, 6)), 10), tmp_path / "new" / "a.csv")
-    header = (tmp_path / "new" / "a.csv").read_text().splitlines()[0]
+    (tmp_path / "new").mkdir()
+    write(Imu.from_arrays(np.random.default_rng(0).normal(size=(9, 6)), 10), tmp_path / "a.csv")
+    header = (tmp_path / "a.csv").read_text().splitlines()[0]
     assert header == ",".join(["time [s]", *(f"{axis} [{'rad/s' if 'gyro' in axis else 'm/s²'}]" for axis in AXES)])
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gmwm._words import counted
 from gmwm.errors import DataError, OptionError
 
 Vector = NDArray[np.float64]
@@ -23,6 +25,12 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
     DataError
         If it is not numeric, not one-dimensional, shorter than `at_least`, or holds NaN or infinities.
     """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise DataError(
+            f"{name} has {int(np.ma.getmaskarray(values).sum())} masked values; split the recording there, or fill them"
+        )
+    if isinstance(values, Mapping):
+        raise DataError(f"{name} must be one axis, got a {type(values).__name__}; pick one of {', '.join(values)}")
     try:
         array: NDArray[Any] = np.asarray(values)
         if array.dtype.kind not in "fiub":
@@ -34,7 +42,7 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
         hint = "; pass one axis at a time, as data[:, k]" if array.ndim == 2 else ""
         raise DataError(f"{name} must be one-dimensional, got shape {array.shape}{hint}")
     if vector.size < at_least:
-        raise DataError(f"{name} must have at least {at_least} values, got {vector.size}")
+        raise DataError(f"{name} must have at least {counted(at_least, 'value')}, got {vector.size}")
     if finite:
         require_finite(vector, name)
     return vector

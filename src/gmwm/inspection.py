@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
+from gmwm._words import counted
+from gmwm.cautions import MOVED, about_motion, about_time, about_units, about_values, span
+from gmwm.errors import OptionError
 from gmwm.knocks import Knock, find_knocks
 from gmwm.signals import Imu, Signal, TimeBase
-from gmwm.units import STANDARD_GRAVITY
 
 _BLOCKS = 64  # pieces of a recording whose means and spreads are compared
 _RESTLESS = 4.0  # spread of a piece over the median spread that means motion
-_TILT = 1.0  # degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same
 _TURN = 0.1  # degrees that deserve a word: the sensor settles, or its biases wander
 _LSB_SAMPLES = 20_000  # enough to see every step of a coarse sensor many times
 
@@ -36,7 +38,7 @@ class AxisInspection:
     lsb : float or None
         Quantisation step; None where none shows.
     wander : float
-        Largest difference between the means of pieces of the recording.
+        Largest difference between the means of equal pieces of the recording, a 64th each.
     """
 
     unit: str
@@ -103,7 +105,7 @@ class Inspection:
     def summary(self) -> str:
         """The inspection as a text."""
         lines = [
-            f"{self.source or 'recording'}: {self.samples} samples at {self.rate:.10g} Hz, {_span(self.duration)}"
+            f"{self.source or 'recording'}: {self.samples} samples at {self.rate:.10g} Hz, {span(self.duration)}"
             + (f" in {self.segments} segments" if self.segments > 1 else ""),
             f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
         ]
@@ -116,12 +118,14 @@ class Inspection:
         if self.temperature is not None:
             lines.append(f"temperature: {self.temperature[0]:.4g} to {self.temperature[1]:.4g} °C")
         if self.time_base.stamped:
-            lines.append(f"time stamps: jitter {self.time_base.jitter:.3g} s rms, {len(self.time_base.gaps)} gaps")
+            gaps = counted(len(self.time_base.gaps), "gap")
+            lines.append(f"time stamps: jitter {self.time_base.jitter:.3g} s rms, {gaps}")
         for knock in self.knocks[:5]:
             what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
-            lines.append(f"knock at {knock.time:.6g} s for {knock.duration:.3g} s ({what})")
+            long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
+            lines.append(f"knock at {knock.time:.6g} s {long} ({what})")
         if len(self.knocks) > 5:
-            lines.append(f"and {len(self.knocks) - 5} more knocks")
+            lines.append(f"and {counted(len(self.knocks) - 5, 'more knock')}")
         lines += [f"note: {note}" for note in self.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
@@ -129,8 +133,9 @@ class Inspection:
     def __repr__(self) -> str:
         state = "static" if self.static else "not static"
         return (
-            f"Inspection({len(self.axes)} axes, {self.samples} samples at {self.rate:g} Hz, {state}, "
-            f"{len(self.knocks)} knocks, {len(self.warnings)} warnings)"
+            f"Inspection({'1 axis' if len(self.axes) == 1 else f'{len(self.axes)} axes'}, {self.samples} samples at "
+            f"{self.rate:g} Hz, {state}, {counted(len(self.knocks), 'knock')}, "
+            f"{counted(len(self.warnings), 'warning')})"
         )
 
 
@@ -147,6 +152,11 @@ def inspect(imu: Imu) -> Inspection:
     Inspection
         The same for the same recording: nothing in it is random.
 
+    Raises
+    ------
+    OptionError
+        If it is not an Imu.
+
     Examples
     --------
     >>> import numpy as np
@@ -157,6 +167,8 @@ def inspect(imu: Imu) -> Inspection:
     >>> found.axes["gyro_x"].lsb, found.knocks[0].time
     (0.001, 30.0)
     """
+    if not isinstance(imu, Imu):
+        raise OptionError(f"imu must be an Imu, got {type(imu).__name__}; {_way_to_an_imu(imu)}")
     time_base = imu.time_base or TimeBase(imu.rate)
     pieces = _pieces(imu.segments)
     means = {axis: _piece_means(imu[axis].values, pieces) for axis in imu}
@@ -165,11 +177,12 @@ def inspect(imu: Imu) -> Inspection:
     knocks, outliers = find_knocks(imu, {name: axis.lsb for name, axis in axes.items()})
     restless = _restless(imu, pieces, outliers)
     turned = tilt is not None and tilt > max(_TURN, 5 * tilt_noise)
-    moved = tilt is not None and turned and tilt > _TILT
+    moved = tilt is not None and turned and tilt > MOVED
     warnings = [
-        *_time_warnings(imu, time_base),
-        *_motion_warnings(imu, restless, tilt if turned else None, knocks),
-        *_value_warnings(axes, gravity),
+        *about_time(imu, time_base),
+        *about_motion(restless, tilt if turned else None, knocks),
+        *about_values(axes, gravity),
+        *about_units(imu, pieces),
     ]
     return Inspection(
         imu.source, imu.rate, imu.duration, len(imu), len(imu.segments), time_base, axes, gravity, tilt,
@@ -177,11 +190,34 @@ def inspect(imu: Imu) -> Inspection:
     )  # fmt: skip
 
 
+def _way_to_an_imu(given: object) -> str:
+    """What to pass in place of something that is no Imu."""
+    if isinstance(given, str | os.PathLike):
+        return f"read it first: inspect(read({os.fspath(given)!r}))"
+    if isinstance(given, Signal):
+        return f'wrap it: inspect(Imu({{"{given.axis or "gyro_x"}": signal}}))'
+    return "make one of arrays: inspect(Imu.from_arrays(arrays, rate=...))"
+
+
 def _pieces(segments: tuple[tuple[int, int], ...]) -> list[tuple[int, int]]:
-    """About `_BLOCKS` index ranges of like length that cross no gap; a short segment is one piece."""
+    """About `_BLOCKS` index ranges of like length, whose means and spreads are therefore comparable.
+
+    They cross no gap, but where segments are shorter than half a piece: those are taken together with the
+    short ones beside them, and left out if that is not enough.
+    """
     length = max(segments[-1][1] // _BLOCKS, 1)
-    pieces = []
+    stretches: list[tuple[int, int]] = []
+    joined = False  # whether the last stretch is of short segments and may still grow
     for first, last in segments:
+        short = 2 * (last - first) < length
+        if short and joined and stretches[-1][1] - stretches[-1][0] < length:
+            stretches[-1] = (stretches[-1][0], last)
+        else:
+            stretches.append((first, last))
+        joined = short
+    long = [(a, b) for a, b in stretches if 2 * (b - a) >= length]
+    pieces = []
+    for first, last in long:
         count = max((last - first) // length, 1)
         edges = np.linspace(first, last, min(count, _BLOCKS) + 1).astype(int)
         pieces += [(int(a), int(b)) for a, b in pairwise(edges)]
@@ -269,77 +305,8 @@ def _variance(values: Vector) -> float:
     return float(np.var(there)) if there.size else 0.0
 
 
-def _time_warnings(imu: Imu, base: TimeBase) -> list[str]:
-    """What the time base means for the answer."""
-    said = []
-    if len(imu.segments) > 1:
-        lost = sum(duration - 1 / imu.rate for _, duration in base.gaps)
-        said.append(
-            f"{len(imu.segments)} segments with {_span(lost)} missing between them: use imu.longest(), "
-            "or one segment at a time"
-        )
-    if base.duplicates:
-        said.append(f"time stamps that repeat the one before: {base.duplicates}")
-    if base.backward:
-        said.append(f"time stamps that step backward: {base.backward}")
-    if base.jitter * base.rate > 0.1:
-        said.append(
-            f"the time stamps jitter by {100 * base.jitter * base.rate:.0f} % of the interval: if the samples do, "
-            "short scales are blurred; if only the stamps do, nothing is lost"
-        )
-    return said
-
-
-def _motion_warnings(
-    imu: Imu, restless: dict[str, tuple[float, float]], tilt: float | None, knocks: tuple[Knock, ...]
-) -> list[str]:
-    """What motion means for the answer."""
-    said = []
-    if restless:
-        axis = max(restless, key=lambda name: restless[name][1])
-        when, times = restless[axis]
-        said.append(
-            f"not static: around {when:.6g} s the spread of {axis} is {times:.1f} times its usual one; cut it out"
-        )
-    if tilt is not None and tilt > _TILT:
-        said.append(f"not static: the specific force turns by {tilt:.3g}°")
-    elif tilt is not None:
-        said.append(
-            f"the specific force turns by {tilt:.2g}°, more than its noise explains: the mount settles, or the "
-            "accelerometers' biases wander (with temperature?)"
-        )
-    if knocks:
-        said.append(f"{len(knocks)} knocks (the first at {knocks[0].time:.6g} s): cut them out, they raise the curve")
-    return said
-
-
-def _value_warnings(axes: dict[str, AxisInspection], gravity: float | None) -> list[str]:
-    """What the numbers themselves say."""
-    said = []
-    if gravity is not None and abs(gravity / STANDARD_GRAVITY - 1) > 0.05:
-        said.append(
-            f"the specific force is {gravity:.4g} m/s², not {STANDARD_GRAVITY:.4g}: is the unit right, "
-            "was gravity removed?"
-        )
-    coarse = [name for name, axis in axes.items() if axis.lsb is not None and axis.noise < 0.5 * axis.lsb]
-    if coarse:
-        said.append(
-            f"{', '.join(coarse)}: the noise is below half a quantisation step, so short scales show the step, "
-            "not the sensor"
-        )
-    return said
-
-
 def _range(temperature: Vector | None) -> tuple[float, float] | None:
     return None if temperature is None else (float(np.min(temperature)), float(np.max(temperature)))
-
-
-def _span(seconds: float) -> str:
-    """A length of time for people."""
-    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.3g} {unit}"
-    return f"{seconds:.3g} s"
 
 
 def _plain(value: Any) -> Any:

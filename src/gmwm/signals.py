@@ -113,6 +113,23 @@ class Signal:
         segment = np.searchsorted(firsts, index, side="right") - 1
         return np.asarray(np.array(self.starts)[segment] + (index - firsts[segment]) / self.rate)
 
+    def whole(self) -> Vector:
+        """The values of a signal without gaps.
+
+        Raises
+        ------
+        DataError
+            If it has gaps.
+        """
+        if len(self.segments) > 1:
+            sizes = ", ".join(str(b - a) for a, b in self.segments[:5])
+            raise DataError(
+                f"{self.axis or 'the signal'} has gaps: {len(self.segments)} segments of {sizes}"
+                f"{', …' if len(self.segments) > 5 else ''} samples; segments are never glued. Use signal.longest() "
+                "or read(..., gaps='longest')"
+            )
+        return self.values
+
     def longest(self) -> Signal:
         """The longest stretch without a gap, as a signal of its own."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
@@ -258,10 +275,14 @@ class Imu:
             return self
         first, last = max(self.segments, key=lambda s: s[1] - s[0])
         note = f"cut to the longest of {len(self.segments)} segments: samples {first} to {last - 1}"
+        signals = {axis: signal.longest() for axis, signal in self.signals.items()}
+        base, start = self.time_base, next(iter(signals.values())).start
         return replace(
             self,
-            signals={axis: signal.longest() for axis, signal in self.signals.items()},
+            signals=signals,
             notes=(*self.notes, note),
+            # Stamps step back between segments only: within one there is neither a gap nor such a step.
+            time_base=base and replace(base, start=start, gaps=(), backward=0),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
 

@@ -170,9 +170,11 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
 def _path(axis: str, model: Model, n: int, rate: float, rng: np.random.Generator) -> Vector:
     open_ends = [name for name, value in model.parameters.items() if value is None]
     if open_ends:
+        process = next(process for process in model.processes if not process.is_complete)
+        values = (f"{name}={'…' if value is None else f'{value:g}'}" for name, value in process.values.items())
         raise ModelError(
             f"{axis}: a simulation needs every value of its model, {model} has none for {', '.join(open_ends)}; "
-            'write them in it, as "WN(sigma2=4e-8)"'
+            f'write them in it, as "{process.name}({", ".join(values)})"'
         )
     try:
         return np.asarray(model.simulate(n, rate, rng), dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from gmwm import writers
-from gmwm.errors import GmwmError, ReadError
+from gmwm.errors import GmwmError, OptionError, ReadError
 from gmwm.readers import Channel, Chunk, Layout, Reader, base, find_reader, read, register, registered
 from gmwm.signals import Imu
 
@@ -99,3 +100,37 @@ def test_import_is_light():
         "sys.exit(str(heavy) if heavy else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    ("path", "says"),
+    [(None, "got NoneType"), (3, "got int"), (np.ones((9, 3)), "Imu.from_arrays"), (b"x.csv", "got bytes")],
+)
+def test_what_is_no_path_is_told(path, says):
+    with pytest.raises(OptionError, match=says):
+        read(path)
+
+
+def test_a_pipe_is_refused(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(ReadError, match=r"is a pipe or a device.*save it to a file"):
+        read(pipe)
+
+
+def test_names_that_repeat_are_chosen_by_number(tmp_path):
+    path = tmp_path / "repeated.csv"
+    rows = "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(50))
+    path.write_text("time [s],gx [rad/s],gx [rad/s]\n" + rows)
+    with pytest.raises(ReadError, match=r'columns=\{"time": 0, "gyro_x": 1\}'):
+        read(path)
+    with pytest.raises(OptionError, match="pass its number in place of the name: 1 or 2"):
+        read(path, columns={"gyro_x": "gx [rad/s]"})
+    assert read(path, columns={"time": 0, "gyro_x": 2})["gyro_x"].values[4] == 1.0
+
+
+def test_one_sample_is_singular(tmp_path):
+    path = tmp_path / "one.csv"
+    path.write_text("time [s],gx [rad/s]\n0,1\n")
+    with pytest.raises(GmwmError, match="has 1 sample, at least 8"):
+        read(path)

@@ -134,11 +134,18 @@ def registered() -> tuple[Reader, ...]:
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
     """The path of a file that is there and is not empty, or an error that says what is wrong with it."""
-    file = Path(path)
+    if not isinstance(path, str | os.PathLike):
+        raise OptionError(
+            f"path must be the path of a file, as text or pathlib.Path; got {type(path).__name__}"
+            + ("; for numbers in memory there is Imu.from_arrays" if hasattr(path, "__len__") else "")
+        )
+    file = Path(os.fsdecode(path))
     if file.is_dir():
         raise ReadError(f"{file} is a directory; pass the path of one recording in it")
     if not file.exists():
         raise ReadError(f"{file} does not exist; looked in {file.absolute().parent}")
+    if not file.is_file():
+        raise ReadError(f"{file} is a pipe or a device, which cannot be read twice; save it to a file and pass that")
     if file.stat().st_size == 0:
         raise ReadError(f"{file} is empty (0 bytes); was the recording interrupted?")
     return file

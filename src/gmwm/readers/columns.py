@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gmwm._words import counted
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers.base import Layout
 from gmwm.readers.headers import clean, recognise
@@ -44,8 +45,11 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     OptionError
         If `columns` names a column that is not there, or a role that does not exist.
     """
-    if isinstance(columns, str):
-        raise OptionError(f"columns must be a mapping or a sequence of names, got the text {columns!r}")
+    if isinstance(columns, str) or not isinstance(columns, Mapping | Sequence | None):
+        raise OptionError(
+            'columns= must map axes to columns, as {"gyro_x": "ch1", "time": 0}, or be a list of axes in the order '
+            f"of the columns; got {columns!r}"
+        )
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})
@@ -89,15 +93,16 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
 def _require_roles(given: Mapping[str, object]) -> None:
     unknown = next((role for role in given if role not in ROLES), None)
     if unknown is not None:
-        raise OptionError(f"columns must name {', '.join(ROLES)}; got {unknown!r}")
+        raise OptionError(f"columns= must name {', '.join(ROLES)}; got {unknown!r}")
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
     """Roles given in the order of the columns, None or "" for a column to leave out."""
     if len(roles) != len(layout.channels):
         raise OptionError(
-            f"columns= names {len(roles)} columns, {path} has {len(layout.channels)} (first row: "
-            f"{_shown(layout)}); give one name a column, None to leave one out"
+            f"columns= names {counted(len(roles), 'column')}, {path} has {len(layout.channels)} (first row: "
+            f"{_shown(layout)}); give one name for each in their order, None to leave one out, or name them one by "
+            'one, as columns={"gyro_x": 1, "gyro_y": 2}, by their names or numbers from 0'
         )
     taken: dict[str, int] = {}
     for k, role in enumerate(roles):
@@ -121,8 +126,11 @@ def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
     matches = matches or [k for k, name in enumerate(names) if name and clean(name) == clean(str(column))]
     if len(matches) == 1:
         return matches[0]
-    problem = "is not in" if not matches else "stands more than once in"
-    raise OptionError(f"columns={{{role!r}: {column!r}}} {problem} {path}; found: {described(layout)}")
+    asked = f"columns={{{role!r}: {column!r}}}"
+    if matches:
+        numbers = " or ".join(map(str, matches))
+        raise OptionError(f"{asked} stands more than once in {path}; pass its number in place of the name: {numbers}")
+    raise OptionError(f"{asked} is not in {path}; found: {described(layout)}")
 
 
 def _by_name(layout: Layout, wanted: set[str], taken: set[int], path: Path) -> tuple[dict[str, int], tuple[str, ...]]:
@@ -138,9 +146,11 @@ def _by_name(layout: Layout, wanted: set[str], taken: set[int], path: Path) -> t
             continue
         names = [layout.channels[k].name for k in several]
         if role in AXES:
+            which = " and ".join(f"{layout.channels[k].name!r} (number {k})" for k in several)
+            typed = ", ".join(f'"{axis}": {found[0]}' for axis, found in candidates.items())
             raise ReadError(
-                f"{path}: {' and '.join(map(repr, names))} could each be {role}; choose with "
-                f'columns={{"{role}": {names[0]!r}, …}}'
+                f"{path}: {which} could each be {role}; choose by the numbers of the columns, counted from 0, for "
+                f"instance columns={{{typed}}}"
             )
         notes.append(f"{role}: taken from {names[0]!r}, not from {', '.join(map(repr, names[1:]))}")
     return {role: several[0] for role, several in candidates.items()}, tuple(notes)

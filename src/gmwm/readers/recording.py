@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, as_rate
+from gmwm._words import counted
 from gmwm.errors import DataError, GmwmWarning, InferredUnitWarning, OptionError, ReadError, TimeBaseWarning
 from gmwm.readers.base import Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose, described
@@ -75,7 +76,7 @@ def read(
     InferredUnitWarning
         If the accelerometers' unit was told from their norm.
     TimeBaseWarning
-        If time stamps repeat, step backward, or jitter by more than half an interval.
+        If a few time stamps repeat, step backward, or jitter by more than half an interval.
 
     Examples
     --------
@@ -163,13 +164,13 @@ def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict
 def _require_usable(column: NDArray[Any], role: str, name: str, path: Path) -> None:
     what = f"{path}: {role}" + ("" if name == role else f" (column {name!r})")
     if column.size < MINIMUM_SAMPLES:
-        raise DataError(f"{what} has {column.size} samples, at least {MINIMUM_SAMPLES} are needed")
+        raise DataError(f"{what} has {counted(column.size, 'sample')}, at least {MINIMUM_SAMPLES} are needed")
     with np.errstate(over="ignore", invalid="ignore"):
         suspect = not np.isfinite(np.sum(column))  # one fast pass decides the usual case
     if suspect and (bad := ~np.isfinite(column)).any():
         row, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
         raise DataError(
-            f"{what} is {column[row]} in row {row + 1} (of {count} such rows); remove these rows, their time "
+            f"{what} is {column[row]} in row {row + 1} ({counted(count, 'such row')}); remove these rows, their time "
             "stamps show the gap, or cut the recording there"
         )
     if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):

@@ -34,10 +34,14 @@ class Scales:
 
 def checked_units(units: Mapping[str, str] | None) -> dict[str, str]:
     """`units=` with each key and value known, time units in short."""
+    if units is not None and not isinstance(units, Mapping):
+        raise OptionError(f'units must map sensors to units, as {{"gyro": "deg/s", "accel": "g"}}; got {units!r}')
     given = dict(units or {})
     for quantity, text in given.items():
         if quantity not in ("gyro", "accel", "time"):
             raise OptionError(f"units must name gyro, accel or time; got {quantity!r}")
+        if not isinstance(text, str):
+            raise OptionError(f'the unit of {quantity} must be a text, as "deg/s"; got {text!r}')
         if quantity == "time":
             given[quantity] = unit_of(text, "time")
             if not given[quantity]:

@@ -7,6 +7,7 @@ and told with its line number. That search runs only when something is wrong.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ BLOCK_BYTES = 8 << 20
 """Bytes in a block: large enough to parse in parallel, small enough to stay in the cache of pages."""
 
 _BIG_INTEGER = 15  # digits that float64 always holds
+_NO_END = "the last line has no line end: if the recording was cut off there, its last value may lack digits"
 
 
 @register
@@ -53,7 +55,8 @@ class TextReader(Reader):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             channels.append(Channel(name, unit_of(unit, axis) if axis else unit))
-        return (Layout(tuple(channels), dialect.first_row, units=dialect.units, state=dialect),)
+        notes = (_NO_END,) if _is_open(path) else ()
+        return (Layout(tuple(channels), dialect.first_row, units=dialect.units, notes=notes, state=dialect),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
         """One chunk a block; a column whose first rows hold long integers stays int64."""
@@ -83,6 +86,13 @@ def _head_lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         text = head.decode("latin-1")  # a degree sign in the header; numbers are ASCII either way
     return text.replace("\r\n", "\n").split("\n")
+
+
+def _is_open(path: Path) -> bool:
+    """Whether the last line ends with the file, without a line end."""
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) not in b"\r\n"
 
 
 def _blocks(path: Path, first_line: int) -> Iterator[tuple[int, bytes]]:

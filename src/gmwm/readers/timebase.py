@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
 from gmwm.readers.headers import TIME_UNITS
+from gmwm.readers.steady import require_one_rate, require_order
 from gmwm.signals import TimeBase
 
 GAP = 1.5
@@ -113,8 +114,14 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     meaning = ", ".join(f"{unit}: {value:.6g} Hz" for unit, value in rates.items())
     raise UnitError(
         f"the unit of the time column is neither named nor clear: the median interval {interval:.6g} would be "
-        f'a rate of ({meaning}); say which with units={{"time": "ms"}}, or pass rate='
+        f"a rate of ({meaning}); say which with {_one_of_units()}, or pass rate="
     )
+
+
+def _one_of_units() -> str:
+    """What to type for each unit of time."""
+    *first, last = (f'units={{"time": "{unit}"}}' for unit in TIME_UNITS)
+    return f"{', '.join(first)} or {last}"
 
 
 def timing(stamps: Stamps, rate: float | None) -> Timing:
@@ -127,10 +134,12 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
     Raises
     ------
     ReadError
-        If the stamps do not move forward, or contradict the declared rate.
+        If the stamps do not move forward, are not in order, change their rate, or contradict the declared one.
     """
     ticks, per_second = stamps.ticks, stamps.per_second
     nominal = _nominal(ticks, None if rate is None else per_second / rate)
+    require_order(ticks, nominal, stamps.origin, per_second)
+    require_one_rate(ticks, stamps.origin, per_second)
     steps = np.diff(ticks)
     segments = _segments(ticks, steps, nominal)
     interval, remark = _interval(stamps, steps, segments)
@@ -269,9 +278,8 @@ def _declared(rate: float, found: float, unit: str) -> Iterator[str]:
     """Remarks on a declared rate beside the stamps'; an error if they contradict one another."""
     apart = abs(found / rate - 1)
     if apart > _RATE_TOLERANCE:
-        thousands = round(np.log10(found / rate) / 3)
-        off = abs(found / rate / 1000.0**thousands - 1) <= _RATE_TOLERANCE
-        hint = f" The factor of 1000 says that the stamps are not in {unit}: pass units={{'time': ...}}." if off else ""
+        meant = (u for u, n in TIME_UNITS.items() if abs(found * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
+        hint = "".join(f' The stamps are not in {unit}, it seems: pass units={{"time": "{u}"}}.' for u in meant)
         raise ReadError(
             f"rate={rate:g} Hz contradicts the time stamps, which say {found:.6g} Hz; drop rate= to use the stamps, "
             f"or leave them out with columns={{'time': None}}.{hint}"

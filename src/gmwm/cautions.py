@@ -1,0 +1,114 @@
+"""What the look of a recording means for the answer, in plain words: one sentence for each thing to beware of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._words import counted
+from gmwm.signals import Imu, TimeBase
+from gmwm.units import SI_UNIT, STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from gmwm.inspection import AxisInspection
+    from gmwm.knocks import Knock
+
+MOVED = 1.0
+"""Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
+
+_NOISY = 0.1  # deg/s/√Hz: noise density of a gyroscope beyond which its unit is in doubt
+_WITHOUT = "use a recording without it, or cut the file there"
+
+
+def about_time(imu: Imu, base: TimeBase) -> list[str]:
+    """What the time base means for the answer."""
+    said = []
+    if len(imu.segments) > 1:
+        lost = sum(duration - 1 / imu.rate for _, duration in base.gaps)
+        said.append(
+            f"{len(imu.segments)} segments with {span(lost)} missing between them, which are never glued: "
+            "imu.longest() takes the longest of them"
+        )
+    if base.duplicates:
+        said.append(f"time stamps that repeat the one before: {base.duplicates}")
+    if base.backward:
+        said.append(f"time stamps that step backward: {base.backward}")
+    if base.jitter * base.rate > 0.1:
+        said.append(
+            f"the time stamps jitter by {100 * base.jitter * base.rate:.0f} % of the interval: if the samples do, "
+            "short scales are blurred; if only the stamps do, nothing is lost"
+        )
+    return said
+
+
+def about_motion(
+    restless: Mapping[str, tuple[float, float]], tilt: float | None, knocks: tuple[Knock, ...]
+) -> list[str]:
+    """What motion means for the answer."""
+    said = []
+    if restless:
+        axis = max(restless, key=lambda name: restless[name][1])
+        when, times = restless[axis]
+        said.append(
+            f"not static: around {when:.6g} s the spread of {axis} is {times:.1f} times its usual one; {_WITHOUT}"
+        )
+    if tilt is not None and tilt > MOVED:
+        said.append(f"not static: the specific force turns by {tilt:.3g}°; {_WITHOUT}")
+    elif tilt is not None:
+        said.append(
+            f"the specific force turns by {tilt:.2g}°, more than its noise explains: the mount settles, or the "
+            "accelerometers' biases wander (with temperature?)"
+        )
+    if knocks:
+        what = f"{counted(len(knocks), 'knock')} (the first at {knocks[0].time:.6g} s), which "
+        what += "raises the curve" if len(knocks) == 1 else "raise the curve"
+        said.append(f"{what}: {_WITHOUT}, or estimate with robust=True")
+    return said
+
+
+def about_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> list[str]:
+    """What the numbers themselves say."""
+    said = []
+    if gravity is not None and abs(gravity / STANDARD_GRAVITY - 1) > 0.05:
+        said.append(
+            f"the specific force is {gravity:.4g} m/s², not {STANDARD_GRAVITY:.4g}: is the unit right, "
+            "was gravity removed?"
+        )
+    coarse = [name for name, axis in axes.items() if axis.lsb is not None and axis.noise < 0.5 * axis.lsb]
+    if coarse:
+        said.append(
+            f"{', '.join(coarse)}: the noise is below half a quantisation step, so short scales show the step, "
+            "not the sensor"
+        )
+    return said
+
+
+def about_units(imu: Imu, pieces: Sequence[tuple[int, int]]) -> list[str]:
+    """Gyroscopes so noisy that their unit is in doubt: deg/s taken for rad/s makes 57 times the noise."""
+    found = {}
+    for axis in imu:
+        if imu[axis].unit != SI_UNIT["gyro"]:
+            continue
+        # The median over pieces, so that a knock or a motion is not taken for the noise.
+        steps = [np.diff(imu[axis].values[a:b]) for a, b in pieces]
+        variances = [float(np.mean(step**2)) / 2 for step in steps if step.size]
+        density = float(np.degrees(np.sqrt(np.median(variances) / imu.rate))) if variances else 0.0
+        if density > _NOISY:
+            found[axis] = density
+    if not found:
+        return []
+    return [
+        f"{', '.join(found)}: a noise of {max(found.values()):.3g} deg/s/√Hz is more than inertial gyroscopes at rest "
+        f"have (0.002 to {_NOISY:g}): is the unit right? If the numbers of the file are in deg/s, say "
+        'units={"gyro": "deg/s"}'
+    ]
+
+
+def span(seconds: float) -> str:
+    """A length of time for people."""
+    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.3g} {unit}"
+    return f"{seconds:.3g} s"

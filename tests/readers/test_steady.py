@@ -1,0 +1,124 @@
+"""A change of the rate and stamps out of order are errors; jitter, rounding, bursts, gaps and drift are neither."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gmwm.errors import ReadError
+from gmwm.readers.steady import rate_change
+from gmwm.readers.timebase import as_stamps, timing
+
+FIXED = settings(derandomize=True, max_examples=50, deadline=None)
+
+
+def base(values, unit="s", rate=None):
+    return timing(as_stamps(np.asarray(values), unit, rate)[0], rate)
+
+
+def two_rates(first, second, samples, share):
+    cut = int(share * samples)
+    return np.cumsum(np.repeat([0.0, 1 / first, 1 / second], [1, cut, samples - cut - 1])), cut
+
+
+@FIXED
+@given(
+    first=st.sampled_from([1.0, 50.0, 100.0, 833.0]),
+    factor=st.sampled_from([0.3, 0.5, 0.9, 1.1, 2.0, 3.0]),
+    share=st.floats(0.2, 0.8),
+    jitter=st.floats(0, 0.2),
+    scale=st.sampled_from([1e-12, 1.0, 1e12]),
+    samples=st.integers(2000, 20_000),
+)
+def test_a_change_is_found_where_it_is(first, factor, share, jitter, scale, samples):
+    stamps, cut = two_rates(first, first * factor, samples, share)
+    noise = np.random.default_rng(samples).uniform(-jitter, jitter, samples) / (first * max(1, factor))
+    found = rate_change((stamps + noise) * scale)
+    assert found is not None
+    assert found.after / found.before == pytest.approx(1 / factor, rel=0.1)
+    assert abs(found.index - cut) <= (0 if jitter == 0 else samples // 64)
+
+
+@pytest.mark.parametrize("factor", [0.1, 10.0, 100.0])
+def test_a_change_by_an_order_of_magnitude_is_found(factor):
+    stamps, cut = two_rates(100, 100 * factor, 4000, 0.4)
+    assert rate_change(stamps).index == cut
+
+
+def rounded(rate, step):
+    return lambda n, _: np.round(np.arange(n) / rate / step) * step
+
+
+def bursts(size):
+    return lambda n, _: np.arange(n) // size * size * 0.01 + np.arange(n) % size * 1e-4
+
+
+def with_gaps(lost):
+    return lambda n, rng: (np.arange(n) + np.cumsum((rng.random(n) < 0.02) * lost(rng, n))) * 0.01
+
+
+STEADY = {
+    "exact": lambda n, _: np.arange(n) * 0.01,
+    "jitter of the stamps": lambda n, rng: (np.arange(n) + rng.uniform(-0.49, 0.49, n)) * 0.01,
+    "jitter sorted": lambda n, rng: np.sort(np.arange(n) + rng.normal(0, 0.6, n)) * 0.01,
+    "rounded to more than an interval": rounded(200, 0.01),
+    "rounded to less": rounded(128, 0.01),
+    "rounded a little": rounded(90, 0.01),
+    "bursts of 4": bursts(4),
+    "bursts of 40": bursts(40),
+    "bursts at one stamp": lambda n, _: np.arange(n) // 10 * 0.1,
+    "single samples lost": with_gaps(lambda *_: 1),
+    "long gaps": with_gaps(lambda rng, n: rng.integers(1, 500, n)),
+    "losses from the middle on": lambda n, rng: np.delete(
+        np.arange(2 * n), n + np.flatnonzero(rng.random(n) < 0.3)
+    ) * 0.01,
+    "pauses as long as the bursts": lambda n, _: (np.arange(n) + np.arange(n) // 50 * 50) * 0.01,
+    "a crystal that drifts": lambda n, _: np.arange(n) * 0.01 * (1 + 0.01 * np.arange(n) / n),
+    "a day between two parts": lambda n, _: np.arange(n) * 0.01 + (np.arange(n) > n // 2) * 86400,
+    "a clock set back": lambda n, _: np.arange(n) * 0.01 - (np.arange(n) > n // 3) * 5,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", STEADY)
+@pytest.mark.parametrize("samples", [60, 500, 2000, 20_000])
+def test_no_change_where_there_is_none(name, samples):
+    for seed in range(5):
+        stamps = STEADY[name](samples, np.random.default_rng(seed))
+        assert rate_change(stamps) is None, seed
+
+
+def test_reading_says_both_rates_when_and_the_way_out():
+    stamps, _ = two_rates(100, 50, 20_000, 0.5)
+    with pytest.raises(ReadError, match=r"from 100 Hz to 50 Hz at 100 s \(row 10001.*cut the file there"):
+        base(stamps)
+    with pytest.raises(ReadError, match="from 100 Hz to 50 Hz"):
+        base(stamps, rate=100)
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.6, 2.0])
+def test_stamps_out_of_order(spread):
+    stamps = (np.arange(20_000) + np.random.default_rng(5).normal(0, spread, 20_000)) * 0.01
+    back = np.count_nonzero(np.diff(stamps) < 0)
+    with pytest.raises(ReadError, match=rf"not in order: {back} of 20000 .*columns=.*'time': None.*sort them"):
+        base(stamps)
+
+
+def test_the_rate_is_told_though_the_stamps_are_not_in_order():
+    stamps = (np.arange(20_000) + np.random.default_rng(5).normal(0, 0.6, 20_000)) * 0.01
+    with pytest.raises(ReadError, match="on average they say 100 Hz"):
+        base(stamps)
+
+
+def test_a_few_backward_steps_split():
+    swapped = np.arange(20_000) * 0.01
+    swapped[[700, 701]] = swapped[[701, 700]]
+    assert base(swapped).base.backward == 1
+    wrapped = np.arange(60_000) % 6553 * 0.01  # a counter of 16 bits
+    assert base(wrapped).base.backward == 9
+
+
+def test_a_clock_that_is_set_back_all_the_time_is_no_time():
+    with pytest.raises(ReadError, match="not in order"):
+        base(np.arange(20_000) % 50 * 0.01)
