@@ -1,12 +1,17 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
+#include "gmwm/buffer.hpp"
 #include "gmwm/clusters.hpp"
+#include "gmwm/haar.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -14,6 +19,30 @@ using namespace nb::literals;
 namespace {
 
 using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+
+Output to_numpy(gmwm::AlignedArray values, std::size_t n) {
+  double* data = values.get();
+  auto kept = std::make_unique<gmwm::AlignedArray>(std::move(values));
+  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<gmwm::AlignedArray*>(p); });
+  kept.release();
+  return Output(data, {n}, owner);
+}
+
+std::pair<Output, Output> octave_second_differences(const Input& x, std::size_t octaves) {
+  const std::size_t n = x.shape(0);
+  if (octaves < 1 || octaves > gmwm::max_level || (std::size_t{1} << octaves) > n)
+    throw std::invalid_argument("octaves must be from 1 to log2 of the number of samples, got " +
+                                std::to_string(octaves) + " for " + std::to_string(n) + " samples");
+  gmwm::AlignedArray phase = gmwm::aligned_array(n + 1), sums = gmwm::aligned_array(octaves);
+  {
+    const nb::gil_scoped_release release;
+    const std::span<const double> values{x.data(), n};
+    gmwm::octave_second_differences(values, gmwm::mean(values).value, {phase.get(), n + 1}, {sums.get(), octaves});
+  }
+  return {to_numpy(std::move(phase), n + 1), to_numpy(std::move(sums), octaves)};
+}
 
 void check(const Input& phase, std::size_t n, std::size_t stride, std::size_t most) {
   if (n < 1 || n > most)
@@ -54,6 +83,9 @@ double reflected_second_differences(const Input& phase, std::size_t n) {
 }  // namespace
 
 void bind_clusters(nb::module_& m) {
+  m.def("octave_second_differences", &octave_second_differences, "x"_a.noconvert(), "octaves"_a,
+        "Running sum of x - mean(x), N + 1 values from 0, and the sums of its squared second differences at lags 1, "
+        "2, 4, ...; all but the first NaN if a value is not finite.");
   m.def("second_differences", &second_differences, "phase"_a.noconvert(), "n"_a, "stride"_a = 1,
         "Sum of the squared second differences of the phase at lag n, at every stride-th place.");
   m.def("third_differences", &third_differences, "phase"_a.noconvert(), "n"_a, "stride"_a = 1,

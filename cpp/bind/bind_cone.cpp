@@ -2,6 +2,8 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
+#include <cmath>
 #include <tuple>
 
 #include "gmwm/cone.hpp"
@@ -37,8 +39,16 @@ gmwm::Cone cone_of(const Vector& target, const Matrix& fixed, const Vector& posi
   require(values.shape(0) == slopes.shape(0) && values.shape(0) != 1 &&
               margins.size() + (values.shape(0) > 0) == values.shape(0),
           "a curve has as many slopes as values, and one margin less");
+  for (const auto& numbers : {span_of(target), span_of(fixed), span_of(positive), span_of(values), span_of(slopes), span_of(margins)})
+    require(std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }),
+            "all numbers must be finite");
   return {span_of(target), span_of(fixed), span_of(positive),
           gmwm::Curve(dim, span_of(values), span_of(slopes), span_of(margins), span_of(positive))};
+}
+
+void require_on_curve(const Vector& starts, const Matrix& values) {
+  for (const double s : span_of(starts))
+    require(s >= 0 && s <= static_cast<double>(values.shape(0)) - 1, "starts must lie on the curve");
 }
 
 Result positions_of(const gmwm::Point& point) {
@@ -68,6 +78,7 @@ void bind_cone(nb::module_& m) {
   m.def(
       "cone_refine",
       [](Vector target, Matrix fixed, Vector positive, Matrix values, Matrix slopes, Vector margins, Vector starts) {
+        require_on_curve(starts, values);
         gmwm::Cone cone = cone_of(target, fixed, positive, values, slopes, margins);
         gmwm::Point point;
         {
@@ -84,6 +95,8 @@ void bind_cone(nb::module_& m) {
       "cone_search",
       [](Vector target, Matrix fixed, Vector positive, Matrix values, Matrix slopes, Vector margins, std::size_t count,
          double gap, std::size_t max_nodes, Vector starts) {
+        require(count > 0 && values.shape(0) > 0, "a search needs a curve, and at least one point of it");
+        require_on_curve(starts, values);
         gmwm::Cone cone = cone_of(target, fixed, positive, values, slopes, margins);
         gmwm::Certified found;
         {

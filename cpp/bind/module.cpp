@@ -4,9 +4,17 @@ namespace nb = nanobind;
 
 void bind_haar(nb::module_& m);
 void bind_cone(nb::module_& m);
+void bind_clusters(nb::module_& m);
+void bind_robust(nb::module_& m);
+void bind_pyramid(nb::module_& m);
+void bind_lags(nb::module_& m);
 
 NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
   bind_haar(m);
   bind_cone(m);
+  bind_clusters(m);
+  bind_robust(m);
+  bind_pyramid(m);
+  bind_lags(m);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "gmwm/clones.hpp"
+#include "gmwm/haar_tile.hpp"
 #include "gmwm/pack.hpp"
 
 namespace gmwm {
@@ -97,6 +98,14 @@ GMWM_CLONES double moving_clone(const double* p, std::size_t count, std::size_t 
   return total + acc.total();
 }
 
+GMWM_CLONES void phase_clone(const double* x, std::size_t n, double mean, double base, double* out) {
+  tile::running_sum(x, n, mean, base, out);
+}
+
+GMWM_CLONES void octaves_clone(const double* p, std::size_t n, std::size_t octaves, double* sums) {
+  tile::levels_of_tile(p, n, octaves, sums);
+}
+
 // i runs over first <= i < last; left and right say what stands n before and n after i.
 template <class Left, class Right>
 double turned(std::span<const double> p, std::size_t first, std::size_t last, Left left, Right right) {
@@ -114,6 +123,16 @@ double second_differences(std::span<const double> p, std::size_t n, std::size_t 
   if (p.size() <= 2 * n) return 0.0;
   const std::size_t count = p.size() - 2 * n;
   return stride == 1 ? second_clone(p.data(), count, n) : strided_squares(Second{p.data(), n}, count, stride);
+}
+
+void octave_second_differences(std::span<const double> x, double mean, std::span<double> p, std::span<double> sums) {
+  p[0] = 0.0;
+  std::fill(sums.begin(), sums.end(), 0.0);
+  for (std::size_t i = 1, next; i <= x.size(); i = next) {
+    next = std::min(tile::end(i), x.size() + 1);
+    phase_clone(x.data() + i - 1, next - i, mean, p[i - 1], p.data() + i);
+    octaves_clone(p.data() + i, next - i, tile::active(i, sums.size()), sums.data());
+  }
 }
 
 double third_differences(std::span<const double> p, std::size_t n, std::size_t stride) {

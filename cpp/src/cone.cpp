@@ -14,11 +14,12 @@ void sort_atoms(std::vector<Atom>& atoms) {
   std::sort(atoms.begin(), atoms.end(), [](const Atom& a, const Atom& b) { return a.position < b.position; });
 }
 
-// Atoms less than a cell apart, joined.
-std::vector<Atom> joined(const std::vector<Atom>& atoms) {
+// Atoms less than a cell apart on one branch, joined.
+std::vector<Atom> joined(const std::vector<Atom>& atoms, const Curve& curve) {
   std::vector<Atom> result;
   for (const Atom& atom : atoms) {
-    if (result.empty() || atom.position - result.back().position > 1) {
+    if (result.empty() || atom.position - result.back().position > 1 ||
+        &curve.branch_of(atom.position) != &curve.branch_of(result.back().position)) {
       result.push_back(atom);
       continue;
     }
@@ -85,6 +86,7 @@ void Cone::solve_weights(std::vector<Atom>& atoms, std::vector<double>& linear) 
 
 // For y = r - steepest z, <y, a> <= 0 on the cone, so that every point p of it has |b - p| >= <y, b> / |y|.
 double Cone::dual_bound(double steepest) const {
+  if (!std::isfinite(steepest)) return 0;
   const auto residual = nonnegative_.residual();
   double along = 0, square = 0;
   for (std::size_t j = 0; j < dim_; ++j) {
@@ -134,6 +136,7 @@ Relaxed Cone::solve_relaxation(const Box& box, const std::vector<Atom>& warm, do
     }
     if (!fresh) break;
   }
+  std::erase_if(result.atoms, [](const Atom& atom) { return !(atom.weight > 0); });
   sort_atoms(result.atoms);
   return result;
 }
@@ -144,7 +147,7 @@ Relaxed Cone::relax() {
   // Pairs of neighbours stand for one point between them. Let each pair be one and slide to its optimum, and the
   // bound becomes tight at once, where adding ever closer points would take many rounds.
   Relaxed relaxed = solve_relaxation(whole, {}, infinity, 1e-3);
-  const Point slid = refine(joined(relaxed.atoms), relaxed.atoms.size());
+  const Point slid = refine(joined(relaxed.atoms, curve_), relaxed.atoms.size());
   Relaxed again = solve_relaxation(whole, slid.atoms, infinity, 1e-9);
   again.bound = std::max(again.bound, relaxed.bound);
   return again;

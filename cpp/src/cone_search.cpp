@@ -14,6 +14,7 @@ constexpr double same_place = 1e-7;  // in cells: curve points nearer than this 
 
 // Joins the two neighbours that are closest until at most `count` are left: their weighted mean takes their place.
 std::vector<Atom> merged(std::vector<Atom> atoms, std::size_t count, const Curve& curve) {
+  if (count == 0) return {};
   while (atoms.size() > count) {
     std::size_t at = 0;
     double closest = infinity;
@@ -41,8 +42,10 @@ void Cone::remember(Certified& result, Point point) const {
     for (std::size_t i = 0; same && i < point.atoms.size(); ++i)
       same = std::abs(known.atoms[i].position - point.atoms[i].position) < 1e-3;
     if (!same) continue;
-    if (point.objective < known.objective) known = std::move(point);
-    return;
+    if (!(point.objective < known.objective)) return;
+    known = std::move(result.best.back());
+    result.best.pop_back();
+    break;
   }
   result.best.push_back(std::move(point));
   std::sort(result.best.begin(), result.best.end(), [](const Point& a, const Point& b) { return a.objective < b.objective; });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "gmwm/nonnegative.hpp"
 
@@ -137,7 +138,9 @@ double Curve::steepest(std::span<const double> direction, Range range, double th
     }
     const double start = static_cast<double>(c);
     const Peak peak = cell.maximum(std::max(range.low - start, 0.0), std::min(range.high - start, 1.0));
-    ratio = std::max(ratio, (peak.value + margin) / least_[c]);
+    // Where the margin leaves no positive lower bound of <z, g>, nothing is proven.
+    if (peak.value + margin > 0)
+      ratio = std::max(ratio, least_[c] > 0 ? (peak.value + margin) / least_[c] : std::numeric_limits<double>::infinity());
     if (peak.value <= threshold) {
       rising = false;
     } else if (!rising || peaks.empty()) {

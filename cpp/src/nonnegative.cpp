@@ -93,7 +93,7 @@ void NonNegative::solve(std::span<const double* const> columns, std::vector<doub
   for (std::size_t k = 0; k < m; ++k)
     if (weights[k] > 0) passive_.push_back(k);
 
-  for (std::size_t round = 0; round < 30 + 10 * m; ++round) {
+  for (std::size_t rounds = 30 + 10 * m;; --rounds) {
     while (!passive_.empty()) {
       if (!least_squares(columns)) {
         for (std::size_t k = 0; k < m; ++k)
@@ -114,7 +114,7 @@ void NonNegative::solve(std::span<const double* const> columns, std::vector<doub
         best = k;
       }
     }
-    if (best == m) break;
+    if (best == m || rounds == 0) break;
     passive_.push_back(best);
   }
   objective_ = dot(residual_.data(), residual_.data(), n);

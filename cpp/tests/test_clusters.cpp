@@ -93,6 +93,21 @@ void sums_are_their_definitions() {
     }
 }
 
+void octaves_are_second_differences() {
+  for (const std::size_t size : {8u, 9u, 100u, 4096u, 5001u}) {
+    const Values x = phase(size, 1);
+    Values p(size + 1), sums;
+    for (std::size_t n = 1; 2 * n <= size; n *= 2) sums.push_back(-1.0);
+    gmwm::octave_second_differences(x, 0.25, p, sums);
+    Wide total = 0;
+    for (std::size_t k = 0; k < size; ++k) {
+      total += static_cast<Wide>(x[k]) - 0.25L;
+      CHECK(std::abs(p[k + 1] - static_cast<double>(total)) < 1e-9);
+    }
+    for (std::size_t j = 0; j < sums.size(); ++j) CHECK_CLOSE(sums[j], seconds(p, std::size_t{1} << j, 1), 1e-9);
+  }
+}
+
 // A moving sum that is carried through the whole record would lose digits here: the phase is 10^7 times its differences.
 void long_records_keep_their_digits() {
   const Values p = phase(200'000, 2);
@@ -126,6 +141,7 @@ void scaling_by_a_power_of_two_is_exact() {
 
 int main() {
   sums_are_their_definitions();
+  octaves_are_second_differences();
   long_records_keep_their_digits();
   too_large_clusters_are_empty();
   scaling_by_a_power_of_two_is_exact();

@@ -13,6 +13,10 @@ namespace gmwm {
 // Σ (p[i + 2n] - 2 p[i + n] + p[i])² over i = 0, stride, 2 stride, …, i + 2n < p.size(). Allan: stride 1 or n.
 double second_differences(std::span<const double> p, std::size_t n, std::size_t stride);
 
+// The phase of x, p[k + 1] = p[k] + x[k] - mean with p[0] = 0, and at once sums[j] = Σ (p[i + 2n] - 2 p[i + n] + p[i])²
+// over all i at n = 2^j: while a tile of the phase is in the cache. Sizes: x N, p N + 1, 2^sums.size() <= N.
+void octave_second_differences(std::span<const double> x, double mean, std::span<double> p, std::span<double> sums);
+
 // Σ (p[i + 3n] - 3 p[i + 2n] + 3 p[i + n] - p[i])² over i = 0, stride, … Hadamard: stride 1 or n.
 double third_differences(std::span<const double> p, std::size_t n, std::size_t stride);
 

@@ -3,7 +3,7 @@
 //
 //     minimise |b - sum_l c_l a_l - sum_i x_i g(s_i)|²   over c, x >= 0 and positions s_i
 //
-// Lower bounds are rigorous up to rounding: they come from the dual, with the error of the tabulated curve added.
+// Lower bounds come from the dual, with the margins of the tabulated curve added: they are as good as those margins.
 #pragma once
 
 #include <cstddef>

@@ -18,6 +18,9 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
+from gmwm.filters import HAAR, WaveletFilter, find_filter
+from gmwm.processes import filtered
+from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.statespace import StateSpace
@@ -28,7 +31,15 @@ if TYPE_CHECKING:
 registry: dict[str, type[Process]] = {}
 """Every process by name, in the order in which they are shown."""
 
-Theory = Literal["wavelet_variance", "running_sum_covariance", "autocovariance", "psd", "state_space", "simulate"]
+Theory = Literal[
+    "wavelet_variance",
+    "running_sum_covariance",
+    "autocovariance",
+    "psd",
+    "state_space",
+    "simulate",
+    "coefficient_covariance",
+]
 
 # What each piece of theory can be derived from; the first that the process has is taken.
 _SOURCES: dict[str, tuple[str, ...]] = {
@@ -38,6 +49,7 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "psd": ("state_space",),
     "simulate": ("state_space",),
     "state_space": (),
+    "coefficient_covariance": (),
 }
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 _WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
@@ -157,8 +169,8 @@ class Process(ABC):
     # --- the shape, on which estimation stands --------------------------------------------------------
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """Haar wavelet variance at scale coefficient 1.
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """Wavelet variance at scale coefficient 1.
 
         Parameters
         ----------
@@ -168,17 +180,21 @@ class Process(ABC):
             Wavelet levels; a number J stands for 1 … J.
         rate : float
             Sampling rate (Hz).
+        filter : WaveletFilter
+            An override that has a closed form for some filters leaves the others to this.
 
         Returns
         -------
         (n, J) array
         """
         wanted = as_levels(levels)
-        rows = [cls.standard(row)._haar_variance(wanted, rate) for row in np.asarray(nonlinear)]
+        rows = [cls.standard(row)._variance_under(filter, wanted, rate) for row in np.asarray(nonlinear)]
         return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
 
     @classmethod
-    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
         """Derivative of `shape` by each nonlinear parameter, (n, J, q); by default differences of order 6."""
         wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
         result = np.zeros((len(theta), wanted.size, theta.shape[1]))
@@ -190,7 +206,7 @@ class Process(ABC):
                 for sign in (1, -1):
                     moved = theta.copy()
                     moved[:, k] += sign * distance * step
-                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate)
+                    result[:, :, k] += sign * weight * cls.shape(moved, wanted, rate, filter)
             result[:, :, k] /= 60.0 * step[:, None]
         return result
 
@@ -201,9 +217,9 @@ class Process(ABC):
 
     # --- theory of a process whose values are complete -------------------------------------------------
 
-    def wavelet_variance(self, levels: int | ArrayLike, rate: float) -> Vector:
-        """Haar wavelet variance ν_j² (J,), in u² for a signal in u, at `levels` and `rate` (Hz)."""
-        shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate))
+    def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
+        """Wavelet variance ν_j² (J,), in u² for a signal in u, at `levels` and `rate` (Hz) under a filter."""
+        shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
         return np.asarray(self.scale * shape[0], dtype=np.float64)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -243,6 +259,14 @@ class Process(ABC):
     def state_space(self, rate: float) -> StateSpace:
         """The process as F, Q, H, R, m0, P0."""
         raise self.missing("state_space")
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients at pairs of levels and lags, in u²."""
+        raise self.missing("coefficient_covariance")
+
+    def decays(self, rate: float) -> tuple[float, ...]:
+        """Rates λ per sample of the exponentials in `coefficient_covariance`; negative where they alternate in sign."""
+        return ()
 
     def mean(self, t: ArrayLike) -> Vector:
         """Mean at sample numbers t; 0 but for a drift."""
@@ -293,6 +317,28 @@ class Process(ABC):
         what = _WORDS.get(theory, theory.replace("_", " ").replace("running sum", "running-sum"))
         mean = "" if _function(type(self).mean) is Process.mean else ", and mean(t)"
         return MissingTheoryError(f"{self.name} has no {what}{why}; it has {there}{mean}")
+
+    def _variance_under(
+        self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
+    ) -> Vector:
+        """Wavelet variance from whatever theory the process gives."""
+        if filter is HAAR:
+            return self._haar_variance(levels, rate)
+        if self._gives("state_space") and self.stationary:
+            return filtered.state_space_variance(self.state_space(rate), filter, levels)
+        longest = filtered.lags_needed(filter, int(levels[-1]))
+        if longest > _LONGEST_SUM or not self.has("running_sum_covariance"):
+            raise MissingTheoryError(
+                f"{self.name} has its wavelet variance under filter {filter.name!r} by summation of its autocovariance "
+                f"only, up to lag {_LONGEST_SUM}; level {levels[-1]} needs {longest}. Use filter='haar', or define "
+                f"{'state_space' if self.stationary else 'shape'} in {type(self).__name__}"
+            )
+        if self._gives("autocovariance"):
+            covariance = self.autocovariance(np.arange(longest), rate)
+        else:
+            k = self.running_sum_covariance(np.arange(-1, longest + 1), rate)
+            covariance = 2.0 * k[1:-1] - k[:-2] - k[2:]
+        return filtered.autocovariance_variance(covariance, filter, levels)
 
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
         """Wavelet variance from whatever theory the process gives; the block sums never cancel, K may."""

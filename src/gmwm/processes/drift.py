@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import filtered
 from gmwm.processes.base import Process
+from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.statespace import StateSpace
@@ -40,13 +43,19 @@ class DR(Process):
     omega: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """τ²/16."""
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """τ²/16 for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.drift_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, 2 * as_levels(levels) - 4), (len(nonlinear), 1))
 
     def mean(self, t: ArrayLike) -> Vector:
         """ωt at sample numbers t."""
         return np.asarray(self.value("omega") * np.asarray(t, dtype=np.float64))
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """None: a drift is a mean."""
+        return np.zeros_like(at.lag)
 
     def state_space(self, rate: float) -> StateSpace:
         """States (value, slope) without noise, known at t = 0."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_WHITE = 700.0
+WHITE = 700.0
 """From this λ on e^(−λ) is nothing next to 1, and cosh λ would soon overflow: λ is cut off here."""
 
 
@@ -62,14 +62,14 @@ def ar1_slope(phi: Array, h: Array) -> Array:
 
 def log_decay(phi: Array) -> Array:
     """λ = −ln|φ|, exact also where |φ| is next to 1; cut off where e^(−λ) is nothing next to 1."""
-    size = np.maximum(np.abs(phi), np.exp(-_WHITE))
+    size = np.maximum(np.abs(phi), np.exp(-WHITE))
     near_one = size > 0.5
     return np.where(near_one, -np.log1p(np.where(near_one, size, 1.0) - 1.0), -np.log(size))
 
 
 def _arguments(lam: Array, h: Array) -> tuple[Array, Array, Array]:
     """λ (n, 1), x = λh (n, J) and y = 1 − e^(−x)."""
-    column = np.minimum(lam, _WHITE)[:, None]
+    column = np.minimum(lam, WHITE)[:, None]
     x = column * h
     return column, x, -np.expm1(-x)
 
@@ -207,7 +207,7 @@ def _t(lam: Array) -> Array:
 
 def block_variance(lam: float, m: Array) -> Array:
     """Variance [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)) of a sum of m samples of autocovariance e^(−λ|k|)."""
-    v = np.array([min(lam, _WHITE)])
+    v = np.array([min(lam, WHITE)])
     # Divided through by e^λ and λ², so that neither end overflows or cancels.
     x = np.asarray(m, dtype=np.float64) * v
     curve = _piecewise(x, lambda x: np.polyval(_CURVE, x), lambda x: np.asarray((np.expm1(-x) + x) / (x * x)))

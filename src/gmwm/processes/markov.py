@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm.processes import exponential
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import differences, exponential, filtered
 from gmwm.processes.base import Process
+from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.noise import WN
 from gmwm.processes.parameter import Branch, Parameter, Value
@@ -20,28 +22,54 @@ from gmwm.statespace import StateSpace
 
 _FAMILY = "first-order Markov"
 
-SEARCH_LOW = 0.01
-"""Smallest λ that is searched, times the number of samples: slower is a random walk to this record."""
-SEARCH_HIGH = 20.0
-"""Largest λ that is searched: e^(−20) = 2e-9, the autocorrelation at one sample, is white to any record."""
+SEARCH_BEND = 0.01
+"""λ times the number of samples, below which the search coordinate is linear in λ, above it logarithmic."""
+SEARCH_HIGH = 40.0
+"""Largest λ that is searched: e^(−40), the autocorrelation at one sample, is nothing next to 1."""
 
 
-def _log_range(samples: int) -> tuple[float, float]:
-    return math.log(SEARCH_LOW / samples), math.log(SEARCH_HIGH)
+@dataclass(frozen=True)
+class _Coordinate:
+    """u ↦ λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
+
+    It ends at λ = `least`·bend, where the process is a random walk to this record but for that share, and is ln λ
+    from where a record can tell.
+    """
+
+    bend: float
+    least: float
+
+    @property
+    def low(self) -> float:
+        return math.log(self.bend)
+
+    @property
+    def high(self) -> float:
+        return self.of(SEARCH_HIGH)
+
+    def decay(self, u: Vector) -> Vector:
+        """λ."""
+        return np.asarray(self.bend * (np.expm1(u - self.low) + self.least))
+
+    def of(self, decay: float) -> float:
+        """u."""
+        return self.low + math.log1p(decay / self.bend - self.least)
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """φ = ±e^(−λ) along u = ln λ."""
+    """φ = ±e^(−λ). Doubles next to 1 are too coarse for the smallest λ that Gauss-Markov processes go down to."""
+    along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
         if (phi < 0) != (sign < 0):
             return None
-        return float(np.log(exponential.log_decay(np.array([phi]))[0]))
+        return along.of(float(exponential.log_decay(np.array([phi]))[0]))
 
     return Branch(
-        *_log_range(samples),
-        values=lambda u: sign * np.exp(-np.exp(u))[:, None],
-        slope=lambda u: -sign * np.exp(u - np.exp(u))[:, None],
+        along.low,
+        along.high,
+        values=lambda u: sign * np.exp(-along.decay(u))[:, None],
+        slope=lambda u: -sign * np.exp(u - along.decay(u))[:, None],
         coordinate=coordinate,
         low_acts_as=low_acts_as,
         high_acts_as=WN.name,
@@ -73,6 +101,16 @@ class _Markov(Process, abstract=True):
         phi = -math.exp(-lam)
         power = np.where(m % 2 == 1, 1.0 + np.exp(-lam * m), -np.expm1(-lam * m))
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Exponentials in the distance from the ends of the blocks."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        return s2 * (differences.exponential(at, lam) if sign > 0 else differences.alternating(at, lam))
+
+    def decays(self, rate: float) -> tuple[float, ...]:
+        """±λ."""
+        _, sign, lam = self._pole(as_rate(rate))
+        return (sign * lam,)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
@@ -131,13 +169,19 @@ class AR1(_Markov):
     sigma2: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """ν² at innovation variance 1."""
+        if filter is not HAAR:
+            return filtered.ar1_shape(np.asarray(nonlinear)[:, 0], filter, as_levels(levels))
         return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
 
     @classmethod
-    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """∂ν²/∂φ at innovation variance 1."""
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
+        """∂ν²/∂φ at innovation variance 1; by differences of the closed form under other filters than Haar's."""
+        if filter is not HAAR:
+            return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
@@ -189,27 +233,33 @@ class GM(_Markov):
     sigma2: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """ν² at marginal variance 1."""
+        if filter is not HAAR:
+            return filtered.gm_shape(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels))
         return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
 
     @classmethod
-    def shape_jacobian(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
         """∂ν²/∂β at marginal variance 1."""
+        if filter is not HAAR:
+            return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
         slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
         return (slope / rate)[:, :, None]
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """One branch, β = λ·rate along u = ln λ."""
-        low, high = _log_range(samples)
+        """One branch, from a random walk to white noise."""
+        along = _Coordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
-                low,
-                high,
-                values=lambda u: rate * np.exp(u)[:, None],
+                along.low,
+                along.high,
+                values=lambda u: rate * along.decay(u)[:, None],
                 slope=lambda u: rate * np.exp(u)[:, None],
-                coordinate=lambda beta: math.log(beta / rate),
+                coordinate=lambda beta: along.of(beta / rate),
                 low_acts_as=RW.name,
                 high_acts_as=WN.name,
             ),

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.doors import as_paths, as_rng
 from gmwm.processes.parameter import Fixed, Value
@@ -150,29 +151,36 @@ class Model:
 
     # --- theory ---------------------------------------------------------------------------------------
 
-    def wavelet_variance(self, levels: int | ArrayLike, rate: float) -> Vector:
-        """Haar wavelet variance ν_j² (J,) in u² at `levels` (or 1 … J) and `rate` (Hz)."""
-        return self._sum("wavelet_variance", lambda p: p.wavelet_variance(levels, rate))
+    def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
+        """Wavelet variance ν_j² (J,) in u² at `levels` (or 1 … J) and `rate` (Hz) under a wavelet filter.
 
-    def decomposition(self, levels: int | ArrayLike, rate: float) -> dict[str, Vector]:
+        >>> from gmwm.processes import RW, WN
+        >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).wavelet_variance(3, rate=100.0, filter="d4").round(4)
+        array([2.1875, 1.2637, 0.9849])
+        """
+        return self._sum("wavelet_variance", lambda p: p.wavelet_variance(levels, rate, filter))
+
+    def decomposition(
+        self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
+    ) -> dict[str, Vector]:
         """The wavelet variance of each term, by label."""
         self._require_complete("decomposition")
-        return {t: process.wavelet_variance(levels, rate) for t, process in self._labelled()}
+        return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
 
-    def jacobian(self, levels: int | ArrayLike, rate: float) -> Matrix:
+    def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
         """∂ν_j²/∂θ (J, p) by the parameters themselves, in the order of `names`."""
         self._require_complete("Jacobian")
-        wanted, rate, columns = as_levels(levels), as_rate(rate), []
+        wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
         for process in self.processes:
             theta = process.nonlinear.reshape(1, -1)
-            slopes = iter((process.scale * process.shape_jacobian(theta, wanted, rate)[0]).T)
+            slopes = iter((process.scale * process.shape_jacobian(theta, wanted, rate, wavelet)[0]).T)
             for parameter in process.parameters:
                 if (power := parameter.scale_power) is None:
                     columns.append(next(slopes))
                 else:
                     # power − 1 = 0 must give 1 for a value of 0 too, as 0**0 does.
                     factor = power * process.value(parameter.name) ** (power - 1)
-                    columns.append(factor * process.shape(theta, wanted, rate)[0])
+                    columns.append(factor * process.shape(theta, wanted, rate, wavelet)[0])
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:

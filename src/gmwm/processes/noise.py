@@ -19,7 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import differences, filtered
 from gmwm.processes.base import Process
+from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.statespace import StateSpace
@@ -49,13 +52,19 @@ class WN(Process):
     sigma2: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """1/τ."""
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """1/τ for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.white_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = −σ²|m|/2."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Triangles, zero beyond the reach of the filters."""
+        return self.scale * differences.white(at)
 
     def state_space(self, rate: float) -> StateSpace:
         """No state: observation noise of variance σ²."""
@@ -97,13 +106,19 @@ class QN(Process):
     q2: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """6/τ²."""
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """6/τ² for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.quantization_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = Q² at m = 0, else 0: the running sum is e_t itself."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Spikes at nine lags."""
+        return self.scale * differences.quantization(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = 4Q² sin²(πfΔt) Δt."""

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import differences, filtered
 from gmwm.processes.base import Process
+from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.statespace import StateSpace
@@ -42,8 +45,10 @@ class RW(Process):
     gamma2: Value = None
 
     @classmethod
-    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float) -> Matrix:
-        """(τ² + 2)/(12τ)."""
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """(τ² + 2)/(12τ) for the Haar filter."""
+        if filter is not HAAR:
+            return np.tile(filtered.walk_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         tau = np.ldexp(1.0, as_levels(levels))
         return np.tile(tau / 12.0 + 1.0 / (6.0 * tau), (len(nonlinear), 1))
 
@@ -51,6 +56,10 @@ class RW(Process):
         """K(m) = γ²(|m|³ − |m|)/12."""
         m = np.abs(as_lags(lags)).astype(np.float64)
         return self.scale * (m**3 - m) / 12.0
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Cubic pieces, zero beyond the reach of the filters."""
+        return self.scale * differences.walk(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), as a filter that sums to 0 sees it; infinite at f = 0."""

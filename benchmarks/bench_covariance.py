@@ -1,0 +1,29 @@
+"""The exact covariance of the wavelet variance, 19 levels of 10^6 samples, against `numpy.cumsum` of 10^6 numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+
+import numpy as np
+
+import gmwm
+from benchmarks.harness import Case
+
+MODELS = (
+    "WN(sigma2=1e-6) + QN(q2=2e-6) + RW(gamma2=1e-13)",
+    "GM(beta=0.5, sigma2=3e-8) + WN(sigma2=1e-6) + QN(q2=2e-6) + RW(gamma2=1e-13)",
+    "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
+    " + QN(q2=2e-6) + RW(gamma2=1e-13)",
+)
+
+
+def cases() -> Iterable[Case]:
+    """190 pairs of levels."""
+    buffer = np.empty(10**6)
+    cumsum = partial(np.cumsum, np.random.default_rng(1).standard_normal(10**6), out=buffer)
+    for text in MODELS:
+        model = gmwm.parse_model(text)
+        run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0)
+        target = 15.0 if model.structure.count("*") == 0 else None
+        yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, target)

@@ -1,0 +1,105 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "gmwm/haar.hpp"
+#include "gmwm/robust.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
+using Values = std::vector<double>;
+
+std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
+
+Output to_numpy(Values values) {
+  auto kept = std::make_unique<Values>(std::move(values));
+  double* data = kept->data();
+  const std::size_t n = kept->size();
+  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<Values*>(p); });
+  kept.release();
+  return Output(data, {n}, owner);
+}
+
+// The number of Haar coefficients at a level that must exist.
+std::size_t checked_count(const Input& running_sum, std::size_t level) {
+  const std::size_t n = running_sum.shape(0);
+  if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))
+    throw std::invalid_argument("level must be from 1 to log2 of the number of samples, got " + std::to_string(level) +
+                                " for a running sum of " + std::to_string(n) + " values");
+  return n - (std::size_t{1} << level);
+}
+
+std::tuple<double, double> biweight_sums(const Input& values, double limit) {
+  if (!(limit > 0.0)) throw std::invalid_argument("limit must be positive, got " + std::to_string(limit));
+  const nb::gil_scoped_release release;
+  const gmwm::BiweightSums sums = gmwm::biweight_sums(view(values), limit);
+  return {sums.cubed, sums.fourth};
+}
+
+std::tuple<Output, Output, Output> haar_biweight_sums(const Input& running_sum, const Input& limits,
+                                                      std::size_t every) {
+  const std::size_t levels = limits.shape(0);
+  checked_count(running_sum, levels);
+  if (every < 1) throw std::invalid_argument("every must be at least 1, got 0");
+  Values cubed(levels), fourth(levels), count(levels);
+  {
+    const nb::gil_scoped_release release;
+    std::vector<gmwm::BiweightSums> sums(levels);
+    gmwm::haar_biweight_sums(view(running_sum), view(limits), every, sums);
+    for (std::size_t k = 0; k < levels; ++k) {
+      cubed[k] = sums[k].cubed;
+      fourth[k] = sums[k].fourth;
+      count[k] = sums[k].count;
+    }
+  }
+  return {to_numpy(std::move(cubed)), to_numpy(std::move(fourth)), to_numpy(std::move(count))};
+}
+
+Output haar_sample(const Input& running_sum, std::size_t level, std::size_t size) {
+  Values out(std::min(size, checked_count(running_sum, level)));
+  {
+    const nb::gil_scoped_release release;
+    gmwm::haar_sample(view(running_sum), level, out);
+  }
+  return to_numpy(std::move(out));
+}
+
+std::tuple<std::size_t, Output> haar_between(const Input& running_sum, std::size_t level, double low, double high) {
+  checked_count(running_sum, level);
+  Values between;
+  std::size_t below = 0;
+  {
+    const nb::gil_scoped_release release;
+    below = gmwm::haar_between(view(running_sum), level, low, high, between);
+  }
+  return {below, to_numpy(std::move(between))};
+}
+
+}  // namespace
+
+void bind_robust(nb::module_& m) {
+  m.def("biweight_sums", &biweight_sums, "values"_a.noconvert(), "limit"_a,
+        "Sums of v q^3 and of v q^4 over the values, v = min(value^2 / limit, 1), q = 1 - v.");
+  m.def("haar_biweight_sums", &haar_biweight_sums, "running_sum"_a.noconvert(), "limits"_a.noconvert(), "every"_a,
+        "Those sums over the Haar coefficients of each level with its own limit (0 leaves it out), and their number; "
+        "one tile of 4096 samples in `every` is read.");
+  m.def("haar_sample", &haar_sample, "running_sum"_a.noconvert(), "level"_a, "size"_a,
+        "|W_{j,t}| at `size` places spread over the level; all of them, in order, where there are no more.");
+  m.def("haar_between", &haar_between, "running_sum"_a.noconvert(), "level"_a, "low"_a, "high"_a,
+        "How many |W_{j,t}| are <= low, and those in (low, high].");
+}

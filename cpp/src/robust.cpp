@@ -1,0 +1,109 @@
+#include "gmwm/robust.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <iterator>
+#include <limits>
+
+#include "gmwm/clones.hpp"
+#include "gmwm/haar.hpp"
+#include "gmwm/haar_tile.hpp"
+#include "gmwm/robust_tile.hpp"
+
+namespace gmwm {
+
+namespace {
+
+GMWM_CLONES void values_clone(const double* x, std::size_t n, double limit, double* cubed, double* fourth) {
+  tile::biweight_of_values(x, n, limit, *cubed, *fourth);
+}
+
+GMWM_CLONES void tile_clone(const double* p, std::size_t n, std::size_t levels, const double* limit, double* cubed,
+                            double* fourth) {
+  tile::biweight_of_tile(p, n, levels, limit, cubed, fourth);
+}
+
+// |P_t - 2 P_{t-h} + P_{t-2h}| at the k-th place of a level: |W| but for the division by 2^j.
+inline double difference(std::span<const double> sum, std::size_t h, std::size_t k) {
+  return std::abs(sum[k] + sum[k + 2 * h] - 2.0 * sum[k + h]);
+}
+
+// |W| of one block, and how many of them are at most low and high; without a branch, so that it vectorises.
+GMWM_CLONES void sizes_clone(const double* p, std::size_t h, double unit, std::size_t n, double low, double high,
+                             double* size, double* counts) {
+  double at_low = 0.0, at_high = 0.0;
+  for (std::size_t i = 0; i < n; ++i) size[i] = unit * std::abs(p[i] + p[i + 2 * h] - 2.0 * p[i + h]);
+  for (std::size_t i = 0; i < n; ++i) {
+    at_low += size[i] <= low ? 1.0 : 0.0;
+    at_high += size[i] <= high ? 1.0 : 0.0;
+  }
+  counts[0] = at_low;
+  counts[1] = at_high;
+}
+
+}  // namespace
+
+BiweightSums biweight_sums(std::span<const double> values, double limit) {
+  double cubed = 0.0, fourth = 0.0;
+  values_clone(values.data(), values.size(), limit, &cubed, &fourth);
+  return {cubed / limit, fourth / limit, static_cast<double>(values.size())};
+}
+
+void haar_biweight_sums(std::span<const double> sum, std::span<const double> limits, std::size_t every,
+                        std::span<BiweightSums> sums) {
+  const std::size_t levels = limits.size();
+  std::array<double, max_level> scaled{}, cubed{}, fourth{}, count{};
+  // Of a level left out with an infinite limit, neither sum comes to a NaN.
+  for (std::size_t k = 0; k < levels; ++k)
+    scaled[k] = limits[k] > 0.0 ? std::ldexp(limits[k], 2 * static_cast<int>(k + 1))
+                                : std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1, next; i < sum.size(); i = next) {
+    next = std::min(tile::end(i), sum.size());
+    if (i / tile::size % every != 0) continue;
+    const std::size_t active = tile::active(i, levels);
+    tile_clone(sum.data() + i, next - i, active, scaled.data(), cubed.data(), fourth.data());
+    for (std::size_t k = 0; k < active; ++k) count[k] += static_cast<double>(next - i);
+  }
+  for (std::size_t k = 0; k < levels; ++k)
+    sums[k] = limits[k] > 0.0 ? BiweightSums{cubed[k] / scaled[k], fourth[k] / scaled[k], count[k]} : BiweightSums{};
+}
+
+void haar_sample(std::span<const double> sum, std::size_t level, std::span<double> out) {
+  const std::size_t h = std::size_t{1} << (level - 1), count = sum.size() - 2 * h;
+  const double unit = std::ldexp(1.0, -static_cast<int>(level));
+  if (out.size() == count) {
+    for (std::size_t k = 0; k < count; ++k) out[k] = unit * difference(sum, h, k);
+    return;
+  }
+  // One place in each of n equal cells; where in the cell goes by the golden section, which no period follows.
+  const double cell = static_cast<double>(count) / static_cast<double>(out.size());
+  double within = 0.5;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    within += 0.6180339887498949;
+    within -= std::floor(within);
+    const auto k = static_cast<std::size_t>((static_cast<double>(i) + within) * cell);
+    out[i] = unit * difference(sum, h, std::min(k, count - 1));
+  }
+}
+
+std::size_t haar_between(std::span<const double> sum, std::size_t level, double low, double high,
+                         std::vector<double>& between) {
+  const std::size_t h = std::size_t{1} << (level - 1), count = sum.size() - 2 * h;
+  const double unit = std::ldexp(1.0, -static_cast<int>(level));
+  std::array<double, 64> size;
+  std::size_t below = 0;
+  for (std::size_t k = 0; k < count; k += size.size()) {
+    const std::size_t n = std::min(size.size(), count - k);
+    double counts[2];
+    sizes_clone(sum.data() + k, h, unit, n, low, high, size.data(), counts);
+    below += static_cast<std::size_t>(counts[0]);
+    if (counts[0] == counts[1]) continue;
+    std::copy_if(size.begin(), size.begin() + static_cast<std::ptrdiff_t>(n), std::back_inserter(between),
+                 [=](double s) { return s > low && s <= high; });
+  }
+  return below;
+}
+
+}  // namespace gmwm

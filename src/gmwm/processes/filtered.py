@@ -1,0 +1,306 @@
+"""Wavelet variance of processes under any wavelet filter, at full accuracy down to the deepest levels.
+
+The level-j wavelet filter obeys h_j(z) = g(z) h_{j−1}(z²). A process that is white noise ε through a factor c(z)
+keeps this form, as long as the factor does: with 1 − φz = (1 − φ²z²)/(1 + φz),
+
+    h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)], w = z²,
+
+and with φ = 1 this is a random walk, with φ = 0 white noise, while quantization noise has (1 − z) h_j(z) =
+g(z)/(1 + z) · (1 − w) h_{j−1}(w). So the variance Σ |coefficients|² follows level by level from the autocorrelation of
+short filters: u_{j+1}(m) = Σ_k u_j(k) t(k − 2m), t that of the factor in front, and ν_j² = Σ_m u_j(m) a_j(m), a_j that
+of the bracket at level 1. No difference of large numbers is taken, however long the filter and near φ to 1.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.filters import WaveletFilter
+from gmwm.processes.exponential import WHITE, log_decay
+from gmwm.statespace import StateSpace
+
+Levels = NDArray[np.int64]
+
+
+# --- white noise, quantization noise, drift -----------------------------------------------------------
+
+
+def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² = r(0) = 2^−j of white noise of variance 1 (J,)."""
+    return np.asarray(np.ldexp(1.0, -levels))
+
+
+def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² = 2[r(0) − r(1)] of e_t − e_{t−1}, Var e = 1 (J,)."""
+    step = _transition(_autocorrelation(_without_zero(filter)), filter.length)
+    base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
+    u = np.zeros(base.size)
+    u[0] = 1.0
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        values[j] = base @ u
+        u = step @ u
+    return values[levels - 1]
+
+
+def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,): 0 from two vanishing moments on."""
+    if filter.vanishing_moments > 1:
+        return np.zeros(levels.size)
+    moment = float(np.arange(filter.length) @ filter.wavelet) / np.sqrt(2.0)
+    return np.asarray(np.ldexp(moment * moment, 2 * (levels - 1)))
+
+
+def _without_zero(filter: WaveletFilter) -> Vector:
+    """g(z)/(1 + z) of the smoothing filter; there is no remainder, g has a zero at z = −1."""
+    sign = (-1.0) ** np.arange(filter.length)
+    return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
+
+
+# --- first-order Markov processes and the random walk -------------------------------------------------
+
+_NEAR_MINUS_ONE = 0.1
+"""λ below which φ = −e^(−λ) is treated as next to −1: either way is exact there."""
+
+_BLOCK = 2**18
+"""Multiplications a matrix product: BLAS starts threads for larger ones, which costs more than such products take."""
+
+
+def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² of a random walk of innovation variance 1 (J,)."""
+    return np.asarray(_driven(np.zeros(1), np.ones(1), filter, levels, slopes=False)[0][0])
+
+
+def gm_shape(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """ν² of autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    lam = np.minimum(lam, WHITE)
+    return -np.expm1(-2.0 * lam)[:, None] * _driven(lam, np.ones_like(lam), filter, levels, slopes=False)[0]
+
+
+def gm_slope(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """∂ν²/∂λ of autocovariance e^(−λ|k|): (n,) → (n, J)."""
+    lam = np.minimum(lam, WHITE)
+    values, slopes = _driven(lam, np.ones_like(lam), filter, levels, slopes=True)
+    return 2.0 * np.exp(-2.0 * lam)[:, None] * values - np.expm1(-2.0 * lam)[:, None] * slopes
+
+
+def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """ν² of an AR(1) process with innovation variance 1: (n,) → (n, J)."""
+    lam = log_decay(phi)
+    near = (phi < 0) & (lam < _NEAR_MINUS_ONE)
+    values = np.empty((phi.size, levels.size))
+    values[near] = _near_minus_one(lam[near], filter, levels)
+    values[~near] = _driven(lam[~near], np.where(phi[~near] < 0, -1.0, 1.0), filter, levels, slopes=False)[0]
+    return values
+
+
+def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
+    """Variance of h_j(z)/(1 − φz) driven by white noise of variance 1, φ = ±e^(−λ); for φ > 0 its derivative by λ.
+
+    (n, J) each. What is carried along is u_j (K, n), a column for each φ.
+    """
+    even, odd, spread = _markov_steps(filter)
+    most = _BLOCK // spread.size
+    if lam.size > most:
+        parts = [slice(k, k + most) for k in range(0, lam.size, most)]
+        done = [_driven(lam[part], sign[part], filter, levels, slopes=slopes) for part in parts]
+        return np.concatenate([v for v, _ in done]), np.concatenate([d for _, d in done])
+    u = np.zeros((even.shape[0], lam.size))
+    u[0] = 1.0
+    du = np.zeros_like(u)
+    values = np.empty((lam.size, int(levels[-1])))
+    derivatives = np.zeros_like(values)
+    for j in range(values.shape[1]):
+        decay = np.ldexp(lam, j)
+        phi, below = np.exp(-decay), -np.expm1(-decay)
+        above = 1.0 + phi
+        if j == 0:
+            phi, below, above = sign * phi, np.where(sign < 0, above, below), np.where(sign < 0, below, above)
+        values[:, j], by_phi = _against_ratio(spread @ u, phi, below, above)
+        u_even, u_odd = even @ u, odd @ u
+        if slopes:
+            dphi = -np.ldexp(phi, j)
+            derivatives[:, j] = _against_ratio(spread @ du, phi, below, above)[0] + by_phi * dphi
+            du = (1.0 + phi * phi) * (even @ du) + phi * (odd @ du) + dphi * (2.0 * phi * u_even + u_odd)
+        u = (1.0 + phi * phi) * u_even + phi * u_odd
+    return values[:, levels - 1], derivatives[:, levels - 1]
+
+
+def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
+    """Σ_k v_k s(k) (n,) and its derivative by φ, s the autocovariance of (1 − z)/(1 − φz).
+
+    s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ): the difference that every wavelet filter begins with is taken
+    on paper, so that φ → 1 costs no digit. `below` is 1 − φ and `above` 1 + φ.
+    """
+    polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
+    for k in range(len(v) - 1, 0, -1):
+        slope = slope * phi + polynomial
+        polynomial = polynomial * phi + v[k]
+    value = (2.0 * v[0] - below * polynomial) / above
+    return value, (2.0 * (polynomial - v[0]) / above - below * slope) / above
+
+
+@lru_cache(maxsize=64)
+def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
+    """The step u → [(1 + φ²) E + φ O] u of the factor g(z)(1 + φz), and what takes u to Σ_m u(m) r_q(m − l).
+
+    q(z) = h(z)/(1 − z) is what remains of the wavelet filter after its difference.
+    """
+    reach = filter.length
+    plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
+    shifted = np.convolve(plain, [1.0, 0.0, 1.0])
+    quotient = _autocorrelation(np.cumsum(filter.wavelet / np.sqrt(2.0))[:-1])
+    return _transition(plain, reach), _transition(shifted, reach), _convolution(quotient, reach)
+
+
+@lru_cache(maxsize=64)
+def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
+    """r_j(0), 2r_j(1), …, 2r_j(L) of the level filters j = 1 … J: (J, L + 1)."""
+    k, m = np.arange(filter.length + 1)[:, None], np.arange(filter.length + 1)
+    plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
+    step = _at(plain, k - 2 * m) + np.where(m > 0, _at(plain, k + 2 * m), 0.0)
+    rows = [_at(_autocorrelation(filter.wavelet / np.sqrt(2.0)), m)]
+    for _ in range(levels - 1):
+        rows.append(step @ rows[-1])
+    return np.array(rows) * np.where(m > 0, 2.0, 1.0)
+
+
+def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
+    """ν² of an AR(1) process with φ = −ψ = −e^(−λ) and innovation variance 1, λ small: (n,) → (n, J).
+
+    At level 1 the wavelet filter meets the pole of 1/(1 + ψz). From level 2 on it is the smoothing filter, whose zero
+    at z = −1 is taken on paper: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ), s(k) = (−ψ)^(k−1) ρ,
+    ρ = (1 − ψ)/(1 + ψ). The smooth part then has the autocovariance of a moving average less κ ψ^(2|k|).
+    """
+    psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
+    above = 1.0 + psi
+    values = np.empty((lam.size, int(levels[-1])))
+    r = _folded(_autocorrelation(filter.wavelet / np.sqrt(2.0)), size)
+    k = np.arange(size + 1)
+    values[:, 0] = (np.exp(-np.outer(lam, k)) * (-1.0) ** k) @ r / (below * above)
+
+    def continued(lag: NDArray[np.int64]) -> Matrix:
+        return np.asarray((-1.0) ** (lag - 1) * np.exp(-np.outer(lam, lag - 1)) * (below / above)[:, None])
+
+    # c(k) = Σ_n r(n) s(2k − n), against the form that it has beyond the reach of r, continued to k = 0.
+    r = _autocorrelation(_without_zero(filter))
+    n = np.arange(2 - size, size - 1)
+    near = np.zeros((size + 1, lam.size))
+    for place in range(size // 2):
+        lag = 2 * place - n
+        there = np.where(lag == 0, (2.0 / above)[:, None], continued(np.abs(lag)))
+        near[place] = (there - continued(lag)) @ r
+    kappa = -continued(-n) @ r
+    below_these = np.arange(1, values.shape[1])
+    if below_these.size:
+        table = _folded_autocorrelations(filter, below_these.size)
+        values[:, 1:] = (table @ near).T - kappa[:, None] * gm_shape(2.0 * lam, filter, below_these)
+    return values[:, levels - 1]
+
+
+# --- any process: by its state space, or by its autocovariance ----------------------------------------
+
+
+def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² of a stationary state-space process (J,), O(J(L² + L p²)).
+
+    Carried from level to level is −½E(V_{t+k} − V_t)² of the scaling coefficients V: number by number at short
+    lags k ≤ L, and beyond as −(A^k d) in its last component, where A is the transition over 2^j samples with the
+    accumulated difference as one more state, so that nothing cancels while the states hardly move. Digits are lost,
+    2^j of the last, where the spectrum vanishes at f = 0 and only there: as does quantization noise's, which has a
+    form of its own.
+    """
+    p, reach = space.states, filter.length
+    a = np.zeros((p + 1, p + 1))
+    a[:p, :p], a[p, :p], a[p, p] = space.F, space.H[0] @ (np.eye(p) - space.F), 1.0
+    tail = np.append(space.P0 @ space.H[0], 0.0)
+    start = -_last(a, a @ tail, reach) - space.R[0, 0]
+    near = np.append(0.0, start)
+    tail[p] += space.R[0, 0]
+    offset = 0
+    smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
+        sequence = np.append(near, -_last(a, far, 2 * reach))
+        values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
+        # A constant is free, and what has decayed within the reach must not stay as one: it would drown the rest.
+        shift = sequence[reach]
+        sequence, tail[p] = sequence - shift, tail[p] + shift
+        near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
+        moved = (reach + offset) // 2
+        x = np.linalg.matrix_power(a, 2 * moved - (reach - 1) - offset) @ tail
+        total = np.zeros(p + 1)
+        for weight in smooth:
+            total += weight * x
+            x = a @ x
+        tail, offset, a = total, moved, a @ a
+    return values[levels - 1]
+
+
+def _last(a: Matrix, x: Vector, count: int) -> Vector:
+    """Last component of x, Ax, …, A^(count−1)x."""
+    out = np.empty(count)
+    for k in range(count):
+        out[k] = x[-1]
+        x = a @ x
+    return out
+
+
+def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
+    """ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance at lags 0 … `lags_needed` − 1, constants being free."""
+    smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
+    reach = filter.length - 1
+    values = np.empty(int(levels[-1]))
+    for j in range(values.size):
+        covariance = covariance - covariance[0]
+        values[j] = covariance[np.abs(np.arange(-reach, reach + 1))] @ detail
+        both = np.concatenate([covariance[reach:0:-1], covariance])
+        covariance = np.convolve(both, smooth, "valid")[::2]
+    return values[levels - 1]
+
+
+def lags_needed(filter: WaveletFilter, level: int) -> int:
+    """How many lags of an autocovariance, from 0, the wavelet variance at `level` is made of: L_j."""
+    return filter.width(level)
+
+
+# --- autocorrelations as even sequences ---------------------------------------------------------------
+
+
+def _autocorrelation(filter: Vector) -> Vector:
+    """r(−K) … r(K) of a short filter of K + 1 taps."""
+    return np.correlate(filter, filter, "full")
+
+
+def _folded(even: Vector, reach: int) -> Vector:
+    """An even sequence a(−K) … a(K) as weights (a(0), 2a(1), …, 2a(reach))."""
+    middle = even.size // 2
+    half = np.zeros(reach + 1)
+    half[: middle + 1] = even[middle:]
+    half[1:] *= 2.0
+    return half
+
+
+def _transition(even: Vector, reach: int) -> Matrix:
+    """T with (T u)(m) = Σ_k u(k) t(k − 2m) for even sequences u, given at 0 … reach."""
+    k, m = np.arange(reach + 1), np.arange(reach + 1)[:, None]
+    return _at(even, k - 2 * m) + np.where(k > 0, _at(even, k + 2 * m), 0.0)
+
+
+def _convolution(even: Vector, reach: int) -> Matrix:
+    """C with (C u)(l) = Σ_m u(m) t(m − l) for even u at 0 … reach, folded: l and −l together at l = 0, 1, …"""
+    l, m = np.arange(reach + even.size // 2 + 1)[:, None], np.arange(reach + 1)  # noqa: E741
+    once = _at(even, m - l) + np.where(m > 0, _at(even, m + l), 0.0)
+    return np.where(l > 0, 2.0, 1.0) * once
+
+
+def _at(even: Vector, lags: NDArray[np.int64]) -> Matrix:
+    """t(k) of an even sequence given as t(−K) … t(K); 0 beyond."""
+    middle = even.size // 2
+    inside = np.abs(lags) <= middle
+    return np.asarray(np.where(inside, even[np.where(inside, lags + middle, 0)], 0.0))

@@ -1,0 +1,205 @@
+"""Laws of every process under every wavelet filter."""
+
+import math
+import runpy
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gmwm.errors import MissingTheoryError
+from gmwm.filters import FILTERS, HAAR, find_filter
+from gmwm.processes import AR1, DR, GM, RW, WN, Process, registry
+from gmwm.variance.transform import variances
+
+oracle = SimpleNamespace(**runpy.run_path(str(Path(__file__).parents[1] / "oracles" / "filters.py")))
+RATE = 250.0
+every_filter = pytest.mark.parametrize("name", FILTERS)
+every_process = pytest.mark.parametrize("process", registry.values(), ids=registry.keys())
+curved = [p for p in registry.values() if len(p.nonlinear_parameters()) == 1]
+DECAYS = (1e-12, 5e-6, 1e-3, 0.05, 0.7, 3.0, 20.0)
+
+
+def rows(process, decays, signs=(1.0, -1.0)):
+    """Nonlinear parameters that have these distances from the wandering end."""
+    parameters = process.nonlinear_parameters()
+    if not parameters:
+        return np.empty((1, 0))
+    by_domain = {"positive": lambda d, s: d * RATE, "unit": lambda d, s: s * math.exp(-d), "real": lambda d, s: s * d}
+    made = [[by_domain[p.domain](d, s) for p in parameters] for d in decays for s in signs]
+    return np.unique(np.array(made), axis=0)
+
+
+def examples(process):
+    scale = process.value_from(0.7)
+    names = [p.name for p in process.nonlinear_parameters()]
+    for row in rows(process, (0.03, 0.5)):
+        yield process(**dict(zip(names, map(float, row), strict=True)), **{process.scale_parameter().name: scale})
+
+
+# --- accuracy -----------------------------------------------------------------------------------------
+
+
+@every_process
+def test_a_closed_form_has_hundred_digit_arithmetic_to_answer_to(process):
+    if process.shape.__func__ is not Process.shape.__func__:
+        assert process.name in oracle.SHAPES
+
+
+@pytest.mark.parametrize("filter_name", ["haar", "d4", "la8", "fk8", "mb8", "bl14"])
+@pytest.mark.parametrize("name", oracle.SHAPES)
+def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name):
+    f, process = find_filter(filter_name), registry[name]
+    taps = oracle.orthonormal(list(f.scaling), f.vanishing_moments)
+    table = rows(process, DECAYS)
+    shapes = process.shape(table, 30, RATE, f)
+    exact = np.array([[float(v) for v in oracle.SHAPES[name](taps, list(row), RATE, 30)] for row in table])
+    if process is DR and f.vanishing_moments > 1:
+        assert not np.any(shapes)
+        assert np.abs(exact).max() < 1e-40
+    else:
+        # fk8's first moment is 1.5e-5, next to nothing, so a drift's variance has few of its digits.
+        np.testing.assert_allclose(shapes, exact, rtol=1e-11 if process is DR else 2e-13)
+
+
+@pytest.mark.parametrize("process", curved, ids=[p.name for p in curved])
+@every_filter
+def test_jacobian_agrees_with_differences(process, name):
+    f, table = find_filter(name), rows(process, (1e-3, 0.03, 0.5, 4.0))
+    given = process.shape_jacobian(table, 12, RATE, f)
+    derived = Process.shape_jacobian.__func__(process, table, 12, RATE, f)
+    size = process.shape(table, 12, RATE, f)[:, :, None] / np.abs(table)[:, None, :]
+    assert np.all(np.abs(given - derived) <= 1e-8 * (size + np.abs(given)))
+
+
+@every_filter
+@every_process
+def test_extremes_give_finite_shapes_and_no_warning(process, name):
+    f = find_filter(name)
+    extremes = {"positive": [1e-290, 1e290], "unit": [0.0, 5e-324, 1 - 2.0**-53, 2.0**-53 - 1], "real": [1e-290]}
+    for value in extremes[process.nonlinear_parameters()[0].domain] if process.nonlinear_parameters() else [None]:
+        table = np.array([[value]] if value is not None else [[]])
+        with np.errstate(all="raise", under="ignore"):
+            shape = process.shape(table, 40, 1.0, f)
+            slope = process.shape_jacobian(table, 40, 1.0, f)
+        unseen = process is DR and f.vanishing_moments > 1
+        assert np.all(np.isfinite(shape))
+        assert np.all(shape >= 0 if unseen else shape > 0)
+        assert np.all(np.isfinite(slope))
+
+
+# --- default = override = definition ------------------------------------------------------------------
+
+
+@every_filter
+@every_process
+def test_shape_is_the_sum_over_the_filter(process, name):
+    f = find_filter(name)
+    for one in examples(process):
+        for level in (1, 2, 4):
+            r = f.autocorrelation(np.arange(1 - f.width(level), f.width(level)), level)
+            lags = np.arange(1 - f.width(level), f.width(level))
+            if process.has("autocovariance"):
+                dense = r @ one.autocovariance(lags, RATE)
+            elif process.has("running_sum_covariance"):
+                k = one.running_sum_covariance(np.arange(lags[0] - 1, lags[-1] + 2), RATE)
+                dense = r @ (2 * k[1:-1] - k[:-2] - k[2:])
+            else:
+                dense = (f.level_filter(level) @ one.mean(lags[lags >= 0])) ** 2
+            assert one.wavelet_variance([level], RATE, name)[0] == pytest.approx(dense, rel=1e-10, abs=1e-18)
+
+
+@every_filter
+@every_process
+def test_shape_given_agrees_with_the_default(process, name):
+    if not process.has("running_sum_covariance"):
+        with pytest.raises(MissingTheoryError, match=f"^{process.name} has its wavelet variance under"):
+            Process.shape.__func__(process, rows(process, (0.5,)), 5, RATE, find_filter("d4"))
+        return
+    f, table = find_filter(name), rows(process, (0.01, 0.5))
+    # Where the spectrum vanishes at f = 0 (quantization noise) the default loses digits from level to level.
+    vanishes = process.stationary and process.has("psd") and _density_at_zero(process) == 0
+    levels = 20 if process.stationary and not vanishes else 8
+    derived = Process.shape.__func__(process, table, levels, RATE, f)
+    np.testing.assert_allclose(derived, process.shape(table, levels, RATE, f), rtol=1e-9)
+
+
+def _density_at_zero(process):
+    return next(examples(process)).psd([0.0], RATE)[0]
+
+
+def test_state_space_default_is_accurate_where_the_state_hardly_moves():
+    f, table = find_filter("la8"), np.array([[1e-6 * RATE], [1e-4 * RATE]])
+    derived = Process.shape.__func__(GM, table, 25, RATE, f)
+    # The transition itself, a double next to 1, holds λ to 1e-16/λ.
+    np.testing.assert_allclose(derived, GM.shape(table, 25, RATE, f), rtol=1e-8)
+
+
+def test_a_sum_too_long_is_refused_and_the_way_out_named():
+    with pytest.raises(MissingTheoryError, match=r"Use filter='haar', or define shape in RW"):
+        Process.shape.__func__(RW, np.empty((1, 0)), 24, RATE, find_filter("la8"))
+
+
+@every_process
+def test_haar_is_the_default_to_the_last_bit(process):
+    for one in examples(process):
+        for other in ("haar", HAAR):
+            np.testing.assert_array_equal(one.wavelet_variance(20, RATE), one.wavelet_variance(20, RATE, other))
+
+
+@every_process
+def test_haar_by_another_name_agrees(process):
+    pytest.importorskip("pywt")
+    for one in examples(process):
+        np.testing.assert_allclose(one.wavelet_variance(20, RATE), one.wavelet_variance(20, RATE, "db1"), rtol=1e-12)
+
+
+@every_filter
+def test_models_add_under_every_filter(name):
+    model = GM(beta=1.0, sigma2=2.0) + WN(sigma2=1.0) + RW(gamma2=1e-3)
+    parts = model.decomposition(9, RATE, name)
+    np.testing.assert_allclose(sum(parts.values()), model.wavelet_variance(9, RATE, name), rtol=1e-14)
+    jacobian = model.jacobian(9, RATE, name)
+    np.testing.assert_allclose(jacobian[:, 1] * 2.0, parts["GM"], rtol=1e-14)
+    np.testing.assert_allclose(jacobian[:, 3] * 1e-3, parts["RW"], rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["d4", "la8", "mb24"])
+def test_a_grid_of_nine_hundred_is_fast(name):
+    table, f = np.geomspace(1e-8, 20.0, 900)[:, None] * RATE, find_filter(name)
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        GM.shape(table, 20, RATE, f)
+        times.append(time.perf_counter() - start)
+    assert min(times) < 0.1
+
+
+# --- simulation ---------------------------------------------------------------------------------------
+
+PATHS, SAMPLES = 120, 400
+
+
+@every_process
+def test_estimates_of_simulated_paths_have_the_theory_for_their_mean(process):
+    for k, one in enumerate(examples(process)):
+        paths = one.simulate(SAMPLES, RATE, np.random.default_rng(40 + k), paths=PATHS)
+        for name in FILTERS:
+            f = find_filter(name)
+            levels = min(4, f.deepest_level(SAMPLES // 2))
+            exact = one.wavelet_variance(levels, RATE, f)
+            maximal, decimated = (
+                np.array([variances(path, f, transform, levels) for path in paths]) for transform in ("modwt", "dwt")
+            )
+            # What a drift should not leave, and what it leaves of rounding.
+            rounding = 1e-10 * exact + 1e-24 * float(np.mean(paths**2))
+            for estimates in (maximal, decimated, maximal - decimated):
+                error = estimates.std(axis=0, ddof=1) / math.sqrt(PATHS)
+                wanted = 0.0 if estimates is not maximal and estimates is not decimated else exact
+                assert np.all(np.abs(estimates.mean(axis=0) - wanted) <= 4 * error + rounding), name
+
+
+def test_the_laws_above_run_over_both_signs_of_an_autoregression():
+    assert sorted(np.sign(rows(AR1, (0.03, 0.5))[:, 0])) == [-1, -1, 1, 1]
