@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gmwm.estimation.atoms import grid, shapes, table, unit_curve
+from gmwm.filters import HAAR
 from gmwm.processes import registry
 
 CURVED = [p for p in registry.values() if p.search(10**6, 100.0)]
@@ -15,13 +16,13 @@ def test_margins_bound_the_error_of_the_cubics(process, samples):
     rate = 100.0
     levels = np.arange(1, samples.bit_length())
     root = np.diag(2.0 ** (levels * np.linspace(0.5, 1.5, levels.size)))
-    family = grid(process, levels, samples, rate)
+    family = grid(process, levels, samples, rate, HAAR)
     curve = table(family, root)
     for t in (0.07, 0.21, 0.5, 0.83):
         cells = np.flatnonzero(curve.margins >= 0)
         places = [family.place(c + t) for c in cells]
         exact, _ = unit_curve(
-            shapes(process, [(family.branches[b], u) for b, u in places], levels, rate),
+            shapes(process, [(family.branches[b], u) for b, u in places], levels, rate, HAAR),
             np.zeros((1, levels.size)),
             root,
         )
@@ -35,7 +36,7 @@ def test_margins_bound_the_error_of_the_cubics(process, samples):
 
 @pytest.mark.parametrize("process", CURVED, ids=lambda p: p.name)
 def test_places_and_positions_are_inverse(process):
-    family = grid(process, np.arange(1, 15), 20_000, 100.0)
+    family = grid(process, np.arange(1, 15), 20_000, 100.0, HAAR)
     for position in (0.0, 3.25, family.nodes.size - 1.0):
         branch, u = family.place(position)
         assert family.position(branch, u) == pytest.approx(position, abs=1e-9)

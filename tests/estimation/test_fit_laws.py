@@ -1,6 +1,8 @@
 """Laws that every fit obeys, over random models and data."""
 
+import copy
 import itertools
+import pickle
 
 import numpy as np
 import pytest
@@ -189,3 +191,19 @@ def test_uncertified_fits_are_as_good_and_say_so() -> None:
 def test_negative_phi_is_found() -> None:
     x = (AR1(-0.7, 1.0) + WN(0.5)).simulate(100_000, RATE, np.random.default_rng(10))
     assert gmwm.fit("AR1 + WN", x, RATE).parameters["AR1.phi"] == pytest.approx(-0.7, abs=0.06)
+
+
+@pytest.mark.parametrize("weighting", ["diagonal", "identity"])
+@pytest.mark.parametrize("seed", range(6))
+def test_no_correlation_time_however_long_beats_the_bound(seed: int, weighting: str) -> None:
+    x = (RW(1e-9) + WN(1e-8)).simulate(10_000, RATE, seed)
+    fit = gmwm.fit("GM + WN", x, RATE, weighting=weighting)
+    for beta in (1e-15, 1e-12, 1e-9, 1e-6, 1e4, 1e6):
+        held = gmwm.fit(GM(beta=gmwm.fixed(beta)) + WN(), x, RATE, weighting=weighting)
+        assert held.objective >= fit.lower_bound * (1 - 1e-7)
+
+
+def test_fits_pickle_and_copy() -> None:
+    fit = gmwm.fit("GM + WN", observed(1))
+    for again in (pickle.loads(pickle.dumps(fit)), copy.deepcopy(fit)):
+        assert again.to_dict() == fit.to_dict()

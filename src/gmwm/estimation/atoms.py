@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.filters import WaveletFilter
 from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
@@ -68,24 +69,26 @@ Place = tuple[Branch, float]
 """A point of a family: a branch and the search coordinate u on it."""
 
 
-def shapes(process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float) -> Matrix:
+def shapes(
+    process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> Matrix:
     """Wavelet variances at unit scale (n, J)."""
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
-    return process.shape(parameters, levels, rate)
+    return process.shape(parameters, levels, rate, filter)
 
 
 @lru_cache(maxsize=16)
-def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float) -> Grid:
+def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter) -> Grid:
     branches = process.search(samples, rate)
     number = np.asarray(levels, dtype=np.int64)
     owner, nodes, spacing, values, slopes, middles = [], [], [], [], [], []
     for index, branch in enumerate(branches):
         cells = max(2, int(np.ceil((branch.high - branch.low) / SPACING)))
         u = np.linspace(branch.low, branch.high, 2 * cells + 1)
-        value = process.shape(branch.values(u), number, rate)
-        slope = process.shape_jacobian(branch.values(u[::2]), number, rate)[:, :, 0] * branch.slope(u[::2])
+        value = process.shape(branch.values(u), number, rate, filter)
+        slope = process.shape_jacobian(branch.values(u[::2]), number, rate, filter)[:, :, 0] * branch.slope(u[::2])
         owner.append(np.full(cells + 1, index))
         nodes.append(u[::2])
         spacing += [np.diff(u[::2]), np.zeros(1)]
@@ -98,9 +101,9 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
     )  # fmt: skip
 
 
-def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float) -> Grid:
+def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
     """The family of `process` tabulated over the domain that a record of `samples` can tell apart; remembered."""
-    return _grid(process, tuple(int(j) for j in levels), samples, rate)
+    return _grid(process, tuple(int(j) for j in levels), samples, rate, filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
@@ -136,6 +139,7 @@ def close_up(
     width: float,
     levels: NDArray[np.int64],
     rate: float,
+    filter: WaveletFilter,
     root: Matrix,
 ) -> tuple[Table, Vector]:
     """A table of one short cell around each place, and the (n, 2) coordinates of its ends."""
@@ -143,8 +147,8 @@ def close_up(
     ends = np.array([[start, start + width] for start in starts])
     parameters = np.concatenate([branch.values(end) for (branch, _), end in zip(places, ends, strict=True)])
     by_u = np.concatenate([branch.slope(end) for (branch, _), end in zip(places, ends, strict=True)])
-    values = process.shape(parameters, levels, rate)
-    slopes = process.shape_jacobian(parameters, levels, rate)[:, :, 0] * by_u
+    values = process.shape(parameters, levels, rate, filter)
+    slopes = process.shape_jacobian(parameters, levels, rate, filter)[:, :, 0] * by_u
     unit, slope = unit_curve(values, slopes, root)
     margins = np.zeros(2 * len(places) - 1)
     margins[1::2] = -1.0

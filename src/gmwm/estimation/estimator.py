@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,12 +25,16 @@ def fit(
     rate: float | None = None,
     *,
     weighting: Weighting = "diagonal",
+    robust: bool = False,
+    efficiency: float = 0.6,
     certify: bool = True,
 ) -> Fit:
     """Fit a sum of latent processes to a signal or to its wavelet variance.
 
     θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), the global minimum: no starting values and no random numbers are
-    needed, and the fit carries a lower bound that proves it.
+    needed, and the fit carries a lower bound that proves it. Correlation times are sought from where a process is
+    white noise (β = 40 rate) to where it is a random walk to this record (β = 1e-10 rate / N; 1 − φ = 1e-5 / N);
+    a term that ends there is reported as acting as WN or RW.
 
     Parameters
     ----------
@@ -44,6 +47,9 @@ def fit(
         Samples per second (Hz); needed with a plain array only.
     weighting : "diagonal", "identity", (J,) or (J, J) array
         Ω: 1 / Var ν̂_j² as the data show it, the identity, or your own.
+    robust, efficiency : bool, float
+        Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
+        a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error.
     certify : bool
         Whether to prove by branch and bound that no better fit exists; False skips the proof.
 
@@ -57,6 +63,8 @@ def fit(
         If the model has more parameters than there are levels, or nothing to estimate.
     DataError
         If the data cannot be used (see `wavelet_variance`), or are constant.
+    OptionError
+        If an option is not one of those it may be, or contradicts the data.
 
     Warns
     -----
@@ -82,14 +90,29 @@ def fit(
     if isinstance(data, WaveletVariance):
         if rate is not None and rate != data.rate:
             raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
-        wv = data
+        wv = _as_measured(data, robust, efficiency)
     else:
-        wv = wavelet_variance(data, rate)
+        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
     problem = pose(wanted, wv, weighting_matrix(weighting, wv))
     solution = solve(problem, certify=certify)
     return _result(problem, solution, wv, weighting if isinstance(weighting, str) else "matrix")
+
+
+def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
+    """The wavelet variance itself; options that belong to measuring must not contradict it."""
+    if robust and not wv.robust:
+        raise OptionError(
+            "robust=True asks for a robust fit of a classical wavelet variance; pass the signal, or measure it with "
+            "wavelet_variance(x, robust=True)"
+        )
+    if robust and efficiency not in (0.6, wv.efficiency):
+        raise OptionError(
+            f"efficiency={efficiency!r} contradicts the wavelet variance's {wv.efficiency:g}; leave it out, "
+            "or pass the signal"
+        )
+    return wv
 
 
 def _result(problem: Problem, solution: Solution, wv: WaveletVariance, weighting: str) -> Fit:
@@ -104,16 +127,17 @@ def _result(problem: Problem, solution: Solution, wv: WaveletVariance, weighting
     found = {label[id(processes[place])]: term for place, term in zip(problem.curved, solution.terms, strict=True)}
     free = (*problem.linear, *problem.curved)
     diagnostics = Diagnostics(
-        MappingProxyType({name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}),
+        {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None},
         tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
         solution.nodes,
     )
     for note in diagnostics.notes():
         warnings.warn(note, FitWarning, stacklevel=4)
     return Fit(
-        wv, model, MappingProxyType({name: v for name, v in model.parameters.items() if v is not None}),
+        wv, model, {name: v for name, v in model.parameters.items() if v is not None},
         solution.objective, solution.lower_bound, solution.relaxed_bound,
-        model.wavelet_variance(wv.levels, wv.rate), MappingProxyType(model.decomposition(wv.levels, wv.rate)),
+        model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        model.decomposition(wv.levels, wv.rate, wv.filter),
         weighting, problem.matrix, diagnostics,
     )  # fmt: skip
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
 from gmwm.estimation.weighting import square_root
+from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -39,6 +40,7 @@ class Problem:
     model: Model
     levels: NDArray[np.int64]
     rate: float
+    filter: WaveletFilter
     samples: int
     observed: Vector
     held: Vector
@@ -82,9 +84,10 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     ------
     ModelError
         If the model has nothing to estimate, or more parameters than there are levels, or a scale that is held
-        while the shape it multiplies is to be found.
+        while the shape it multiplies is to be found; or if the filter does not see one of the processes.
     """
     linear, curved, held = _sorted_out(model)
+    _check_curved(model, [model.processes[place] for place in curved])
     count = len(linear) + 2 * len(curved)
     if count == 0:
         raise ModelError(f"nothing to estimate: every parameter of {model} is held; free one by leaving out fixed(…)")
@@ -93,23 +96,45 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
             f"{model} has {count} parameters to estimate, but the wavelet variance has only {len(wv)} levels; "
             "record longer, or take a smaller model"
         )
-    levels, rate = wv.levels, wv.rate
+    levels, rate, filter = wv.levels, wv.rate, find_filter(wv.filter)
     known = np.zeros(len(wv))
     for place in held:
-        known += model.processes[place].wavelet_variance(levels, rate)
-    shapes = [_shape(model.processes[place], levels, rate) for place in linear]
+        known += model.processes[place].wavelet_variance(levels, rate, filter)
+    shapes = [_shape(model.processes[place], levels, rate, filter) for place in linear]
     root = square_root(matrix)
     weighted = root @ (wv.variance - known)
     largest = float(np.abs(weighted).max())
     unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
     return Problem(
-        model, levels, rate, wv.samples, wv.variance, known, matrix, root, unit, weighted / unit,
+        model, levels, rate, filter, wv.samples, wv.variance, known, matrix, root, unit, weighted / unit,
         linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
     )  # fmt: skip
 
 
-def _shape(process: Process, levels: NDArray[np.int64], rate: float) -> Vector:
-    return np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate)[0])
+def _shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
+    shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
+    if not np.any(shape > 0):
+        raise ModelError(
+            f"{process.name} ({process.title.lower()}) leaves no trace under filter={filter.name!r}, whose "
+            f"{filter.vanishing_moments} vanishing moments remove it: leave it out of the model, or measure with "
+            "filter='haar'"
+        )
+    return shape
+
+
+def _check_curved(model: Model, curved: list[Process]) -> None:
+    kinds = {type(process): process.name for process in curved}
+    if len(kinds) > 1:
+        raise ModelError(
+            f"{model}: the shapes of {' and '.join(kinds.values())} cannot be found together; hold the shape of one "
+            "with fixed(…)"
+        )
+    for kind, name in kinds.items():
+        if len(kind.nonlinear_parameters()) != 1 or not kind.search(1024, 1.0):
+            raise ModelError(
+                f"{name} does not say where to look for {', '.join(p.name for p in kind.nonlinear_parameters())}; "
+                "hold it with fixed(…), or define search in its class"
+            )
 
 
 def _sorted_out(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:

@@ -93,14 +93,27 @@ class Fit:
 
     @property
     def gap(self) -> float | None:
-        """Share of the objective that a better fit could gain at most; None without a certificate."""
+        """Share of the objective that a better fit could gain at most; None without a certificate.
+
+        0 for a perfect fit, whose objective is that of rounding errors.
+        """
         if self.lower_bound is None:
             return None
-        # A perfect fit has an objective of rounding size, of which shares say nothing.
         weighed = float(self.wavelet_variance.variance @ self.weighting_matrix @ self.wavelet_variance.variance)
         if self.objective <= np.finfo(float).eps * weighed:
             return 0.0
         return 1 - self.lower_bound / self.objective
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Parameters that mean nothing here: the shapes of terms that are estimated as zero."""
+        return tuple(
+            f"{term}.{parameter.name}"
+            for term, process in zip(self.model.terms, self.model.processes, strict=True)
+            if term in self.diagnostics.not_supported
+            for parameter in process.nonlinear_parameters()
+            if not process.is_fixed(parameter.name)
+        )
 
     def units(self) -> dict[str, str]:
         """Unit of every parameter."""
@@ -120,6 +133,7 @@ class Fit:
             "weighting": self.weighting,
             "acts_as": dict(self.diagnostics.acts_as),
             "not_supported": list(self.diagnostics.not_supported),
+            "undetermined": list(self.undetermined),
             "search_nodes": self.diagnostics.nodes,
             "wavelet_variance": self.wavelet_variance.to_dict(),
         }
@@ -129,19 +143,22 @@ class Fit:
         wv = self.wavelet_variance
         units = self.units()
         width = max(len(name) for name in self.parameters)
-        certificate = (
-            "not certified (certify=False)"
-            if self.gap is None
-            else f"global optimum, no better fit by more than {100 * self.gap:.2g} %"
-        )
+        certificate = "not certified (certify=False)"
+        if self.gap is not None:
+            claim = "global optimum, no better fit" if self.gap <= 1e-3 else "best found, not proven: none better"
+            certificate = f"{claim} by more than {100 * self.gap:.2g} %"
         lines = [
             f"{self.model.structure}{' of ' + wv.axis if wv.axis else ''}",
-            f"{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, weighting {self.weighting}",
+            f"{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, "
+            f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {self.weighting}",
             f"objective {self.objective:.6g}: {certificate}",
             f"any number of terms: at least {self.relaxed_bound:.6g}",
             "",
         ]
-        lines += [f"  {name:<{width}}  {value:14.6e}  {units[name]}" for name, value in self.parameters.items()]
+        for name, value in self.parameters.items():
+            shown = "undetermined" if name in self.undetermined else f"{value:.6e}"
+            held = "  (held)" if name in self.model.fixed else ""
+            lines.append(f"  {name:<{width}}  {shown:>14}  {units[name]}{held}")
         notes = self.diagnostics.notes()
         return "\n".join([*lines, "", *notes] if notes else lines)
 

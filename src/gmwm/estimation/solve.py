@@ -33,6 +33,8 @@ SETTLED = 1e-12
 """A polish ends when it lowers the objective by less (relative)."""
 POLISHES = 8
 """A polish follows an optimum that wants to leave its piece of curve so many times."""
+FLAT = 1e-10
+"""Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
 ACTS_AS = 1e-6
 """A term acts as the process at the end of its domain if that raises the objective by less than this share."""
 
@@ -70,7 +72,7 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-    best = min((search.polished(positions) for positions in near), key=lambda optimum: optimum.objective)
+    best = search.settled(min((search.polished(p) for p in near), key=lambda optimum: optimum.objective))
     return Solution(
         best.objective * square,
         min(bound, best.objective) * square if certify else None,
@@ -96,7 +98,7 @@ class _Search:
     def __init__(self, problem: Problem, family: type[Process]) -> None:
         self.problem = problem
         self.family = family
-        self.grid = grid(family, problem.levels, problem.samples, problem.rate)
+        self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
         self.curve = table(self.grid, problem.root)
         self.fixed = problem.fixed
         self.positive = problem.positive
@@ -129,7 +131,9 @@ class _Search:
         for width in WIDTHS if places else ():
             before = np.inf
             for _ in range(POLISHES):
-                piece, ends = close_up(self.family, places, width, problem.levels, problem.rate, problem.root)
+                piece, ends = close_up(
+                    self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
+                )
                 share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
                 moved, objective = _core.cone_refine(
                     problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
@@ -145,7 +149,7 @@ class _Search:
         return self._at(places)
 
     def _rows(self, places: list[Place]) -> Matrix:
-        curved = shapes(self.family, places, self.problem.levels, self.problem.rate)
+        curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def _at(self, places: list[Place]) -> _Optimum:
@@ -153,17 +157,29 @@ class _Search:
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return _Optimum(objective, places, weights)
 
+    def settled(self, best: _Optimum) -> _Optimum:
+        """The same optimum with points that lie where the criterion is flat up to an end moved to that end."""
+        for index, (branch, _) in enumerate(best.places):
+            for end in (branch.high, branch.low):
+                there = self._at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
+                if there.objective <= (1 + FLAT) * best.objective:
+                    best = there
+                    break
+        return best
+
     def terms(self, best: _Optimum) -> tuple[Term, ...]:
         """The curved processes of an optimum in the words of their parameters."""
         problem, places = self.problem, best.places
-        curved = shapes(self.family, places, problem.levels, problem.rate)
+        curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
             Term(self._value(branch, u), float(scale), self._acts_as(best, i))
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
-        missing = len(problem.curved) - len(places)
-        return (*terms, *[self._unsupported(best)] * missing)
+        # Terms that the data do not show have no place; they are put where they are whitest, and have no weight there.
+        branch = self.grid.branches[0]
+        missing = Term(self._value(branch, branch.high), 0.0)
+        return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: _Optimum, index: int) -> str | None:
         """The process at an end of the branch that serves as well as curved process `index` does."""
@@ -173,12 +189,6 @@ class _Search:
             if name and (u == end or self._at(there).objective <= (1 + ACTS_AS) * best.objective):
                 return name
         return None
-
-    def _unsupported(self, best: _Optimum) -> Term:
-        """A term that the data do not show, at the place where one more would come nearest to helping."""
-        residual = self.problem.target - best.weights @ self._rows(best.places)
-        index, u = self.grid.place(float(np.argmax(self.curve.values @ residual)))
-        return Term(self._value(self.grid.branches[index], u), 0.0)
 
     def _value(self, branch: Branch, u: float) -> float:
         return float(branch.values(np.array([u]))[0, 0])

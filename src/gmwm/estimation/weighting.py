@@ -16,7 +16,10 @@ Weighting = Literal["diagonal", "identity"] | ArrayLike
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Var ν̂_j² ≈ 2 ν̂_j⁴ / η_j from the data alone, η_j = max(M_j / 2^j, 1); in unit⁴."""
+    """Var ν̂_j² ≈ 2 ν̂_j⁴ / η_j from the data alone, in unit⁴.
+
+    η_j = max(M_j / 2^j, 1), times the efficiency where ν̂² is robust: the safe bound of its larger variance.
+    """
     return 2 * wv.variance**2 / wv.degrees_of_freedom
 
 
@@ -45,9 +48,17 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
             zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
             raise DataError(
                 f"the wavelet variance is zero at level {zero}: a constant or coarsely quantised signal, which "
-                "weighting='diagonal' cannot weigh; pass weighting='identity', your own matrix, or other data"
+                "weighting='diagonal' cannot weigh; pass weighting='identity', your own matrix, or "
+                f"{'robust=False' if wv.robust else 'other data'}"
             )
-        return np.diag(1 / sampling_variance(wv))
+        with np.errstate(over="ignore", divide="ignore", under="ignore"):
+            weights = 1 / sampling_variance(wv)
+        if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
+            raise DataError(
+                f"the wavelet variance runs from {wv.variance.min():g} to {wv.variance.max():g}, whose squares leave "
+                "the range of double precision; give the signal in a larger or smaller unit"
+            )
+        return np.diag(weights)
     matrix = np.asarray(weighting, dtype=np.float64)
     if matrix.ndim == 1:
         matrix = np.diag(matrix)

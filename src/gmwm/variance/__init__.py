@@ -1,6 +1,23 @@
 """Measuring: variances of a signal at many scales, with limits."""
 
+from gmwm.variance.allan import allan_variance
+from gmwm.variance.avlr import AllanRegression, avlr
+from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.estimate import wavelet_variance
+from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.result import WaveletVariance
+from gmwm.variance.total import total_variance
+from gmwm.variance.transform import dwt, modwt
 
-__all__ = ["WaveletVariance", "wavelet_variance"]
+__all__ = [
+    "AllanRegression",
+    "ClusterVariance",
+    "WaveletVariance",
+    "allan_variance",
+    "avlr",
+    "dwt",
+    "hadamard_variance",
+    "modwt",
+    "total_variance",
+    "wavelet_variance",
+]

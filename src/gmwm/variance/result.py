@@ -13,9 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._late import LateMethod
 from gmwm.errors import DataError, OptionError
+from gmwm.filters import find_filter
+from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+_OUTCOMES = {
+    "mad": "too many outliers or too few swings for a robust estimate, (MAD / 0.67449)² in its place",
+    "mean": "too few coefficients to tell an outlier, the mean of their squares",
+    "zero": "zero, as more than half of the coefficients are: a constant or coarsely quantised signal",
+}
+"""What is to be said of robust estimates that are not what was asked for."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,6 +45,10 @@ class WaveletVariance:
         Samples per second (Hz).
     samples : int
         Length N of the signal.
+    robust, efficiency : bool, float or None
+        Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
+    diagnostics : mapping
+        What is to be known of single levels; of a robust estimate see `wavelet_variance`.
     slope : float or None
         Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
     """
@@ -49,7 +64,7 @@ class WaveletVariance:
     axis: str = ""
     confidence: float = 0.95
     filter: str = "haar"
-    transform: str = "modwt"
+    transform: Transform = "modwt"
     robust: bool = False
     efficiency: float | None = None
     slope: float | None = None
@@ -76,8 +91,12 @@ class WaveletVariance:
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """Equivalent degrees of freedom η_j = max(M_j / 2^j, 1) of each estimate (Percival 1995)."""
-        return np.maximum(self.counts / self.scales, 1.0)
+        """Equivalent degrees of freedom η_j of each estimate: max(M_j / 2^j, 1), M_j of a DWT (Percival 1995).
+
+        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less.
+        """
+        eta = degrees_of_freedom(self.counts, self.levels, self.transform)
+        return eta * (1.0 if self.efficiency is None else self.efficiency)
 
     @classmethod
     def from_values(
@@ -91,6 +110,7 @@ class WaveletVariance:
         robust: bool = False,
         efficiency: float | None = None,
         filter: str = "haar",
+        transform: Transform = "modwt",
         confidence: float = 0.95,
         unit: str = "",
         axis: str = "",
@@ -107,6 +127,10 @@ class WaveletVariance:
             Samples per second (Hz).
         lower, upper : (J,) arrays, optional
             Published limits at `confidence`; by default those of the chi-square rule.
+        robust, efficiency : bool, float
+            Whether they are robust estimates, and of what efficiency; 0.6 if it is not given.
+        filter, transform : str
+            What they were computed with: a name of `find_filter`, "modwt" or "dwt".
 
         Raises
         ------
@@ -119,21 +143,22 @@ class WaveletVariance:
         >>> wv.tau
         array([0.02, 0.04, 0.08])
         """
-        from gmwm.variance.estimate import chi_square_limits, coefficient_counts
-
-        if filter != "haar":
-            raise OptionError(f"filter must be 'haar', got {filter!r}")
+        wavelet = find_filter(filter)
+        if transform not in ("modwt", "dwt"):
+            raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
         values = as_vector(variance, "variance").copy()
         if np.any(values < 0):
             raise DataError(f"variance must not be negative, got {values.min():g}")
         levels = np.arange(1, values.size + 1, dtype=np.int64)
-        counts = coefficient_counts(samples, levels)
+        counts = coefficient_counts(samples, levels, wavelet, transform)
         if counts[-1] < 1:
             raise DataError(
-                f"{values.size} levels need at least {1 << values.size} samples, got samples={samples}; "
+                f"{values.size} levels need at least {wavelet.width(values.size)} samples, got samples={samples}; "
                 "pass the length of the signal, or fewer levels"
             )
-        low, high = chi_square_limits(values, counts, levels, confidence)
+        efficiency = _checked_efficiency(robust, efficiency)
+        eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
+        low, high = chi_square_limits(values, eta, confidence)
         limits = []
         for name, given, default in (("lower", lower, low), ("upper", upper, high)):
             limit = default if given is None else as_vector(given, name).copy()
@@ -144,7 +169,7 @@ class WaveletVariance:
             raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
         return cls(
             levels, values, limits[0], limits[1], counts, as_rate(rate), int(samples), unit, axis, confidence,
-            robust=robust, efficiency=efficiency,
+            filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency,
         )  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
@@ -181,10 +206,21 @@ class WaveletVariance:
             fields[name] = np.asarray(fields[name], dtype=np.float64)
         return cls(**fields)
 
+    def notes(self) -> list[str]:
+        """What to know of single levels before using them, in words."""
+        outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
+        notes = []
+        for outcome, words in _OUTCOMES.items():
+            levels = [str(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome]
+            if levels:
+                notes.append(f"level {', '.join(levels)}: {words}")
+        return notes
+
     def summary(self) -> str:
         """A table: scale, variance, limits and number of coefficients of every level."""
         unit = f" ({self.unit})²" if self.unit else ""
-        title = f"{self.filter.capitalize()} {self.transform.upper()} wavelet variance"
+        name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
+        title = f"{name} {self.transform.upper()} wavelet variance"
         lines = [
             f"{title}{' of ' + self.axis if self.axis else ''}: {self.samples} samples at {self.rate:g} Hz",
             f"{'level':>5} {'tau [s]':>12} {'variance' + unit:>20} {'lower':>12} {'upper':>12} {'coefficients':>13}",
@@ -196,6 +232,9 @@ class WaveletVariance:
             )
         ]
         lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        if self.robust:
+            lines.append(f"robust, efficiency {self.efficiency:g}")
+            lines += self.notes()
         return "\n".join(lines)
 
     def __len__(self) -> int:
@@ -210,3 +249,16 @@ class WaveletVariance:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"
+
+
+def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
+    """The efficiency of a robust estimate, None of a classical one."""
+    from gmwm.variance.biweight import biweight
+
+    if robust:
+        wanted = 0.6 if efficiency is None else efficiency
+        biweight(wanted)
+        return float(wanted)
+    if efficiency is not None:
+        raise OptionError(f"efficiency={efficiency!r} belongs to robust estimates; pass robust=True, or leave it out")
+    return None

@@ -1,0 +1,136 @@
+"""The Allan variance: overlapping, of clusters side by side, and modified."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+from gmwm.signals import Signal
+from gmwm.variance.clusters import ClusterVariance
+from gmwm.variance.edf import degrees_of_freedom
+from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.noise_type import NoiseType, noise_types
+from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
+
+REDDEST = -2
+"""The reddest noise, random walk FM, of which an Allan variance exists."""
+
+
+def allan_variance(
+    x: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    kind: Literal["overlapping", "nonoverlapping", "modified"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave",
+    data: Data = "rate",
+    confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ClusterVariance:
+    """Allan variance of a signal: half the mean squared difference of neighbouring cluster means.
+
+    With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of
+    (p_{i+2n} − 2 p_{i+n} + p_i)² / (2 τ²) over every i ("overlapping"), every n-th i ("nonoverlapping"), or of the
+    same with the phase averaged over n samples first ("modified", which tells white from flicker phase noise). The
+    overlapping one at n = 2^(j−1) is twice the Haar wavelet variance of level j. For gyroscopes and accelerometers,
+    which measure a rate, the phase is the angle or the velocity. An offset of the rate does not matter.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array in any unit
+        At least 8 finite samples without a gap.
+    rate : float
+        Samples per second (Hz); taken from a Signal.
+    kind : "overlapping", "nonoverlapping" or "modified"
+        Which clusters.
+    clusters : "octave", "decade", "all", or (J,) int array
+        Cluster sizes n (samples): 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; all, which takes time proportional to N²;
+        or ascending sizes up to N/2 (modified: (N + 1)/3).
+    data : "rate" or "phase"
+        What x holds: samples of the rate (default), or its integral, in unit times second.
+    confidence : float
+        Level of the limits, between 0 and 1.
+    progress : callable, optional
+        progress(done, all) is called before each cluster size and after the last. Ctrl-C stops at the next.
+
+    Returns
+    -------
+    ClusterVariance
+        Averaging times, variances, deviations, limits, degrees of freedom, and the noise identified.
+
+    Raises
+    ------
+    DataError
+        If the signal has gaps, NaN or infinities, or fewer than 8 samples.
+    OptionError
+        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+
+    References
+    ----------
+    Riley, W. J. (2008), Handbook of Frequency Stability Analysis, NIST Special Publication 1065, equations 8, 11
+    and 14; IEEE Std 952 for inertial sensors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.random.default_rng(1).normal(size=4096)
+    >>> result = allan_variance(x, rate=100.0)
+    >>> result.tau[:3], result.noise[0]
+    (array([0.01, 0.02, 0.04]), 'white FM')
+    >>> bool(abs(result.deviation[0] - 1) < 0.05)
+    True
+    """
+    if kind not in ("overlapping", "nonoverlapping", "modified"):
+        raise OptionError(f'kind must be "overlapping", "nonoverlapping" or "modified", got {kind!r}')
+    # All octaves are measured while the phase is summed: one pass, the same numbers.
+    at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
+    phase = phase_of(x, rate, data, octaves=at_octaves)
+    p = phase.values
+    modified = kind == "modified"
+    sizes = cluster_sizes(clusters, p.size // 3 if modified else phase.intervals // 2)
+    if modified:
+        counts = p.size - 3 * sizes + 1
+        scale = sizes * sizes
+        squares = mean_squares(lambda n: _core.moving_second_differences(p, n), sizes, counts, progress)
+    else:
+        counts, scale = difference_counts(p.size, sizes, 2, kind == "overlapping"), np.ones_like(sizes)
+        octaves = phase.octaves
+        if octaves is not None:
+            squares = mean_squares(lambda n: float(octaves[n.bit_length() - 1]), sizes, counts, progress)
+        else:
+            step = 1 if kind == "overlapping" else 0
+            squares = mean_squares(lambda n: _core.second_differences(p, n, step or n), sizes, counts, progress)
+    variance = squares / (2.0 * scale * sizes * sizes)
+    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    freedom = degrees_of_freedom(
+        exponents(noise), sizes, p.size, order=2, overlapping=kind != "nonoverlapping", modified=modified
+    )
+    limits = chi_square_limits(variance, freedom, confidence)
+    return ClusterVariance(
+        "allan", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
+        phase.samples, phase.unit, phase.axis, confidence, data,
+    )  # fmt: skip
+
+
+def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
+    """Number of differences of an order that fit into a phase of so many points, at every place or at every n-th."""
+    places = points - order * clusters
+    return places if overlapping else (places - 1) // clusters + 1
+
+
+def modified_ratio(phase: Vector, n: int) -> float:
+    """Modified over plain overlapping Allan variance at one cluster size; 1 where the first does not exist."""
+    if 3 * n > phase.size:
+        return 1.0
+    modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2
+    plain = _core.second_differences(phase, n) / (phase.size - 2 * n)
+    return modified / plain if plain > 0 else 1.0
+
+
+def exponents(noise: tuple[NoiseType, ...]) -> NDArray[np.int64]:
+    """The exponents α of noise types."""
+    return np.array([found.exponent for found in noise], dtype=np.int64)

@@ -1,0 +1,185 @@
+"""Tukey's biweight as M-estimator of scale: its constants for any efficiency, and its root near a start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+
+LEAST_EFFICIENCY, LARGEST_EFFICIENCY = 0.3, 0.99
+NORMAL_QUARTILE = 0.6744897501960817
+"""Φ⁻¹(3/4): the median of |r| under N(0, 1), so that MAD / 0.67449 estimates σ."""
+REACH = math.log(20.0)
+"""A root further than this from the start, in log σ², is not its own."""
+
+Number = TypeVar("Number", float, Vector)
+
+Criterion = Callable[[float], tuple[float, float]]
+"""From log σ² to the mean of ρ(W / σ) − a and its slope along log σ²."""
+
+
+@dataclass(frozen=True)
+class Biweight:
+    """ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, else 0; σ solves mean ρ(W/σ) = a, the mean of ρ under N(0, 1).
+
+    Attributes
+    ----------
+    c : float
+        Cut-off: coefficients beyond c σ have no weight.
+    a : float
+        E ρ(r), r ~ N(0, 1).
+    """
+
+    c: float
+    a: float
+
+    def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
+        """mean ρ − a and its slope along log σ², from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1 − v."""
+        square = self.c**2
+        return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
+
+    @property
+    def least_share(self) -> float:
+        """Share of the coefficients that must not be zero for a root to exist: a / max ρ."""
+        return self.a / (self.c**2 * 4**4 / 5**5)
+
+
+def biweight(efficiency: float) -> Biweight:
+    """The biweight of a given efficiency under uncorrelated Gaussian coefficients.
+
+    For the M-estimator of σ, e = (E r ρ′(r))² / (2 Var ρ(r)), here on its branch c > 2.6 where e rises with c.
+
+    Raises
+    ------
+    OptionError
+        If `efficiency` is not a number from 0.3 to 0.99.
+
+    >>> round(biweight(0.6).c, 6), round(biweight(0.6).a, 7)
+    (4.400278, 0.5691689)
+    """
+    number = isinstance(efficiency, int | float | np.floating)
+    if not number or not LEAST_EFFICIENCY <= efficiency <= LARGEST_EFFICIENCY:
+        raise OptionError(f"efficiency must be from {LEAST_EFFICIENCY} to {LARGEST_EFFICIENCY}, got {efficiency!r}")
+    return _biweight(float(efficiency))
+
+
+@lru_cache(maxsize=64)
+def _biweight(efficiency: float) -> Biweight:
+    low, high = 2.6, 20.0
+    for _ in range(200):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if _moments(middle)[1] < efficiency else (low, middle)
+    return Biweight(low, _moments(low)[0])
+
+
+def _moments(c: float) -> tuple[float, float]:
+    """a(c) and the efficiency e(c), by Gauss quadrature: polynomials times a density, smooth up to c."""
+    nodes, weights = _legendre()
+    r = c * (1 + nodes) / 2
+    # Twice the density of N(0, 1), for both signs of r.
+    density = c / 2 * weights * math.sqrt(2 / math.pi) * np.exp(-(r**2) / 2)
+    v = (r / c) ** 2
+    rho = r**2 * (1 - v) ** 4
+    a = float(density @ rho)
+    rising = float(density @ (2 * r**2 * (1 - v) ** 3 * (1 - 5 * v)))
+    return a, rising**2 / (2 * (float(density @ rho**2) - a**2))
+
+
+@lru_cache(maxsize=1)
+def _legendre() -> tuple[Vector, Vector]:
+    nodes, weights = np.polynomial.legendre.leggauss(96)
+    return nodes, weights
+
+
+def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
+    """The root that Newton's method in log σ² reaches from 0, and the number of evaluations.
+
+    None where the criterion stops falling on the way, or the way leads out of reach: even clean data have a
+    spurious root at 0.07 σ², at which the criterion rises.
+    """
+    place = 0.0
+    for count in range(1, 41):
+        value, slope = criterion(place)
+        if not slope < 0:
+            return None, count
+        step = min(max(-value / slope, -1.0), 1.0)
+        place += step
+        if abs(place) > REACH:
+            return None, count
+        if abs(step) <= tolerance:
+            return place, count
+    return None, 40
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a criterion is like within reach: the root that 0 leads to, its peaks, and how often it was asked."""
+
+    root: float | None
+    peaks: tuple[tuple[float, float], ...]
+    evaluations: int
+
+
+def scan(criterion: Criterion, tolerance: float) -> Scan:
+    """The falling root to which 0 leads within reach, and all local maxima, as place and value.
+
+    A positive criterion says that σ² is too small, a negative one that it is too large: the first falling root that
+    way is the one to which σ² ← σ² mean ρ / a would go. Where there is none, the nearest on the other side.
+    """
+    grid = np.linspace(-REACH, REACH, 61)
+    values = np.array([criterion(float(place))[0] for place in grid])
+    inside = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
+    peaks = tuple((float(grid[k]), float(values[k])) for k in inside)
+    falling = np.flatnonzero((values[:-1] > 0) & (values[1:] <= 0))
+    if falling.size == 0:
+        return Scan(None, peaks, grid.size)
+    centre = grid.size // 2
+    above, below = falling[falling >= centre], falling[falling < centre]
+    k = int(above[0] if above.size and (values[centre] > 0 or not below.size) else below[-1])
+    root, count = _between(criterion, float(grid[k]), float(grid[k + 1]), tolerance)
+    return Scan(root, peaks, grid.size + count)
+
+
+def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[float | None, int]:
+    """The falling root next to a local maximum that lies near `peak`, if it is positive; and the evaluations."""
+    low, high = peak - 0.2, peak + 0.2
+    value, place, count = -1.0, peak, 0
+    while value <= 0:
+        if count == 8:
+            return None, count
+        value, slope = criterion(place)
+        count += 1
+        if value <= 0:
+            low, high = (place, high) if slope > 0 else (low, place)
+            place = (low + high) / 2
+    low, step = place, 0.1
+    while value > 0:
+        low, place, step = place, place + step, 2 * step
+        value, _ = criterion(place)
+        count += 1
+    root, more = _between(criterion, low, place, tolerance)
+    return root, count + more
+
+
+def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
+    """The root between a positive and a negative value, by Newton's method kept between them."""
+    place, count = (low + high) / 2, 0
+    for count in range(1, 101):  # noqa: B007
+        value, slope = criterion(place)
+        low, high = (place, high) if value > 0 else (low, place)
+        after = place - value / slope if slope < 0 else low
+        if not low < after < high:
+            after = (low + high) / 2
+        moved, place = abs(after - place), after
+        if moved <= tolerance:
+            break
+    return place, count

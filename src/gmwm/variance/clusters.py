@@ -1,0 +1,173 @@
+"""The result of the Allan family: a variance for each cluster size, with limits and the noise that rules there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from html import escape
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector, freeze
+from gmwm._late import LateMethod
+from gmwm.errors import OptionError
+from gmwm.variance.noise_type import noise_type
+from gmwm.variance.phase import Data
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Family: TypeAlias = Literal["allan", "hadamard", "total"]
+Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
+
+_TITLES = {
+    ("allan", "overlapping"): "Overlapping Allan",
+    ("allan", "nonoverlapping"): "Allan",
+    ("allan", "modified"): "Modified Allan",
+    ("hadamard", "overlapping"): "Overlapping Hadamard",
+    ("hadamard", "nonoverlapping"): "Hadamard",
+    ("total", "overlapping"): "Total Allan",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ClusterVariance:
+    """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
+
+    Attributes
+    ----------
+    family : "allan", "hadamard" or "total"
+        Which variance.
+    kind : "overlapping", "nonoverlapping" or "modified"
+        How the clusters lie in the record.
+    clusters : (J,) int array
+        Cluster sizes n (samples), ascending.
+    variance, lower, upper : (J,) arrays, in unit²
+        Estimate and limits at `confidence`.
+    counts : (J,) int array
+        Number of squared differences behind each estimate.
+    degrees_of_freedom : (J,) array
+        Equivalent degrees of freedom under the noise identified.
+    noise : tuple of J str
+        The noise that rules at each cluster size, such as "white FM"; `noise_terms` has the inertial words.
+    rate : float
+        Samples per second (Hz).
+    samples : int
+        How many values were given: N of the rate, N + 1 of the phase of a record of N intervals.
+    unit : str
+        Of the rate and so of the deviation.
+    data : "rate" or "phase"
+        What the values were.
+    """
+
+    family: Family
+    kind: Kind
+    clusters: NDArray[np.int64]
+    variance: Vector
+    lower: Vector
+    upper: Vector
+    counts: NDArray[np.int64]
+    degrees_of_freedom: Vector
+    noise: tuple[str, ...]
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    confidence: float = 0.95
+    data: Data = "rate"
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.allan:plot_allan",
+        "Draw the deviation with its confidence band and the field's slopes.",
+    )
+
+    def __post_init__(self) -> None:
+        if (self.family, self.kind) not in _TITLES:
+            raise OptionError(f"there is no {self.kind!r} variance of the family {self.family!r}")
+        for name in ("clusters", "variance", "lower", "upper", "counts", "degrees_of_freedom"):
+            freeze(getattr(self, name))
+
+    @property
+    def tau(self) -> Vector:
+        """Averaging times τ = n Δt (s)."""
+        return self.clusters / self.rate
+
+    @property
+    def deviation(self) -> Vector:
+        """Root of the variance (unit)."""
+        return np.sqrt(self.variance)
+
+    @property
+    def lower_deviation(self) -> Vector:
+        """Root of the lower limit (unit)."""
+        return np.sqrt(self.lower)
+
+    @property
+    def upper_deviation(self) -> Vector:
+        """Root of the upper limit (unit)."""
+        return np.sqrt(self.upper)
+
+    @property
+    def noise_terms(self) -> tuple[str, ...]:
+        """The inertial word for the noise that rules at each cluster size; "" where there is none."""
+        return tuple(noise_type(name).term for name in self.noise)
+
+    @property
+    def title(self) -> str:
+        """Name of the quantity, such as "Overlapping Allan deviation"."""
+        return f"{_TITLES[self.family, self.kind]} deviation"
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields, and τ and the deviations, as plain numbers, lists and texts, ready for JSON."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name in ("tau", "deviation", "lower_deviation", "upper_deviation", "noise_terms"):
+            values[name] = getattr(self, name)
+        return {name: _plain(value) for name, value in values.items()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
+        """The result whose `to_dict` gave `values`."""
+        known = {field.name: values[field.name] for field in fields(cls)}
+        for name in ("clusters", "counts"):
+            known[name] = np.asarray(known[name], dtype=np.int64)
+        for name in ("variance", "lower", "upper", "degrees_of_freedom"):
+            known[name] = np.asarray(known[name], dtype=np.float64)
+        return cls(**(known | {"noise": tuple(known["noise"])}))
+
+    def summary(self) -> str:
+        """A table: averaging time, deviation with limits, degrees of freedom and noise at every cluster size."""
+        unit = f" ({self.unit})" if self.unit else ""
+        of = f" of {self.axis}" if self.axis else ""
+        lines = [
+            f"{self.title}{of}{unit}: {self.samples} samples of the {self.data} at {self.rate:g} Hz",
+            f"{'cluster':>9} {'tau [s]':>12} {'deviation':>12} {'lower':>12} {'upper':>12} {'edf':>9}  noise",
+        ]
+        columns = (
+            self.clusters, self.tau, self.deviation, self.lower_deviation, self.upper_deviation,
+            self.degrees_of_freedom, self.noise, self.noise_terms,
+        )  # fmt: skip
+        for n, tau, value, low, high, freedom, name, term in zip(*columns, strict=True):
+            words = f"{name} ({term})" if term else name
+            lines.append(f"{n:9d} {tau:12.6g} {value:12.5e} {low:12.4e} {high:12.4e} {freedom:9.1f}  {words}")
+        lines.append(f"limits: {100 * self.confidence:g} % chi-square")
+        return "\n".join(lines)
+
+    def __len__(self) -> int:
+        return int(self.clusters.size)
+
+    def __repr__(self) -> str:
+        return (
+            f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
+            f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value

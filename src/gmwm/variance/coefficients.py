@@ -1,0 +1,91 @@
+"""Where wavelet coefficients come from: a running sum, or an array for each level. Both are read the same way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector
+
+
+class Coefficients(Protocol):
+    """The coefficients of all levels, in whatever form they are kept."""
+
+    counts: NDArray[np.int64]
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Σ v q³, Σ v q⁴ and the number of coefficients of each level with a limit (cσ)² > 0; `every` reads a part."""
+
+    def sample(self, k: int, size: int) -> Vector:
+        """|W| at `size` places of level k + 1, spread evenly; all of them if there are no more."""
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """How many |W| are at most `low`, and those from there up to `high`."""
+
+    def resolution(self, k: int) -> float:
+        """The size up to which a coefficient is rounding, not signal."""
+
+
+class HaarCoefficients:
+    """Those of the Haar MODWT, read from one running sum of the signal."""
+
+    def __init__(self, x: Vector, levels: int) -> None:
+        self.sum = _core.running_sum(x)
+        self.counts = x.size - (np.int64(1) << np.arange(1, levels + 1, dtype=np.int64)) + 1
+        self._peak = max(float(self.sum.max()), -float(self.sum.min()))
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """From the kernel, all levels in one pass."""
+        return _core.haar_biweight_sums(self.sum, limits, every)
+
+    def sample(self, k: int, size: int) -> Vector:
+        """From the kernel."""
+        return _core.haar_sample(self.sum, k + 1, size)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """From the kernel."""
+        return _core.haar_between(self.sum, k + 1, low, high)
+
+    def resolution(self, k: int) -> float:
+        """What rounding of the running sum makes of a coefficient that is zero."""
+        return float(np.finfo(float).eps * self._peak * (4 + 2 ** ((k + 1) / 2)) / 2 ** (k + 1))
+
+
+class PlainCoefficients:
+    """An array for each level."""
+
+    def __init__(self, levels: Sequence[Vector], resolutions: Sequence[float]) -> None:
+        self.levels = levels
+        self.counts = np.array([w.size for w in levels], dtype=np.int64)
+        self._resolutions = resolutions
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Level by level."""
+        sums = np.zeros((3, len(self.levels)))
+        for k, limit in enumerate(limits.tolist()):
+            if limit > 0:
+                w = np.ascontiguousarray(self.levels[k][::every])
+                sums[:, k] = *_core.biweight_sums(w, limit), w.size
+        return sums[0], sums[1], sums[2]
+
+    def sample(self, k: int, size: int) -> Vector:
+        """One place in each of equal cells, where in it goes by the golden section: no period is taken for a size."""
+        w = self.levels[k]
+        if size >= w.size:
+            return np.abs(w)
+        cells = np.arange(size)
+        places = ((cells + (cells * 0.6180339887498949) % 1) * (w.size / size)).astype(np.int64)
+        return np.abs(w[np.minimum(places, w.size - 1)])
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """By comparison."""
+        size = np.abs(self.levels[k])
+        return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
+
+    def resolution(self, k: int) -> float:
+        """As given."""
+        return self._resolutions[k]

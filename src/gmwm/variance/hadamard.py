@@ -1,0 +1,89 @@
+"""The Hadamard variance, which a linear change of the rate does not reach."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from gmwm import _core
+from gmwm.errors import OptionError
+from gmwm.signals import Signal
+from gmwm.variance.allan import difference_counts, exponents, modified_ratio
+from gmwm.variance.clusters import ClusterVariance
+from gmwm.variance.edf import degrees_of_freedom
+from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.noise_type import noise_types
+from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
+
+REDDEST = -4
+"""The reddest noise, random run FM, of which a Hadamard variance exists."""
+
+
+def hadamard_variance(
+    x: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    kind: Literal["overlapping", "nonoverlapping"] = "overlapping",
+    clusters: Clusters | ArrayLike = "octave",
+    data: Data = "rate",
+    confidence: float = 0.95,
+    progress: Progress | None = None,
+) -> ClusterVariance:
+    """Hadamard variance of a signal: a sixth of the mean squared second difference of neighbouring cluster means.
+
+    With the phase p and clusters of n samples, τ = n Δt, the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
+    (6 τ²) over every i ("overlapping") or every n-th ("nonoverlapping"). It equals the Allan variance for white
+    noise of the rate, and is free of any rate ramp (warming up).
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array in any unit
+        At least 8 finite samples without a gap.
+    rate : float
+        Samples per second (Hz); taken from a Signal.
+    kind : "overlapping" or "nonoverlapping"
+        Which clusters.
+    clusters, data, confidence, progress
+        As for `allan_variance`; cluster sizes up to N/3.
+
+    Returns
+    -------
+    ClusterVariance
+        Averaging times, variances, deviations, limits, degrees of freedom, and the noise identified.
+
+    Raises
+    ------
+    DataError
+        If the signal has gaps, NaN or infinities, or fewer than 8 samples.
+    OptionError
+        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+
+    References
+    ----------
+    Riley, W. J. (2008), Handbook of Frequency Stability Analysis, NIST Special Publication 1065, equations 16-20.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> ramp = np.arange(64) / 8
+    >>> bool(hadamard_variance(ramp, rate=1.0).variance.max() < 1e-25)
+    True
+    """
+    if kind not in ("overlapping", "nonoverlapping"):
+        raise OptionError(f'kind must be "overlapping" or "nonoverlapping", got {kind!r}')
+    phase = phase_of(x, rate, data, straighten=True)
+    p = phase.values
+    overlapping = kind == "overlapping"
+    sizes = cluster_sizes(clusters, phase.intervals // 3)
+    counts = difference_counts(p.size, sizes, 3, overlapping)
+    step = 1 if overlapping else 0
+    squares = mean_squares(lambda n: _core.third_differences(p, n, step or n), sizes, counts, progress)
+    variance = squares / (6.0 * sizes * sizes)
+    noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
+    freedom = degrees_of_freedom(exponents(noise), sizes, p.size, order=3, overlapping=overlapping)
+    limits = chi_square_limits(variance, freedom, confidence)
+    return ClusterVariance(
+        "hadamard", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
+        phase.samples, phase.unit, phase.axis, confidence, data,
+    )  # fmt: skip

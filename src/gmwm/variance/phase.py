@@ -1,0 +1,189 @@
+"""What every variance of clusters starts from: the phase of a signal, the cluster sizes, and the loop over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector, as_rate, as_vector, require_finite
+from gmwm.errors import DataError, OptionError
+from gmwm.signals import MINIMUM_SAMPLES, Signal
+from gmwm.units import find_unit
+
+Clusters: TypeAlias = Literal["octave", "decade", "all"]
+"""1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40, 100 …; every size."""
+Data: TypeAlias = Literal["rate", "phase"]
+"""Samples of the rate (an IMU's), or of its integral."""
+Progress: TypeAlias = Callable[[int, int], object]
+"""Called with the cluster sizes done and all of them, first with 0 done."""
+
+
+TOO_LARGE = "x is too large to be squared and summed in double precision; scale it down"
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """The phase of a record, in the unit of its rate times one sample: the rate of n samples is a difference over n.
+
+    Parameters
+    ----------
+    values : (intervals + 1,) array
+        The phase, a line removed.
+    rate : float
+        Samples per second (Hz).
+    samples : int
+        How many values were given.
+    unit, axis : str
+        Of the rate.
+    octaves : (j,) array, optional
+        Sums of squared second differences at 1, 2, 4, … samples, where they were measured in the same pass.
+    """
+
+    values: Vector
+    rate: float
+    samples: int
+    unit: str = ""
+    axis: str = ""
+    octaves: Vector | None = None
+
+    @property
+    def intervals(self) -> int:
+        """Length of the record in samples of the rate."""
+        return int(self.values.size) - 1
+
+
+def phase_of(
+    x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
+) -> Phase:
+    """The phase of a signal: the running sum of its rate without its mean, or the data themselves without a line.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array
+        At least 8 finite samples without a gap.
+    rate : float
+        Samples per second (Hz); taken from a Signal.
+    data : "rate" or "phase"
+        What `x` holds.
+    straighten : bool
+        Remove a line from the rate too, where third differences will do so anyway; it would cost digits.
+    octaves : bool
+        Measure the second differences at octaves in the same pass over a rate: half the time of a second one.
+
+    Raises
+    ------
+    DataError
+        If the signal has gaps, NaN or infinities, or fewer than 8 samples.
+    OptionError
+        If `data` is unknown, or `rate` contradicts the Signal's.
+    """
+    if data not in ("rate", "phase"):
+        raise OptionError(f'data must be "rate" or "phase", got {data!r}')
+    if isinstance(x, Signal):
+        if rate is not None and rate != x.rate:
+            raise OptionError(f"rate={rate:g} contradicts the signal's {x.rate:g} Hz; leave rate out")
+        values, rate, unit, axis = x.whole(), x.rate, x.unit, x.axis
+    else:
+        values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), as_rate(rate), "", ""
+    if values.size < MINIMUM_SAMPLES:
+        raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples, got {values.size}")
+    sums = None
+    with np.errstate(over="ignore", invalid="ignore"):
+        if data == "phase":
+            unit = _rate_unit(unit)
+            phase = _without_line((values - values[0]) * rate)
+        elif octaves:
+            phase, sums = _core.octave_second_differences(values, values.size.bit_length() - 1)
+        else:
+            phase = _core.running_sum(_without_slope(values) if straighten else values)
+    if not np.isfinite(phase[-1]):
+        require_finite(values, "x")
+        raise DataError(TOO_LARGE)
+    return Phase(phase, rate, values.size, unit, axis, sums)
+
+
+def _rate_unit(unit: str) -> str:
+    """The unit of the rate of a phase."""
+    if not unit:
+        return ""
+    known = find_unit(f"{unit}/s")
+    return known.name if known else f"{unit}/s"
+
+
+def _without_line(phase: Vector) -> Vector:
+    """The phase without the line through its first and last value; the first is 0."""
+    return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
+
+
+def _without_slope(values: Vector) -> Vector:
+    """The rate without its mean and its least-squares slope; a constant becomes exactly zero."""
+    n = values.size
+    centred = values - _core.mean(values)
+    time = np.arange(n, dtype=np.float64)
+    time -= (n - 1) / 2
+    # Σ time² = n (n² − 1)/12.
+    time *= inner_product(time, centred) * 12 / (n * (float(n) * n - 1))
+    centred -= time
+    return centred
+
+
+def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | None = None) -> NDArray[np.int64]:
+    """The cluster sizes that a user asks for, ascending.
+
+    Parameters
+    ----------
+    clusters : "octave", "decade", "all", or (n,) array of integers
+        Which, in samples.
+    largest : int
+        The largest for which the variance exists.
+    usual : int, optional
+        The largest of those chosen by name, if smaller.
+
+    >>> cluster_sizes("decade", 300)
+    array([  1,   2,   4,  10,  20,  40, 100, 200])
+    """
+    if isinstance(clusters, str):
+        top = largest if usual is None else usual
+        if clusters == "all":
+            return np.arange(1, top + 1, dtype=np.int64)
+        if clusters == "octave":
+            return np.int64(1) << np.arange(top.bit_length(), dtype=np.int64)
+        if clusters == "decade":
+            each = [m * 10**e for e in range(len(str(top))) for m in (1, 2, 4)]
+            return np.array([n for n in each if n <= top], dtype=np.int64)
+        raise OptionError(f'clusters must be "octave", "decade", "all" or integers, got {clusters!r}')
+    sizes: NDArray[Any] = np.asarray(clusters)
+    if sizes.ndim != 1 or sizes.size == 0 or sizes.dtype.kind not in "iu":
+        raise OptionError(f"clusters must be a list of integers (samples), got {clusters!r}; τ is their number / rate")
+    low, high = sizes.min(), sizes.max()
+    if low < 1 or high > largest or np.any(np.diff(sizes.astype(np.int64)) <= 0):
+        raise OptionError(
+            f"clusters must be ascending integers from 1 to {largest} for this record, got {low} … {high}"
+        )
+    return np.asarray(sizes, dtype=np.int64)
+
+
+def mean_squares(
+    kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
+) -> Vector:
+    """The kernel's sum of squares over its number of terms, cluster by cluster; Ctrl-C stops between two of them."""
+    sums = np.empty(clusters.size)
+    for k, n in enumerate(clusters.tolist()):
+        if progress is not None:
+            progress(k, clusters.size)
+        sums[k] = kernel(n)
+    if progress is not None:
+        progress(clusters.size, clusters.size)
+    if not np.all(np.isfinite(sums)):
+        raise DataError(TOO_LARGE)
+    return np.asarray(sums / counts)
+
+
+def inner_product(a: Vector, b: Vector) -> float:
+    """Σ a_i b_i in this thread: those of a BLAS wait for each other, and on a busy machine take ten times as long."""
+    return float(np.einsum("i,i->", a, b))

@@ -1,0 +1,295 @@
+"""The robust wavelet variance: at each level, the M-estimate of scale of the coefficients.
+
+Each level is solved on a sample of its coefficients first: from their median, Newton's method leads next to the
+root. Then all levels together take two or three passes over everything, each one read of the running sum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm import _core
+from gmwm._arrays import Vector, as_vector
+from gmwm.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
+from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients
+
+SAMPLE = 2048
+"""Coefficients of a level on which its root is first looked for."""
+PART = 8
+"""A level of which one tile in so many tells more than the sample takes a step on these before the passes."""
+PASSES = 8
+"""Passes over everything before a level counts as stuck; levels that behave need two or three."""
+TOLERANCE = 1e-11
+"""Of log σ², predicted."""
+FEW = 2
+"""So few coefficients know no outlier: their variance is the mean of their squares."""
+
+Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
+"""How a level ended: at a root; without one, at (MAD / 0.67449)²; too few coefficients; most of them zero."""
+
+
+@dataclass
+class _Level:
+    """What is known of one level so far; log σ² counts from log `start`."""
+
+    start: float = 0.0
+    place: float = 0.0
+    zeros: float = 0.0
+    outcome: Outcome | None = None
+    rooted: bool = False
+    peaks: list[float] = field(default_factory=list)
+    iterations: int = 0
+    passes: int = 0
+
+    @property
+    def variance(self) -> float:
+        return self.start * math.exp(self.place)
+
+
+@dataclass(frozen=True)
+class RobustVariances:
+    """Robust variances of several levels, and how each was found.
+
+    Attributes
+    ----------
+    variance : (J,) array, in the square of the coefficients' unit
+    diagnostics : mapping
+        For each level: "outcome" ("root"; "mad" where no root exists; "mean" of the squares of one or two
+        coefficients; "zero" where most coefficients are zero and no root exists, or all are), "start" (where the
+        search began: (MAD / 0.67449)², or from a higher quantile where the MAD is 0), "iterations" on a sample of
+        the coefficients, "passes" over all of them, and "zeros", the share of coefficients that are zero.
+    """
+
+    variance: Vector
+    diagnostics: Mapping[str, list[Any]]
+
+
+def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
+    """The M-estimate of σ² of every level: mean ρ(W/σ) = a, at the falling root next to (MAD / 0.67449)².
+
+    Raises
+    ------
+    OptionError
+        If `efficiency` is not from 0.3 to 0.99.
+
+    Notes
+    -----
+    MAD is the median of |W|: it is 0 where more than half of the coefficients are, which the signal of a coarse
+    quantizer does at fine levels (standard deviation up to half the least significant bit). Then the search
+    begins at the median of those that are not zero, and where no root is found the variance is 0.
+    """
+    tuning = biweight(efficiency)
+    levels = [_first(source, k, tuning) for k in range(len(source.counts))]
+    _polish(source, levels, tuning)
+    for k, level in enumerate(levels):
+        if level.outcome is None:
+            _settle(source, k, level, tuning)
+    diagnostics: dict[str, list[Any]] = {
+        name: [getattr(level, name) for level in levels]
+        for name in ("outcome", "start", "iterations", "passes", "zeros")
+    }
+    return RobustVariances(np.array([level.variance for level in levels]), diagnostics)
+
+
+def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
+    """Robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
+    return robust_variances(HaarCoefficients(x, levels), efficiency)
+
+
+def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
+    """The robust variance of an array of coefficients of mean zero: Tukey's biweight M-estimate of scale, squared.
+
+    σ solves mean ρ(W/σ) = a, ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and else 0, with c of the wanted efficiency and
+    a = E ρ(r) under N(0, 1).
+
+    Parameters
+    ----------
+    coefficients : (M,) array
+        W, at least one.
+    efficiency : float
+        Under Gaussian coefficients, from 0.3 to 0.99.
+    resolution : float
+        |W| up to which a coefficient is zero but for rounding.
+
+    Raises
+    ------
+    DataError
+        If the coefficients are not finite numbers, or there is none.
+    OptionError
+        If `efficiency` is not from 0.3 to 0.99.
+
+    >>> w = np.random.default_rng(1).normal(size=100_000)
+    >>> w[::100] = 1e6
+    >>> print(f"{robust_variance(w):.1f}")
+    1.0
+    """
+    plain = PlainCoefficients([as_vector(coefficients, "coefficients")], [resolution])
+    return float(robust_variances(plain, efficiency).variance[0])
+
+
+def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
+    """A level on a sample of its coefficients: solved if that is all of them, else with a root to polish."""
+    sample = source.sample(k, SAMPLE)
+    count, resolution = int(source.counts[k]), source.resolution(k)
+    complete = sample.size == count
+    level = _Level(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
+    if not complete and level.zeros > 0.4:
+        # Near one half, and where the sample may have missed the few that are not zero, all are counted.
+        level.zeros = source.between(k, resolution, resolution)[0] / count
+    if level.zeros == 1:
+        level.outcome = "zero"
+    elif count <= FEW:
+        level.start, level.outcome = float(np.mean(sample**2)), "mean"
+    else:
+        _search(level, sample, resolution, complete, tuning)
+    return level
+
+
+def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
+    """A root on the sample, from the MAD by Newton's method, else by a scan around it."""
+    middle = float(np.median(sample))
+    # The sample may have too many zeros where all coefficients have just not.
+    if _mad_is_zero(level) or middle <= resolution:
+        rest = sample[sample > resolution]
+        if rest.size == 0:
+            return
+        # The median of the rest is the quantile (1 + share of zeros) / 2 of |W|.
+        start = float(np.median(rest)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
+    else:
+        start = middle / NORMAL_QUARTILE
+    level.start = start**2
+    if not 0 < level.start < math.inf:
+        return
+    criterion = _on_sample(level, sample, tuning)
+    tolerance = TOLERANCE / 10 if complete else 1e-3
+    root, level.iterations = (None, 0) if _mad_is_zero(level) else newton(criterion, tolerance)
+    if root is None:
+        found = scan(criterion, tolerance)
+        root, level.iterations = found.root, level.iterations + found.evaluations
+        if root is None and not complete:
+            # The mean of ρ over a sample is known to 4 % of a: all coefficients may reach a where that nearly does.
+            near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
+            level.peaks = [place for _, place in sorted(near)]
+    if root is not None:
+        level.place, level.rooted = root, True
+        level.outcome = "root" if complete else None
+
+
+def _mad_is_zero(level: _Level) -> bool:
+    return level.zeros > 0.5
+
+
+def _on_sample(level: _Level, sample: Vector, tuning: Biweight) -> Criterion:
+    def criterion(place: float) -> tuple[float, float]:
+        cubed, fourth = _core.biweight_sums(sample, tuning.c**2 * level.start * math.exp(place))
+        return tuning.criterion(cubed, fourth, float(sample.size))
+
+    return criterion
+
+
+def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Criterion:
+    limits = np.zeros(len(source.counts))
+
+    def criterion(place: float) -> tuple[float, float]:
+        limits[k] = tuning.c**2 * level.start * math.exp(place)
+        cubed, fourth, count = source.sums(limits)
+        return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
+
+    return criterion
+
+
+def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
+    """Newton's method on all coefficients of all levels that have a root on their sample, pass by pass."""
+    active = np.array([level.rooted and level.outcome is None for level in levels])
+    start = np.array([level.start for level in levels])
+    place = np.array([level.place for level in levels])
+    before: tuple[Vector, Vector, Vector] | None = None
+    # Neighbours up to 2^j apart tell the same.
+    fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
+    for number in range(-int(fine.any()), PASSES):
+        if not active.any():
+            return
+        limits = np.where(fine if number < 0 else active, tuning.c**2 * start * np.exp(place), 0.0)
+        cubed, fourth, count = source.sums(limits, PART if number < 0 else 1)
+        value, slope = tuning.criterion(cubed, fourth, np.maximum(count, 1.0))
+        falls = active & (slope < 0)
+        step = np.where(falls, -value, 0.0) / np.where(falls, slope, 1.0)
+        falls &= np.abs(step) < 0.5
+        if number < 0:
+            place = place + np.where(falls, step, 0.0)
+            continue
+        here = (place, value, slope)
+        step, error = (step, 10 * step**2) if before is None else _interpolated(before, here, step)
+        before, place = here, place + np.where(falls, step, 0.0)
+        done = falls & (error < TOLERANCE)
+        for k, level in enumerate(levels):
+            if active[k]:
+                level.passes, level.place = number + 1, float(place[k])
+                level.outcome = "root" if done[k] else None
+        active = falls & ~done
+
+
+def _interpolated(
+    before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
+) -> tuple[Vector, Vector]:
+    """The step to where the cubic through both last points, with their slopes, has its root; its predicted error.
+
+    The cubic is log σ² as a function of the criterion. Its error goes with both distances squared, Newton's with
+    the smaller one alone. Where the criterion did not shrink to a tenth, the step is Newton's.
+    """
+    (x0, y0, d0), (x1, y1, d1) = before, here
+    usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
+    span = np.where(usable, y1 - y0, 1.0)
+    m0, m1 = (span / np.where(usable, d, 1.0) for d in (d0, d1))
+    # From here on in units of the span: the root lies at u = -y1 / span beyond the later point.
+    u = -y1 / span
+    rise = x1 - x0
+    cubic = u * m1 + u**2 * (m0 + 2 * m1 - 3 * rise) + u**3 * (m0 + m1 - 2 * rise)
+    moved = np.where(usable, cubic, step)
+    error = np.where(usable, 10 * (moved * (rise + moved)) ** 2, 10 * moved**2)
+    return moved, error
+
+
+def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
+    """A level without a root on its sample, or from which the passes strayed: a scan of all, else what is left."""
+    criterion = _on_all(source, k, level, tuning)
+    root: float | None = None
+    if level.rooted:
+        found = scan(criterion, TOLERANCE)
+        root, level.passes = found.root, level.passes + found.evaluations
+    for peak in level.peaks:
+        root, count = root_beyond(criterion, peak, TOLERANCE)
+        level.passes += count
+        if root is not None:
+            break
+    if root is not None:
+        level.place, level.outcome = root, "root"
+        return
+    level.place = 0.0
+    if _mad_is_zero(level):
+        level.start, level.outcome = 0.0, "zero"
+    else:
+        level.start, level.outcome = (_median(source, k) / NORMAL_QUARTILE) ** 2, "mad"
+
+
+def _median(source: Coefficients, k: int) -> float:
+    """The exact median of |W|: of all coefficients, only those near that of a sample are kept and sorted."""
+    count = int(source.counts[k])
+    sample = np.sort(source.sample(k, SAMPLE))
+    if sample.size < count:
+        around = 3 * math.isqrt(sample.size)
+        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
+        below, kept = source.between(k, low, high)
+        first, last = (count - 1) // 2 - below, count // 2 - below
+        if first >= 0 and last < kept.size:
+            middle = np.partition(kept, (first, last))
+            return float(middle[first] + middle[last]) / 2
+        sample = source.sample(k, count)
+    return float(np.median(sample))

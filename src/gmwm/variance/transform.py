@@ -1,0 +1,348 @@
+"""The maximal-overlap and the decimated discrete wavelet transform (MODWT, DWT), with exact inverses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector, as_vector, freeze
+from gmwm.errors import OptionError
+from gmwm.filters import WaveletFilter, find_filter
+from gmwm.signals import Signal
+
+Boundary = Literal["periodic", "reflection"]
+"""How a signal goes on beyond its ends: from its start again, or as its own mirror image."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Modwt:
+    """Maximal-overlap discrete wavelet transform of a signal: N coefficients at every level.
+
+    Attributes
+    ----------
+    details : mapping of level j to array
+        Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}; N of them, 2N with reflection.
+    smooth : array
+        Scaling coefficients V_{J,t} of the last level.
+    interior : mapping of level j to slice
+        The coefficients that no boundary reaches, made of X_{t−L_j+1} … X_t alone: t = L_j − 1 … N − 1. Empty where
+        the filter is longer than the signal.
+    samples : int
+        Length N of the signal.
+    boundary : "periodic" or "reflection"
+    """
+
+    filter: WaveletFilter
+    details: Mapping[int, Vector]
+    smooth: Vector
+    samples: int
+    boundary: Boundary
+
+    def __post_init__(self) -> None:
+        for values in (*self.details.values(), self.smooth):
+            freeze(values)
+
+    @property
+    def levels(self) -> int:
+        """Number of levels J."""
+        return len(self.details)
+
+    @property
+    def interior(self) -> dict[int, slice]:
+        """Places of the boundary-free coefficients of every level."""
+        return {j: slice(min(self.filter.width(j) - 1, self.samples), self.samples) for j in self.details}
+
+    def inverse(self) -> Vector:
+        """The signal (N,), to rounding."""
+        scaling, wavelet = _maximal_overlap(self.filter)
+        values = self.smooth
+        for j in range(self.levels, 0, -1):
+            values = _core.pyramid_unstep(values, self.details[j], scaling, wavelet, 1 << (j - 1))
+        return values[: self.samples].copy()
+
+    def __repr__(self) -> str:
+        return f"Modwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Dwt:
+    """Discrete wavelet transform of a signal, an orthonormal one: as many coefficients as samples.
+
+    Level j halves what level j − 1 left. Where that is an odd number, its last scaling coefficient is set aside as
+    it is, in `extras`; so any length will do, nothing is padded, energy is preserved, and coefficient n of level j
+    always ends at sample 2^j (n + 1) − 1.
+
+    Attributes
+    ----------
+    details : mapping of level j to array
+        Wavelet coefficients, 2^(j/2) times those of the maximal-overlap transform at t = 2^j (n + 1) − 1;
+        floor(N / 2^j) of them, floor(2N / 2^j) with reflection.
+    smooth : array
+        Scaling coefficients of the last level.
+    extras : mapping of level j to float
+        The scaling coefficient of level j − 1 set aside at level j, where there is one.
+    interior : mapping of level j to slice
+        The coefficients that no boundary reaches, made of X_{t−L_j+1} … X_t alone; may be empty.
+    samples : int
+        Length N of the signal.
+    boundary : "periodic" or "reflection"
+    """
+
+    filter: WaveletFilter
+    details: Mapping[int, Vector]
+    smooth: Vector
+    extras: Mapping[int, float]
+    samples: int
+    boundary: Boundary
+
+    def __post_init__(self) -> None:
+        for values in (*self.details.values(), self.smooth):
+            freeze(values)
+
+    @property
+    def levels(self) -> int:
+        """Number of levels J."""
+        return len(self.details)
+
+    @property
+    def interior(self) -> dict[int, slice]:
+        """Places of the boundary-free coefficients of every level."""
+        ends = {j: self.samples >> j for j in self.details}
+        return {j: slice(min(_first_interior(self.filter, j), end), end) for j, end in ends.items()}
+
+    def inverse(self) -> Vector:
+        """The signal (N,), to rounding."""
+        values = self.smooth
+        for j in range(self.levels, 0, -1):
+            values = _undecimated(values, self.details[j], self.filter)
+            if j in self.extras:
+                values = np.append(values, self.extras[j])
+        return values[: self.samples].copy()
+
+    def __repr__(self) -> str:
+        return f"Dwt({self.filter.name}, {self.levels} levels, {self.samples} samples, {self.boundary})"
+
+
+def modwt(
+    x: Signal | ArrayLike,
+    filter: str | WaveletFilter = "haar",
+    levels: int | None = None,
+    boundary: Boundary = "periodic",
+) -> Modwt:
+    """Maximal-overlap discrete wavelet transform of a signal of any length.
+
+    With V_0 = X, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2 and V_{j,t} the same with g, indices modulo N.
+    Energy is preserved, Σ X² = Σ_j Σ_t W_{j,t}² + Σ_t V_{J,t}². With reflection the signal followed by its mirror
+    image is transformed, 2N samples, which the coefficients then are too.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array in any unit
+        Finite samples.
+    filter : str
+        A wavelet filter, see `find_filter`.
+    levels : int, optional
+        Number of levels J, at most and by default floor(log2 N).
+    boundary : "periodic" or "reflection"
+        How the signal goes on beyond its ends.
+
+    Raises
+    ------
+    DataError
+        If `x` has NaN or infinities, gaps, or fewer than 2 samples.
+    OptionError
+        If an option is not one of those it may be.
+
+    References
+    ----------
+    Percival and Walden (2000), Wavelet Methods for Time Series Analysis, chapter 5.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.arange(10.0) ** 2
+    >>> transform = modwt(x, "d4", levels=2)
+    >>> transform.details[1][transform.interior[1]].round(3)
+    array([-0.866, -0.866, -0.866, -0.866, -0.866, -0.866, -0.866])
+    >>> bool(np.allclose(transform.inverse(), x))
+    True
+    """
+    values, wavelet_filter, count = _checked(x, filter, levels, boundary)
+    scaling, wavelet = _maximal_overlap(wavelet_filter)
+    smooth, details = _continued(values, boundary), {}
+    for j in range(1, count + 1):
+        smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
+    return Modwt(wavelet_filter, details, smooth, values.size, boundary)
+
+
+def dwt(
+    x: Signal | ArrayLike,
+    filter: str | WaveletFilter = "haar",
+    levels: int | None = None,
+    boundary: Boundary = "periodic",
+) -> Dwt:
+    """Discrete wavelet transform of a signal of any length.
+
+    With V_0 = X, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l} and V_{j,n} the same with g, indices modulo the number of V_{j−1};
+    where that is odd, the last one is set aside. Energy is preserved. With reflection the signal followed by its
+    mirror image is transformed, 2N samples.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array in any unit
+        Finite samples.
+    filter : str
+        A wavelet filter, see `find_filter`.
+    levels : int, optional
+        Number of levels J, at most and by default floor(log2 N).
+    boundary : "periodic" or "reflection"
+        How the signal goes on beyond its ends.
+
+    Raises
+    ------
+    DataError
+        If `x` has NaN or infinities, gaps, or fewer than 2 samples.
+    OptionError
+        If an option is not one of those it may be.
+
+    References
+    ----------
+    Percival and Walden (2000), Wavelet Methods for Time Series Analysis, chapter 4.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.arange(10.0) ** 2
+    >>> transform = dwt(x, "haar")
+    >>> [len(transform.details[j]) for j in (1, 2, 3)], transform.extras
+    ([5, 2, 1], {2: 102.5...})
+    >>> bool(np.allclose(transform.inverse(), x))
+    True
+    """
+    values, wavelet_filter, count = _checked(x, filter, levels, boundary)
+    smooth, details, extras = _continued(values, boundary), {}, {}
+    for j in range(1, count + 1):
+        if smooth.size % 2:
+            extras[j] = float(smooth[-1])
+            smooth = smooth[:-1]
+        smooth, details[j] = _decimated(smooth, wavelet_filter)
+    return Dwt(wavelet_filter, details, smooth, extras, values.size, boundary)
+
+
+def _checked(
+    x: Signal | ArrayLike, filter: str | WaveletFilter, levels: int | None, boundary: Boundary
+) -> tuple[Vector, WaveletFilter, int]:
+    values = x.whole() if isinstance(x, Signal) else as_vector(x, "x", at_least=2)
+    if boundary not in ("periodic", "reflection"):
+        raise OptionError(f"boundary must be 'periodic' or 'reflection', got {boundary!r}")
+    deepest = values.size.bit_length() - 1
+    return values, find_filter(filter), as_level_count(levels, deepest, values.size)
+
+
+def as_level_count(levels: int | None, deepest: int, samples: int) -> int:
+    """A number of levels from 1 to the deepest, which None stands for."""
+    if levels is None:
+        return deepest
+    if isinstance(levels, bool) or not isinstance(levels, int | np.integer) or not 1 <= levels <= deepest:
+        raise OptionError(f"levels must be an integer from 1 to {deepest} for {samples} samples, got {levels!r}")
+    return int(levels)
+
+
+def _continued(values: Vector, boundary: Boundary) -> Vector:
+    return np.concatenate([values, values[::-1]]) if boundary == "reflection" else values
+
+
+def _maximal_overlap(filter: WaveletFilter) -> tuple[Vector, Vector]:
+    return filter.scaling / np.sqrt(2.0), filter.wavelet / np.sqrt(2.0)
+
+
+# --- the decimated pyramid ----------------------------------------------------------------------------
+
+
+def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
+    """Scaling and wavelet coefficients of one level, Σ_l f_l V_{2n+1−l} modulo the (even) number of V."""
+    half = values.size // 2
+    smooth, detail = np.zeros(half), np.zeros(half)
+    for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
+        turned = _at_parity(values, l)
+        smooth += g * turned
+        detail += h * turned
+    return smooth, detail
+
+
+def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
+    """The scaling coefficients that `_decimated` made these of: the transposed map."""
+    values = np.zeros(2 * smooth.size)
+    for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
+        first = (1 - l) % 2
+        values[first::2] += np.roll(g * smooth + h * detail, -((l - 1 + first) // 2))
+    return values
+
+
+def _at_parity(values: Vector, l: int) -> Vector:  # noqa: E741
+    """V_{2n+1−l}, n = 0, 1, …, modulo the number of V."""
+    first = (1 - l) % 2
+    return np.roll(values[first::2], (l - 1 + first) // 2)
+
+
+# --- which coefficients make an estimate --------------------------------------------------------------
+
+Transform = Literal["modwt", "dwt"]
+"""Maximal overlap, or decimated."""
+
+
+def _first_interior(filter: WaveletFilter, level: int) -> int:
+    """First decimated coefficient that no boundary reaches: 2^j (n + 1) ≥ L_j."""
+    return -(-filter.width(level) >> level) - 1
+
+
+def coefficient_counts(
+    samples: int, levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
+) -> NDArray[np.int64]:
+    """Number M_j of coefficients that need no sample outside the record; not positive where there is none.
+
+    N − L_j + 1 of the maximal-overlap transform, of the decimated one every 2^j-th.
+    """
+    if transform == "modwt":
+        return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
+    return np.array([(samples >> int(j)) - _first_interior(filter, int(j)) for j in levels], dtype=np.int64)
+
+
+def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> int:
+    """Deepest level with a coefficient that needs no sample outside the record; 0 where there is none."""
+    level = filter.deepest_level(samples)
+    if transform == "dwt":
+        while level > 0 and coefficient_counts(samples, np.array([level]), filter, transform)[0] < 1:
+            level -= 1
+    return level
+
+
+def degrees_of_freedom(
+    counts: NDArray[np.int64], levels: NDArray[np.int64], transform: Transform
+) -> NDArray[np.float64]:
+    """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), and M_j of the decimated transform (Percival 1995)."""
+    return np.maximum(counts / (1.0 if transform == "dwt" else np.ldexp(1.0, levels)), 1.0)
+
+
+def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
+    """Wavelet variances ν̂_j² of levels 1 … J: means of squares of the coefficients that no boundary reaches.
+
+    Decimated coefficients are 2^(j/2) times those of the maximal-overlap transform, so theirs are divided by 2^j.
+    """
+    if transform == "modwt":
+        return _core.pyramid_variance(values, *_maximal_overlap(filter), levels)
+    return np.array([np.mean(w**2) for w in inner_coefficients(values, filter, transform, levels)])
+
+
+def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
+    """The coefficients of levels 1 … J that no boundary reaches, in the size of the maximal-overlap transform."""
+    centred = values - _core.mean(values)
+    whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
+    inside = whole.interior
+    size = {j: 1.0 if transform == "modwt" else 2 ** (-j / 2) for j in inside}
+    return [size[j] * whole.details[j][inside[j]] for j in inside]
