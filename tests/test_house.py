@@ -28,6 +28,8 @@ LONGEST_FILE = 600
 # Every method of a result whose code lives on a higher floor, and where it lives.
 LATE_METHODS = {
     "gmwm.estimation.result.Fit.plot": "gmwm.plots.fit:plot_fit",
+    "gmwm.variance.avlr.AllanRegression.plot": "gmwm.plots.allan:plot_avlr",
+    "gmwm.variance.clusters.ClusterVariance.plot": "gmwm.plots.allan:plot_allan",
     "gmwm.variance.result.WaveletVariance.plot": "gmwm.plots.variance:plot_wavelet_variance",
 }
 

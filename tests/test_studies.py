@@ -2,7 +2,7 @@
 
 import pytest
 
-from validation import study_optimum, study_recovery
+from validation import study_contamination, study_optimum, study_recovery
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 
@@ -25,3 +25,15 @@ def test_estimates_centre_on_the_truth():
     # Slow processes show in a few coefficients: weights from the data pull them low, by less than their scatter.
     for row in result["rows"]:
         assert abs(row["mean"] - 1) < row["spread"], row
+
+
+def test_robust_fits_recover_from_knocks():
+    result = study_contamination.run(reduced=True)
+    assert study_contamination.table(result).count("\n|") == 29
+    for row in result["rows"]:
+        if row["outliers"] == "knocks" and row["estimator"].startswith("robust"):
+            assert row["recovered"] >= 0.8, row
+            assert row["low"] <= row["median"] <= row["high"], row
+        elif row["parameter"] == "WN.sigma2" and row["estimator"] == "classical":
+            assert row["recovered"] == 0, row
+            assert row["median"] > 2, row

@@ -54,8 +54,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "diagonal weighting from the data. Such weights count a level that came out low for more than one that came out "
-        "high: processes that show in the coarsest levels only come out low, by a part of their scatter. "
+        "diagonal weighting from the data. Such weights count a level that came out low for more than one that came "
+        "out high: processes that show in the coarsest levels only come out low, by a part of their scatter. "
         "Estimate / truth:",
         "",
         "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",

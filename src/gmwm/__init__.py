@@ -6,6 +6,7 @@ correlation time β of a Gauss-Markov process, which is in 1/s. Levels count fro
 τ_j = 2^j samples. The Allan variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 """
 
+from gmwm.covariance import wavelet_covariance as wavelet_covariance
 from gmwm.errors import DataError as DataError
 from gmwm.errors import FitWarning as FitWarning
 from gmwm.errors import GmwmError as GmwmError
@@ -20,8 +21,11 @@ from gmwm.errors import TimeBaseWarning as TimeBaseWarning
 from gmwm.errors import UnitError as UnitError
 from gmwm.estimation import Fit as Fit
 from gmwm.estimation import fit as fit
+from gmwm.filters import WaveletFilter as WaveletFilter
+from gmwm.filters import find_filter as find_filter
 from gmwm.inspection import Inspection as Inspection
 from gmwm.inspection import inspect as inspect
+from gmwm.plots import compare as compare
 from gmwm.plots import plot_imu as plot_imu
 from gmwm.processes import AR1 as AR1
 from gmwm.processes import DR as DR
@@ -38,7 +42,15 @@ from gmwm.signals import Imu as Imu
 from gmwm.signals import Signal as Signal
 from gmwm.simulation import reference_imu as reference_imu
 from gmwm.simulation import simulate as simulate
+from gmwm.variance import AllanRegression as AllanRegression
+from gmwm.variance import ClusterVariance as ClusterVariance
 from gmwm.variance import WaveletVariance as WaveletVariance
+from gmwm.variance import allan_variance as allan_variance
+from gmwm.variance import avlr as avlr
+from gmwm.variance import dwt as dwt
+from gmwm.variance import hadamard_variance as hadamard_variance
+from gmwm.variance import modwt as modwt
+from gmwm.variance import total_variance as total_variance
 from gmwm.variance import wavelet_variance as wavelet_variance
 from gmwm.writers import write as write
 

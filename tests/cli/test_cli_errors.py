@@ -29,6 +29,25 @@ CASES = {
     "units without a sensor": (["wv", "{file}", "--units", "deg/s"], "--units takes a unit for"),
     "unknown unit": (["wv", "{unlabelled}", "--rate", "100", "--units", "gyro=furlong"], "furlong"),
     "columns without an axis": (["wv", "{file}", "--columns", "gyro_x=a,b"], "--columns takes axis=COLUMN"),
+    "columns by a lone name": (["wv", "{file}", "--columns", "foo"], "nothing between two commas to leave one out"),
+    "column of no axis": (["wv", "{file}", "--columns", "foo=1"], "--columns must name gyro_x"),
+    "names that repeat": (["info", "{repeated}"], "--columns time=0,gyro_x=1"),
+    "a unit of time that is not clear": (
+        ["info", "{unclear}"],
+        "--units time=s, --units time=ms, --units time=us or --units time=ns",
+    ),
+    "a pipe": (["info", "/dev/null"], "pipe"),
+    "stamps out of order": (["wv", "{disorder}"], "with --columns time= and pass --rate"),
+    "output is a file": (["fit", "{file}", "-m", "WN", "--output", "{file}"], "--output must be a directory"),
+    "demo into a file": (["demo", "--output", "{file}"], "--output must be a directory"),
+    "simulate an axis that is none": (
+        ["simulate", "-m", "foo=WN(sigma2=1)", "--duration", "1", "-o", "{folder}/x.csv"],
+        "got 'foo'",
+    ),
+    "simulate without one value": (
+        ["simulate", "-m", "GM(sigma2=1)", "--duration", "1", "-o", "{folder}/x.csv"],
+        'as "GM(beta=…, sigma2=1)"',
+    ),
     "columns that are not there": (["wv", "{file}", "--columns", "gyro_x=wx"], "wx"),
     "plot of unknown kind": (["wv", "{file}", "--plot", "{folder}/wv.foo"], "wv.foo"),
     "output in a file": (["fit", "{file}", "-m", "WN", "--output", "{file}/out"], "six.csv"),
@@ -60,9 +79,16 @@ def places(folder, recording, unlabelled, broken):
     empty, foreign = folder / "empty.csv", folder / "foreign.bin"
     empty.touch()
     foreign.write_bytes(bytes(range(256)) * 8)
+    texts = {
+        "repeated": "time [s],gx [rad/s],gx [rad/s]\n" + "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(50)),
+        "unclear": "t,gx [rad/s]\n" + "".join(f"{10_000 * k},{k % 7}\n" for k in range(50)),
+        "disorder": "t [s],gx [rad/s]\n" + "".join(f"{(k ^ 3) / 100},{k % 7}\n" for k in range(50)),
+    }
+    for name, text in texts.items():
+        (folder / f"{name}.csv").write_text(text)
     return {
         "folder": folder, "file": recording, "unlabelled": unlabelled, "broken": broken,
-        "empty": empty, "foreign": foreign,
+        "empty": empty, "foreign": foreign, **{name: folder / f"{name}.csv" for name in texts},
     }  # fmt: skip
 
 

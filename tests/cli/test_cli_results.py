@@ -32,6 +32,55 @@ def test_info_json(gmwm, recording):
     assert isinstance(content["warnings"], list)
 
 
+def test_info_help_explains_its_columns(gmwm):
+    words = " ".join(gmwm("info", "--help").out.split())
+    for column in ("mean;", "sd,", "noise,", "LSB,", "wander,"):
+        assert column in words
+
+
+def test_a_last_line_without_an_end_is_noted(gmwm, recording, tmp_path):
+    text = recording.read_text(encoding="utf-8")
+    whole, open_end = tmp_path / "whole.csv", tmp_path / "open.csv"
+    whole.write_text(text, encoding="utf-8")
+    open_end.write_text(text[:-3], encoding="utf-8")
+    assert "no line end" not in gmwm("info", whole).out
+    assert "note: the last line has no line end" in gmwm("info", open_end).out
+
+
+@pytest.fixture(scope="module")
+def moved(recording, tmp_path_factory):
+    """The recording with a motion of ten seconds and a knock of one sample."""
+    from gmwm.writers import write
+
+    imu = read(recording)
+    values = {axis: np.array(imu[axis].values) for axis in imu}
+    values["gyro_x"][8000:9000] += 0.5 * np.sin(np.arange(1000) / 50)
+    values["accel_y"][333] += 3
+    path = tmp_path_factory.mktemp("moved") / "moved.csv"
+    write(library.Imu.from_arrays(values, imu.rate), path)
+    return path
+
+
+@pytest.mark.parametrize("command", [("wv",), ("fit", "-m", "WN + RW", "--no-certify")])
+def test_motion_and_knocks_are_told_without_being_asked(gmwm, moved, recording, command):
+    outcome = gmwm(command[0], moved, *command[1:], "--axis", "gyro_z", "--json")
+    inspected = gmwm("info", moved, "--json").json["warnings"]
+    said = outcome.json["warnings"]
+    assert [warning for warning in said if "not static: around" in warning and "gyro_x" in warning]
+    assert [warning for warning in said if "1 knock" in warning and "--robust" in warning]
+    assert [warning for warning in said if "not static" in warning or "knock" in warning] == inspected
+    assert all(f"warning: {warning}" in outcome.err.splitlines() for warning in said)
+    quiet = gmwm(command[0], recording, *command[1:], "--axis", "gyro_z", "--json")
+    assert [warning for warning in quiet.json["warnings"] if "static" in warning or "knock" in warning] == []
+
+
+def test_after_a_cut_gaps_are_not_told(gmwm, broken):
+    assert "--gaps longest takes the longest" in gmwm("info", broken).out
+    cut = gmwm("info", broken, "--gaps", "longest")
+    assert "0 gaps" in cut.out
+    assert "warning" not in cut.out
+
+
 def test_wv_json_is_the_library_s(gmwm, recording):
     content = gmwm("wv", recording, "--axis", "gyro_y", "--json").json
     assert list(content["axes"]) == ["gyro_y"]

@@ -4,11 +4,13 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+import gmwm
 from gmwm.errors import OptionError
+from gmwm.plots.curves import ABOVE
 from gmwm.plots.fit import fit_panel
 from gmwm.plots.imu import imu_figure
 from gmwm.plots.overlay import overlay_panel
-from gmwm.plots.style import curve_stroke, letter_stroke, term_stroke
+from gmwm.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
 from gmwm.plots.variance import wavelet_variance_panel
 
 
@@ -140,11 +142,55 @@ def test_six_axes_in_a_grid_share_scales_by_row_and_label_them_once(six):
     assert figure.labels == ("Wavelet variance", "95 % confidence")
 
 
-def test_terms_look_alike_in_all_panels(fit):
-    figure = imu_figure({"gyro_x": fit, "gyro_y": fit})
-    first, second = figure.panels
-    for term in fit.decomposition:
-        assert first[term].stroke == second[term].stroke
+def looks(panel):
+    """The stroke of every term of a panel."""
+    return {line.label.split(":")[0]: line.stroke for line in panel.lines if line.layer == ABOVE and line.label}
+
+
+def test_terms_look_alike_in_all_panels_and_alone(fit, wv):
+    text = "RW(gamma2=1e-13) + GM(beta=5.0, sigma2=6e-9) + GM(beta=0.1, sigma2=6e-9) + WN(sigma2=7e-7)"
+    twice = gmwm.Model.parse(text)
+    other = replace(fit, model=twice, decomposition=twice.decomposition(wv.levels, wv.rate))
+    figure = imu_figure({"gyro_x": other, "gyro_y": fit})
+    for panel, one in zip(figure.panels, (other, fit), strict=True):
+        alone = looks(fit_panel(one))
+        assert set(alone) == set(one.decomposition)
+        assert looks(panel).items() <= alone.items()
+    both = looks(figure.panels[0]), looks(figure.panels[1])
+    assert set(both[0]) & set(both[1]) >= {"RW", "WN"}
+    assert all(both[0][term] == both[1][term] for term in set(both[0]) & set(both[1]))
+
+
+@pytest.mark.parametrize("text", ["WN + QN + RW + DR + 5*GM", "DR + 5*AR1 + WN", "12*GM + WN + RW"])
+def test_no_two_terms_of_a_model_look_alike(text):
+    model = gmwm.Model.parse(text)
+    strokes = list(term_strokes(model.terms, model.processes).values())
+    for one, other in combinations(strokes, 2):
+        assert one.dash != other.dash or len(strokes) > 9
+        assert one != other
+
+
+def test_strokes_of_terms_repeat_late():
+    assert len({term_stroke(k) for k in range(54)}) == 54
+
+
+def test_terms_lie_over_the_model_and_under_the_data(fit):
+    panel = fit_panel(fit)
+    layers = {line.label.split(":")[0]: line.layer for line in panel.lines}
+    terms = [layers[term] for term in fit.decomposition]
+    assert layers["Model"] < min(terms) <= max(terms) < layers["Wavelet variance"]
+
+
+def test_a_term_that_is_zero_says_so_in_a_grid_too(fit):
+    none = replace(fit, decomposition={**fit.decomposition, "QN": np.zeros_like(fit.implied)})
+    full, bare = imu_figure({"gyro_x": fit, "gyro_y": none}).panels
+    assert (full.texts, [text.text for text in bare.texts]) == ((), ["QN: zero"])
+    assert full.y.limits == bare.y.limits
+
+
+def test_limits_of_several_curves_have_a_neutral_swatch(wv, six):
+    assert {band.swatch for panel in imu_figure(six, split=False).panels for band in panel.bands} == {GREY}
+    assert {band.swatch for band in overlay_panel({"alone": wv}).bands} == {""}
 
 
 @pytest.mark.parametrize("split", [True, False])
@@ -185,7 +231,7 @@ def test_foreign_things_are_refused(items):
 @pytest.mark.parametrize(
     "strokes",
     [
-        [term_stroke(k) for k in range(7)],
+        [term_stroke(k) for k in range(9)],
         [letter_stroke(letter) for letter in "xyz"],
         [curve_stroke(k) for k in range(6)],
     ],

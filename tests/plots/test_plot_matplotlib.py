@@ -54,6 +54,14 @@ def test_one_legend_names_everything_once(wv, fit):
     assert [text.get_text() for text in legend.get_texts()] == list(imu_figure(axes).labels)
 
 
+def test_the_swatch_of_several_bands_is_in_the_colour_of_none(wv):
+    picture = plot_comparison({"one": wv, "other": wv})
+    (legend,) = picture.legends
+    at = [text.get_text() for text in legend.get_texts()].index("95 % confidence")
+    red, green, blue, _ = legend.legend_handles[at].get_facecolor()
+    assert red == green == blue
+
+
 def test_the_legend_is_never_wider_than_the_picture(wv):
     names = [f"a recording with quite a long name, number {k}" for k in range(6)]
     picture = plot_comparison(dict.fromkeys(names, wv))

@@ -36,7 +36,7 @@ def demo(
     """
     import gmwm
     from gmwm.cli.fit import draw, fit_axes, write_fits
-    from gmwm.cli.output import print_json, progress, tell, told_warnings
+    from gmwm.cli.output import made_directory, print_json, progress, tell, told_warnings
     from gmwm.cli.parallel import over_axes
     from gmwm.inspection import inspect
     from gmwm.readers import read
@@ -44,7 +44,7 @@ def demo(
     from gmwm.writers import write
 
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
-    file = output / "imu.csv"
+    file = made_directory(output) / "imu.csv"
     say = _silent if json else print
     with told_warnings() as told:
         with progress("simulating"):

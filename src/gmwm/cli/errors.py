@@ -14,6 +14,13 @@ from typer.core import TyperGroup
 
 from gmwm.errors import GmwmError
 
+# What is said to a caller of the library, and the same to a shell.
+_PHRASES = (
+    ("imu.longest()", "--gaps longest"),
+    ("gaps='longest'", "--gaps longest"),
+    ("robust=True", "--robust"),
+    ("None to leave one out", "nothing between two commas to leave one out"),
+)
 _KEYWORD = re.compile(r"\b(rate|units|columns|gaps)=(\{[^{}]*\}|\[[^][]*\])?(?=(\S)?)")
 
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
@@ -75,6 +82,8 @@ def as_options(text: str) -> str:
 
     >>> as_options("pass rate=, or say it with units={'accel': 'g'} or columns=['time', None, 'gyro_x']")
     'pass --rate, or say it with --units accel=g or --columns time,,gyro_x'
+    >>> as_options("imu.longest() takes the longest")
+    '--gaps longest takes the longest'
     """
 
     def option(match: re.Match[str]) -> str:
@@ -85,6 +94,8 @@ def as_options(text: str) -> str:
         value = re.sub(r"\s*,\s*", ",", re.sub(r"\s*:\s*", "=", value)).strip()
         return f"--{name} {shlex.quote(value)}"
 
+    for python, shell in _PHRASES:
+        text = text.replace(python, shell)
     return _KEYWORD.sub(option, text)
 
 

@@ -13,19 +13,25 @@ from gmwm.cli.options import (
     Axes,
     Columns,
     Datasheet,
+    Efficiency,
     File,
+    Filter,
     Gaps,
     Json,
     Rate,
+    Robust,
+    TransformName,
     Units,
     View,
     chosen_axes,
+    chosen_efficiency,
     load,
 )
 from gmwm.processes import registry
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
+    from gmwm.signals import Signal
 
 EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
@@ -57,6 +63,10 @@ def fit(
         Literal["diagonal", "identity"],
         typer.Option(help="Weigh each level by its own variance, or all alike.", rich_help_panel="Estimation"),
     ] = "diagonal",
+    filter: Filter = "haar",
+    transform: TransformName = "modwt",
+    robust: Robust = False,
+    efficiency: Efficiency = None,
     certify: Annotated[
         bool,
         typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
@@ -80,12 +90,22 @@ def fit(
     of the objective a better one could gain at most.
     """
     from gmwm import parse_model
-    from gmwm.cli.output import print_json, print_written, tell, told_warnings
+    from gmwm.cli.output import made_directory, print_json, print_written, tell, tell_cautions, told_warnings
 
     parsed = parse_model(model)
     with told_warnings() as told:
         imu = load(file, rate, units, columns, gaps)
-        fits = fit_axes(dict.fromkeys(imu.axes, parsed), chosen_axes(imu, axis), weighting=weighting, certify=certify)
+        signals = chosen_axes(imu, axis)
+        if output is not None:
+            made_directory(output)
+        tell_cautions(told, imu)
+        fits = fit_axes(
+            dict.fromkeys(imu.axes, parsed), signals, weighting=weighting, robust=robust,
+            efficiency=chosen_efficiency(robust, efficiency), certify=certify, filter=filter, transform=transform,
+        )  # fmt: skip
+        for name, found in fits.items():
+            for note in found.wavelet_variance.notes():
+                tell(told, f"{name}: {note}")
         if json:
             for name, found in fits.items():
                 for note in found.diagnostics.notes():
@@ -113,17 +133,21 @@ def fit_axes(
     signals: Mapping[str, Any],
     *,
     weighting: Literal["diagonal", "identity"] = "diagonal",
+    robust: bool = False,
+    efficiency: float = 0.6,
     certify: bool = True,
+    filter: str = "haar",
+    transform: Literal["modwt", "dwt"] = "modwt",
 ) -> dict[str, Fit]:
     """A fit of each signal with the model of its axis, several at once."""
     import gmwm
     from gmwm.cli.parallel import over_axes
 
-    return over_axes(
-        lambda signal: gmwm.fit(models[signal.axis], signal, weighting=weighting, certify=certify),
-        signals,
-        "fitting",
-    )
+    def measured_and_fitted(signal: Signal) -> Fit:
+        wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+        return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify)
+
+    return over_axes(measured_and_fitted, signals, "fitting")
 
 
 def draw(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> Path:
@@ -155,7 +179,8 @@ def print_fits(fits: Mapping[str, Fit]) -> None:
         return
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
-    print(f"{first.model.structure}, {wv.samples} samples at {wv.rate:g} Hz, weighting {first.weighting}")
+    robust = f"robust with efficiency {wv.efficiency:g}, " if wv.robust else ""
+    print(f"{first.model.structure}, {wv.samples} samples at {wv.rate:g} Hz, {robust}weighting {first.weighting}")
     sensors: dict[str, dict[str, Fit]] = {}
     for name, found in fits.items():
         sensors.setdefault(name.rpartition("_")[0], {})[name] = found
@@ -172,7 +197,12 @@ def _print_sensor(group: Mapping[str, Fit]) -> None:
     first = next(iter(group.values()))
     units = first.units()
     rows = [
-        [name, units[name], *(_number(found.parameters[name]) for found in group.values())] for name in first.parameters
+        [
+            name,
+            units[name],
+            *("—" if name in found.undetermined else _number(found.parameters[name]) for found in group.values()),
+        ]
+        for name in first.parameters
     ]
     last = len(rows) - 1
     rows.append(["objective", "", *(f"{found.objective:.5g}" for found in group.values())])

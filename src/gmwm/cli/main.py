@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli import demo, fit, info, simulate, wv
+from gmwm.cli import allan, compare, demo, fit, info, simulate, wv
 from gmwm.cli.errors import OneLineErrors, one_line
 
 app = typer.Typer(
@@ -28,6 +28,8 @@ def _help(text: str | None) -> str:
 for _command, _examples in (
     (info.info, info.EXAMPLES),
     (wv.wv, wv.EXAMPLES),
+    (allan.allan, allan.EXAMPLES),
+    (compare.compare, compare.EXAMPLES),
     (fit.fit, fit.EXAMPLES),
     (simulate.simulate, simulate.EXAMPLES),
     (demo.demo, demo.EXAMPLES),

@@ -75,6 +75,43 @@ View = Annotated[
 Datasheet = Annotated[
     bool, typer.Option("--datasheet", help="deg/h and mg in place of rad/s and m/s².", rich_help_panel=RESULT)
 ]
+Filter = Annotated[
+    str,
+    typer.Option(
+        help="Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or one of PyWavelets'.",
+        rich_help_panel="Estimation",
+    ),
+]
+TransformName = Annotated[
+    Literal["modwt", "dwt"],
+    typer.Option(
+        "--transform",
+        help="Maximal-overlap transform, or the decimated one, which scatters more.",
+        rich_help_panel="Estimation",
+    ),
+]
+Robust = Annotated[
+    bool,
+    typer.Option(
+        "--robust", help="By the robust wavelet variance, which outliers do not reach.", rich_help_panel="Estimation"
+    ),
+]
+Efficiency = Annotated[
+    float | None,
+    typer.Option(
+        help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: the lower, the more outliers "
+        "it stands. Default: 0.6.",
+        rich_help_panel="Estimation",
+        show_default=False,
+    ),
+]
+
+
+def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
+    """The efficiency of what --robust asks for; an error if it is given for nothing."""
+    if efficiency is not None and not robust:
+        raise OptionError("--efficiency belongs to the robust wavelet variance; pass --robust too, or leave it out")
+    return 0.6 if efficiency is None else efficiency
 
 
 def load(

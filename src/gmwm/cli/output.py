@@ -9,10 +9,13 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from gmwm.cli.errors import as_options, one_line
-from gmwm.errors import FitWarning, GmwmWarning
+from gmwm.errors import FitWarning, GmwmWarning, OptionError
+
+if TYPE_CHECKING:
+    from gmwm.signals import Imu
 
 Advance = Callable[[str], None]
 """Moves a progress bar by one step, which the text describes."""
@@ -131,6 +134,24 @@ def tell(told: list[str], message: str) -> None:
     if text not in told:
         told.append(text)
         print(f"warning: {text}", file=sys.stderr)
+
+
+def tell_cautions(told: list[str], imu: Imu) -> None:
+    """Print what an inspection warns of, as motion and knocks, for who did not ask for one."""
+    from gmwm.inspection import inspect
+
+    with progress("inspecting"):
+        inspection = inspect(imu)
+    for warning in inspection.warnings:
+        tell(told, warning)
+
+
+def made_directory(path: Path, option: str = "--output") -> Path:
+    """The directory `path`, made with those above it where there is none."""
+    if path.exists() and not path.is_dir():
+        raise OptionError(f"{option} must be a directory, {path} is a file; name another one")
+    path.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 @contextmanager

@@ -11,6 +11,8 @@ import typer
 
 from gmwm.cli.options import Json
 from gmwm.errors import OptionError
+from gmwm.signals import AXES
+from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
     from gmwm.processes.model import ModelLike
@@ -19,7 +21,7 @@ EXAMPLES = (
     "gmwm simulate --reference --duration 3600 --output imu.csv",
     "gmwm simulate --model 'gyro=WN(sigma2=4e-8) + RW(gamma2=1e-14)' --rate 200 --duration 600 --output imu.parquet",
 )
-_PLACE = re.compile(r"\s*((?:gyro|accel)(?:_[xyz])?)\s*=(.*)", re.DOTALL)
+_PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
 
 def simulate(
@@ -91,6 +93,10 @@ def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
     for text, match in zip(texts, matches, strict=True):
         if match is None:
             raise OptionError(f"with several --model each needs its axis, as gyro='{text}'; got {text!r}")
+        if match[1] not in (*SI_UNIT, *AXES):
+            raise OptionError(
+                f"--model takes [AXIS=]MODEL with an axis of {', '.join((*SI_UNIT, *AXES))}; got {match[1]!r}"
+            )
         if match[1] in models:
             raise OptionError(f"--model is given twice for {match[1]}; write its processes as one sum")
         models[match[1]] = match[2].strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +14,18 @@ from gmwm.cli.options import (
     Axes,
     Columns,
     Datasheet,
+    Efficiency,
     File,
+    Filter,
     Gaps,
     Json,
     Rate,
+    Robust,
+    TransformName,
     Units,
     View,
     chosen_axes,
+    chosen_efficiency,
     load,
 )
 
@@ -27,7 +33,12 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
     from gmwm.variance.result import WaveletVariance
 
-EXAMPLES = ("gmwm wv static.csv --plot wv.png", "gmwm wv static.csv --axis gyro --view allan --datasheet")
+EXAMPLES = (
+    "gmwm wv static.csv --plot wv.png",
+    "gmwm wv static.csv --axis gyro --view allan --datasheet",
+    "gmwm wv static.csv --robust",
+    "gmwm wv static.csv --filter la8 --transform dwt",
+)
 
 
 def wv(
@@ -37,6 +48,10 @@ def wv(
     units: Units = None,
     columns: Columns = None,
     gaps: Gaps = "keep",
+    filter: Filter = "haar",
+    transform: TransformName = "modwt",
+    robust: Robust = False,
+    efficiency: Efficiency = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
     csv: Annotated[
@@ -56,18 +71,30 @@ def wv(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Print the Haar wavelet variance of each axis, or its Allan deviation.
+    """Print the wavelet variance of each axis, or its Allan deviation.
 
     The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at
     averaging time τ/2. Limits are 95 % chi-square.
+
+    The robust one leaves outliers out of account, 1 % of bad samples up to level 4 or so: each spoils 2^j
+    coefficients of level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely
+    quantised sensor, it may be zero, and says so. gmwm compare draws both over one another.
     """
     from gmwm import wavelet_variance
-    from gmwm.cli.output import print_json, print_written, progress, told_warnings
+    from gmwm.cli.output import print_json, print_written, progress, tell, tell_cautions, told_warnings
     from gmwm.cli.parallel import over_axes
 
     with told_warnings() as told:
         imu = load(file, rate, units, columns, gaps)
-        results = over_axes(wavelet_variance, chosen_axes(imu, axis), "wavelet variance")
+        measure = partial(
+            wavelet_variance, filter=filter, transform=transform,
+            robust=robust, efficiency=chosen_efficiency(robust, efficiency),
+        )  # fmt: skip
+        results = over_axes(measure, chosen_axes(imu, axis), "wavelet variance")
+        tell_cautions(told, imu)
+        for name, result in results.items():
+            for note in result.notes():
+                tell(told, f"{name}: {note}")
         system: UnitSystem = "datasheet" if datasheet else "si"
         if csv is not None:
             _write_csv(csv, results)
@@ -98,7 +125,9 @@ def _print_curves(results: Mapping[str, WaveletVariance], view: ViewName, system
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % limits" if alone else ""
-    print(f"{first.samples} samples at {first.rate:g} Hz{limits}")
+    robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
+    transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
+    print(f"{first.samples} samples at {first.rate:g} Hz{transform}{robust}{limits}")
     # A deviation in deg/h or mg has a size that reads better without an exponent.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():

@@ -5,9 +5,20 @@ Each plot is a pair: a function that returns plot data (`wavelet_variance_panel`
 when something is drawn.
 """
 
+from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr
+from gmwm.plots.comparison import compare
 from gmwm.plots.fit import plot_fit
 from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
 from gmwm.plots.variance import plot_wavelet_variance
 
-__all__ = ["plot_comparison", "plot_fit", "plot_imu", "plot_wavelet_variance"]
+__all__ = [
+    "compare",
+    "plot_allan",
+    "plot_allan_axes",
+    "plot_avlr",
+    "plot_comparison",
+    "plot_fit",
+    "plot_imu",
+    "plot_wavelet_variance",
+]

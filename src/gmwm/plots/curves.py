@@ -13,14 +13,14 @@ from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 from gmwm.plots.axes import limits_near, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
-from gmwm.plots.style import OBSERVED
+from gmwm.plots.style import GREY, OBSERVED
 from gmwm.plots.view import UnitSystem, View, ViewName, view_of
 
 if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
-BEHIND, BAND, MIDDLE, FRONT = range(4)
-"""Layers: terms of a model, limits, the model as a whole, data."""
+BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
+"""Layers: guides, limits, the model as a whole, its terms (thin, so that both are seen where they agree), data."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
@@ -77,6 +77,12 @@ def observed_marks(
         marks.append(Line(x, np.where(kept, y, np.nan), dots, "", FRONT))
         marks.append(Line(x, np.where(kept, np.nan, y), rings, "Left out of the fit", FRONT))
     return tuple(marks)
+
+
+def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
+    """Marks in the order of a legend that names the curves first, and the limits of several in no curve's colour."""
+    ordered = sorted(marks, key=lambda mark: isinstance(mark, Band))
+    return [replace(mark, swatch=GREY) if curves > 1 and isinstance(mark, Band) else mark for mark in ordered]
 
 
 def band_edges(wv: WaveletVariance, view: View) -> tuple[Vector, Vector]:

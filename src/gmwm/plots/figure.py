@@ -81,6 +81,8 @@ class Band:
         Its entry in the legend; "" for none.
     layer : int
         Larger is nearer to the eye.
+    swatch : str
+        Colour of its entry in the legend, where that stands for bands of several colours; "" for its own.
     """
 
     x: Vector
@@ -90,6 +92,7 @@ class Band:
     opacity: float = 0.25
     label: str = ""
     layer: int = 0
+    swatch: str = ""
 
 
 @dataclass(frozen=True, eq=False)

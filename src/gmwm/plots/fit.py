@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.plots.curves import BEHIND, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.plots.figure import Figure, Line, Panel, Stroke, drawable
+from gmwm.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.plots.figure import Figure, Line, Panel, Text, drawable
 from gmwm.plots.labels import axis_title, model_text, term_label
-from gmwm.plots.style import IMPLIED, term_stroke
+from gmwm.plots.style import IMPLIED, term_strokes
 from gmwm.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
@@ -23,48 +22,56 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 
+REMARK = (0.5, 0.93)
+"""Where a panel says what is not seen in it: curves of inertial sensors fall from the left and rise to the right."""
+
+
 def fit_panel(
     fit: Fit,
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
     decomposition: bool = True,
-    strokes: Mapping[str, Stroke] | None = None,
+    alone: bool = True,
 ) -> Panel:
     """What `plot_fit` draws, as data.
 
-    With `strokes` (term to stroke) the legend names the terms alone and every term looks as it is told, as
-    several panels with one legend need it.
+    Where it is not alone, the legend names the terms without their parameters, as several panels with one
+    legend need it, and a term that is zero is told in the panel.
     """
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
-    name = "Model" if strokes is not None else f"Model: {model_text(fit.decomposition)}"
+    name = f"Model: {model_text(fit.decomposition)}" if alone else "Model"
     model = Line(shown.time(wv.tau), implied, IMPLIED, name, MIDDLE)
-    terms = term_lines(fit, shown, strokes) if decomposition else ()
+    terms = term_lines(fit, shown, alone=alone) if decomposition else ()
     marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
-    return panel if strokes is not None else _say_what_is_not_seen(panel, terms)
+    if alone:
+        return _say_what_is_not_seen(panel, terms)
+    zero = [term for term, variance in fit.decomposition.items() if not np.any(variance > 0)] if decomposition else []
+    return panel if not zero else replace(panel, texts=(*panel.texts, Text(f"{', '.join(zero)}: zero", *REMARK)))
 
 
-def term_lines(fit: Fit, view: View, strokes: Mapping[str, Stroke] | None = None) -> tuple[Line, ...]:
-    """The wavelet variance of every term, thin and behind the data; named with its key parameters.
+def term_lines(fit: Fit, view: View, *, alone: bool = True) -> tuple[Line, ...]:
+    """The wavelet variance of every term, thin, over the model and behind the data.
 
-    A term that was estimated as zero is in the legend of a plot of its own, and nowhere else.
+    Where the plot is alone, they are named with their key parameters, those that were estimated as zero too.
     """
     times = view.time(fit.wavelet_variance.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    strokes = term_strokes(fit.model.terms, fit.model.processes)
     lines = []
-    for k, (term, variance) in enumerate(fit.decomposition.items()):
+    for term, variance in fit.decomposition.items():
         y = drawable(view.height(np.asarray(variance)))
         zero = not np.any(np.isfinite(y))
-        if strokes is None:
+        if alone:
             label = f"{term}: zero, not supported" if zero else term_label(term, processes[term], view)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting and not zero else ""
-            lines.append(Line(times, y, term_stroke(k), label, BEHIND))
+            lines.append(Line(times, y, strokes[term], label, ABOVE))
         elif not zero:
-            lines.append(Line(times, y, strokes[term], term, BEHIND))
+            lines.append(Line(times, y, strokes[term], term, ABOVE))
     return tuple(lines)
 
 

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
+from gmwm.errors import OptionError
 from gmwm.plots.axes import spaced, value_axis
 from gmwm.plots.figure import Axis, Figure, Panel, Tick
 from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.plots.overlay import Item, checked_items, measured, overlay_panel
-from gmwm.plots.style import curve_stroke, letter_stroke, term_stroke
+from gmwm.plots.style import curve_stroke, letter_stroke
 from gmwm.plots.variance import wavelet_variance_panel
 from gmwm.plots.view import UnitSystem, ViewName
 
@@ -28,15 +29,32 @@ SINGLE = 120.0
 
 
 def imu_figure(
-    items: Mapping[str, Item], *, split: bool = True, view: ViewName = "wavelet", units: UnitSystem = "si"
+    items: Mapping[str, Item | Mapping[str, Item]],
+    *,
+    split: bool = True,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
 ) -> Figure:
     """What `plot_imu` draws, as data."""
-    axes = checked_items(items)
-    return _grid(axes, view, units) if split else _by_sensor(axes, view, units)
+    if not isinstance(items, Mapping) or not items:
+        checked_items(items)
+    axes = {
+        name: checked_items(item) if isinstance(item, Mapping) else checked_items({name: item})[name]
+        for name, item in items.items()
+    }
+    if split:
+        return _grid(axes, view, units)
+    single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
+    if len(single) < len(axes):
+        raise OptionError(
+            "split=False lays the axes of a sensor over one another, which leaves no room for several "
+            "curves of one axis; leave split out, or pass one curve for each axis"
+        )
+    return _by_sensor(single, view, units)
 
 
 def plot_imu(
-    items: Mapping[str, Item],
+    items: Mapping[str, Item | Mapping[str, Item]],
     *,
     split: bool = True,
     view: ViewName = "wavelet",
@@ -48,7 +66,8 @@ def plot_imu(
     Parameters
     ----------
     items : mapping of axis to WaveletVariance or Fit
-        Named "gyro_x" … "accel_z", any number of them; other names get a panel each.
+        Named "gyro_x" … "accel_z", any number of them; other names get a panel each. In place of one, a mapping
+        of names to several, to be laid over one another in the panel of the axis.
     split : bool
         One panel for every axis, a row for each sensor; else one panel for every sensor, x, y and z in
         vermillion, green and blue with symbols and dashes of their own.
@@ -74,15 +93,18 @@ def plot_imu(
     return draw(imu_figure(items, split=split, view=view, units=units), path=path)
 
 
-def _grid(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> Figure:
-    terms = dict.fromkeys(term for item in items.values() for term in getattr(item, "decomposition", ()))
-    strokes = {term: term_stroke(k) for k, term in enumerate(terms)}
-    panels = {
-        name: fit_panel(cast("Fit", item), view=view, units=units, strokes=strokes)
-        if hasattr(item, "implied")
-        else wavelet_variance_panel(measured(item), view=view, units=units)
-        for name, item in items.items()
-    }
+def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: UnitSystem) -> Figure:
+    labels = dict.fromkeys(label for item in items.values() if isinstance(item, dict) for label in item)
+    curves = {label: curve_stroke(k) for k, label in enumerate(labels)}
+    panels = {}
+    for name, item in items.items():
+        if isinstance(item, dict):
+            chosen = [curves[label] for label in item]
+            panels[name] = overlay_panel(item, view=view, units=units, strokes=chosen)
+        elif hasattr(item, "implied"):
+            panels[name] = fit_panel(cast("Fit", item), view=view, units=units, alone=False)
+        else:
+            panels[name] = wavelet_variance_panel(measured(item), view=view, units=units)
     rows = _arranged({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:
@@ -127,7 +149,7 @@ def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
 
 def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
     """Panels of one quantity side by side get one vertical scale, so that axes compare at a glance."""
-    present = [panel for panel in row if panel is not None and panel.marks and not panel.texts]
+    present = [panel for panel in row if panel is not None and panel.y.ticks]
     if len({panel.y.label for panel in present}) != 1:
         return row
     low = min(panel.y.limits[0] for panel in present)

@@ -11,6 +11,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as MatplotlibFigure
+from matplotlib.patches import Patch
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullLocator
 
 from gmwm._files import written_whole
@@ -135,7 +136,7 @@ def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
     for mark in panel.marks:
         artist = _draw_mark(mark, ax, panel.y.limits)
         if mark.label:
-            handles.setdefault(mark.label, artist)
+            handles.setdefault(mark.label, _swatch(mark) or artist)
     for text in panel.texts:
         place: dict[str, Any] = {"transform": ax.transAxes, "ha": "center", "va": "center"}
         ax.text(text.x, text.y, text.text, fontsize=TEXT_SIZE, **place)
@@ -162,6 +163,13 @@ def _draw_mark(mark: Mark, ax: Axes, limits: tuple[float, float]) -> Artist:
         return _draw_band(mark, ax, limits)
     style = _line_style(mark.stroke)
     return ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **style)[0]
+
+
+def _swatch(mark: Mark) -> Artist | None:
+    """What stands for a mark in the legend, where that is not the mark itself."""
+    if not isinstance(mark, Band) or not mark.swatch:
+        return None
+    return Patch(color=mark.swatch, alpha=0.25, linewidth=0)
 
 
 def _draw_band(band: Band, ax: Axes, limits: tuple[float, float]) -> Artist:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 
 from gmwm.errors import OptionError
-from gmwm.plots.curves import MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
 from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable
 from gmwm.plots.style import curve_stroke
 from gmwm.plots.view import UnitSystem, View, ViewName
@@ -40,7 +40,7 @@ def measured(item: Item) -> WaveletVariance:
     return cast("WaveletVariance", wv)
 
 
-def checked_items(items: Mapping[str, Item]) -> dict[str, Item]:
+def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
     """The items as a dict, none of them foreign, at least one.
 
     Raises
@@ -86,8 +86,7 @@ def overlay_panel(
     for name, item, shown, stroke in zip(items, items.values(), views, strokes, strict=True):
         marks += _curve(name, item, shown, stroke)
         around.append(shown.height(np.asarray(getattr(item, "implied", np.empty(0)))))
-    # Bands last: the legend names the curves first, and the limits once.
-    marks.sort(key=lambda mark: isinstance(mark, Band))
+    marks = curves_then_bands(marks, len(results))
     return closed_panel(views, results, marks, around=around, strokes=strokes, names=list(items), title=title)
 
 

@@ -1,0 +1,240 @@
+"""gmwm allan: Allan, Hadamard and total deviations of a recording, as table, CSV, picture or JSON."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gmwm.cli.options import RESULT, Axes, Columns, Datasheet, File, Gaps, Json, Rate, Units, chosen_axes, load
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gmwm.plots.view import UnitSystem
+    from gmwm.signals import Signal
+    from gmwm.variance.avlr import AllanRegression
+    from gmwm.variance.clusters import ClusterVariance
+
+EXAMPLES = (
+    "gmwm allan static.csv --datasheet --plot allan.png",
+    "gmwm allan static.csv --kind hadamard --axis gyro",
+    "gmwm allan static.csv --axis gyro_x --slopes --plot slopes.png",
+)
+
+Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
+MEASURE = "Measure"
+LONGEST_TABLE = 100
+"""Cluster sizes beyond which the table is thinned: then they are all there are, from 1 on."""
+
+
+def allan(
+    file: File,
+    axis: Axes = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    kind: Annotated[
+        Kind,
+        typer.Option(
+            help="Allan: overlapping, nonoverlapping or modified clusters; Hadamard, which a ramp of the rate does "
+            "not reach; or total, with more degrees of freedom at long times.",
+            rich_help_panel=MEASURE,
+        ),
+    ] = "overlapping",
+    clusters: Annotated[
+        Literal["octave", "decade", "all"],
+        typer.Option(
+            help="Cluster sizes: 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; or all, whose time grows with the square of "
+            "the length.",
+            rich_help_panel=MEASURE,
+        ),
+    ] = "octave",
+    slopes: Annotated[
+        bool,
+        typer.Option("--slopes", help="Read Q, N, B, K and R from the slopes of the curve.", rich_help_panel=RESULT),
+    ] = False,
+    datasheet: Datasheet = False,
+    csv: Annotated[
+        Path | None,
+        typer.Option(help="Write every value of every axis to this CSV file (SI units).", rich_help_panel=RESULT),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Print the Allan deviation of each axis over its averaging time, with limits and the noise that rules there.
+
+    The samples are rates, as inertial sensors give them. Limits are 95 % chi-square, with the degrees of freedom of
+    the noise identified at each averaging time.
+    """
+    from gmwm.cli.output import print_json, print_written, progress, told_warnings
+    from gmwm.errors import OptionError
+
+    if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
+        raise OptionError(f"--slopes reads an Allan deviation, got --kind {kind}; use overlapping")
+    with told_warnings() as told:
+        imu = load(file, rate, units, columns, gaps)
+        results = _measured(chosen_axes(imu, axis), kind, clusters)
+        regressions = _regressions(results) if slopes else {}
+        system: UnitSystem = "datasheet" if datasheet else "si"
+        if csv is not None:
+            _write_csv(csv, results)
+        if plot is not None:
+            with progress("drawing"):
+                _draw(plot, results, regressions, system)
+        if json:
+            curves = {name: result.to_dict() for name, result in results.items()}
+            content = {"file": str(file), "kind": kind, "axes": curves}
+            if slopes:
+                lines = {name: found.to_dict() for name, found in regressions.items()}
+                content["slopes"] = {n: {k: v for k, v in found.items() if k != "allan"} for n, found in lines.items()}
+            print_json("allan", content, told)
+            return
+        _print_curves(results, system)
+        for found in regressions.values():
+            print(f"\n{found.summary(system)}")
+        print_written([path for path in (csv, plot) if path is not None])
+
+
+def _measured(
+    signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
+) -> dict[str, ClusterVariance]:
+    """The variance of each signal; the cost of all cluster sizes is said first."""
+    from gmwm.cli.parallel import over_axes
+
+    if clusters != "all":
+        return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")
+    _say_cost(signals, kind)
+    results = {}
+    for name, signal in signals.items():
+        with _bar(name) as advance:
+            results[name] = _variance(signal, kind, "all", advance)
+    return results
+
+
+def _variance(
+    signal: Signal,
+    kind: Kind,
+    clusters: Literal["octave", "decade", "all"],
+    progress: Callable[[int, int], object] | None = None,
+) -> ClusterVariance:
+    from gmwm.variance.allan import allan_variance
+    from gmwm.variance.hadamard import hadamard_variance
+    from gmwm.variance.total import total_variance
+
+    if kind == "total":
+        return total_variance(signal, clusters=clusters, progress=progress)
+    if kind == "hadamard":
+        return hadamard_variance(signal, clusters=clusters, progress=progress)
+    if kind == "nonoverlapping-hadamard":
+        return hadamard_variance(signal, kind="nonoverlapping", clusters=clusters, progress=progress)
+    return allan_variance(signal, kind=kind, clusters=clusters, progress=progress)
+
+
+def _say_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
+    """How many cluster sizes there are, and about how long they take: half of what the smallest takes, each."""
+    first = next(iter(signals.values()))
+    sizes = len(first) // 2
+    octaves = _variance(first, kind, "decade").clusters.size
+    start = time.perf_counter()
+    _variance(first, kind, "decade")
+    seconds = (time.perf_counter() - start) / octaves / 2 * sizes * len(signals)
+    print(
+        f"up to {sizes} cluster sizes for each of {len(signals)} axes: about {max(seconds, 1):.0f} s; Ctrl-C stops",
+        file=sys.stderr,
+    )
+
+
+@contextmanager
+def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar for the cluster sizes of one axis, moved a hundred times at most."""
+    from gmwm.cli.output import progress
+
+    with progress(name, 100) as step:
+        moved = 0
+
+        def advance(done: int, every: int) -> None:
+            nonlocal moved
+            while moved < 100 * done // max(every, 1):
+                moved += 1
+                step(f"{name}: cluster {done} of {every}")
+
+        yield advance
+
+
+def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegression]:
+    from gmwm.variance.avlr import avlr
+
+    return {name: avlr(result) for name, result in results.items()}
+
+
+def _draw(
+    path: Path, results: Mapping[str, ClusterVariance], regressions: Mapping[str, AllanRegression], system: UnitSystem
+) -> None:
+    from gmwm.plots.allan import plot_allan_axes
+
+    if len(results) > 1:
+        plot_allan_axes(results, units=system, path=path)
+        return
+    for found in regressions.values() or results.values():
+        found.plot(units=system, path=path)
+
+
+def _print_curves(results: Mapping[str, ClusterVariance], system: UnitSystem) -> None:
+    """One axis with limits and noise, or all of a sensor side by side."""
+    from gmwm.cli.output import print_table
+    from gmwm.plots.allan import cluster_view
+
+    sensors: dict[str, list[ClusterVariance]] = {}
+    for name, result in results.items():
+        sensors.setdefault(name.rpartition("_")[0], []).append(result)
+    first = next(iter(results.values()))
+    alone = any(len(group) == 1 for group in sensors.values())
+    limits = f", {100 * first.confidence:g} % limits" if alone else ""
+    print(f"{first.samples} samples at {first.rate:g} Hz{limits}")
+    style = "#.5g" if system == "datasheet" else ".4e"
+    shown = list(range(len(first)))
+    if len(first) > LONGEST_TABLE:
+        shown = [n - 1 for n in (2**k for k in range(len(first).bit_length())) if n <= len(first)]
+        print(f"{len(first)} cluster sizes; the table shows octaves, --csv writes all")
+    for group in sensors.values():
+        one = group[0]
+        view = cluster_view(one, system)
+        if len(group) == 1:
+            heads, curves = ["lower", one.axis or "value", "upper"], [one.lower, one.variance, one.upper]
+        else:
+            heads, curves = [curve.axis for curve in group], [curve.variance for curve in group]
+        heights = [view.height(curve) for curve in curves]
+        ends = [[f"{one.degrees_of_freedom[k]:.4g}", one.noise[k]] if len(group) == 1 else [] for k in range(len(one))]
+        rows = [
+            [f"{one.clusters[k]}", f"{one.tau[k]:.6g}", *(f"{curve[k]:{style}}" for curve in heights), *ends[k]]
+            for k in shown
+        ]
+        columns = ["cluster", "τ (s)", *heads, *(["edf", "noise"] if len(group) == 1 else [])]
+        print()
+        print_table(columns, rows, title=view.height_label, texts=0)
+
+
+def _write_csv(path: Path, results: Mapping[str, ClusterVariance]) -> None:
+    """One line for each cluster size of each axis."""
+    from gmwm._files import write_text
+
+    lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
+    for name, result in results.items():
+        columns = zip(
+            result.clusters, result.tau, result.deviation, result.lower_deviation, result.upper_deviation,
+            result.variance, result.counts, result.degrees_of_freedom, strict=True,
+        )  # fmt: skip
+        lines += [
+            ",".join([name, result.unit, *(str(value.item()) for value in row), noise])
+            for row, noise in zip(columns, result.noise, strict=True)
+        ]
+    write_text(path, "\n".join(lines) + "\n")

@@ -1,0 +1,145 @@
+"""gmwm compare: wavelet variances over one another, classical and robust, of one recording or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.cli.options import (
+    RESULT,
+    Axes,
+    Columns,
+    Datasheet,
+    Efficiency,
+    Gaps,
+    Json,
+    Rate,
+    Units,
+    View,
+    chosen_axes,
+    load,
+)
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.plots.view import UnitSystem, ViewName
+    from gmwm.signals import Signal
+    from gmwm.variance.result import WaveletVariance
+
+EXAMPLES = (
+    "gmwm compare static.csv --axis gyro_y --plot compare.png",
+    "gmwm compare monday.csv tuesday.csv --robust --axis accel --plot days.pdf",
+)
+
+
+def compare(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings: CSV, TXT or Parquet.", metavar="FILE…", show_default=False),
+    ],
+    axis: Axes = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    classical: Annotated[
+        bool, typer.Option("--classical", help="The classical curve alone.", rich_help_panel="Estimation")
+    ] = False,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="The robust curve alone.", rich_help_panel="Estimation")
+    ] = False,
+    efficiency: Efficiency = None,
+    view: View = "wavelet",
+    datasheet: Datasheet = False,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare wavelet variances: classical with robust, and recordings with one another.
+
+    Where the classical curve lies above the robust one, outliers make the difference: knocks, spikes, telegraph
+    errors. The robust curve leaves out a share of bad coefficients of up to 26 %, and each bad sample spoils 2^j
+    of them at level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely quantised
+    sensor, it may be zero, and says so.
+    """
+    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
+
+    if efficiency is not None and classical and not robust:
+        raise OptionError("--efficiency belongs to the robust curve; leave it or --classical out")
+    kinds = [kind for kind, wanted in (("classical", classical), ("robust", robust)) if wanted or classical == robust]
+    system: UnitSystem = "datasheet" if datasheet else "si"
+    with told_warnings() as told:
+        curves: dict[str, dict[str, WaveletVariance]] = {}
+        for file, name in zip(files, _names(files), strict=True):
+            signals = chosen_axes(load(file, rate, units, columns, gaps), axis)
+            for kind in kinds:
+                label = ", ".join(filter(None, (name, kind if name == "" or len(kinds) > 1 else "")))
+                for axis_name, result in _measured(signals, kind, efficiency).items():
+                    curves.setdefault(axis_name, {})[label] = result
+                    for note in result.notes():
+                        tell(told, f"{axis_name}, {label}: {note}")
+        if plot is not None:
+            with progress("drawing"):
+                _draw(curves, view, system, plot)
+        if json:
+            axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
+            print_json("compare", {"files": list(map(str, files)), "axes": axes}, told)
+            return
+        _print_curves(curves, view, system)
+        print_written([plot] if plot is not None else [])
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    """What tells the files apart: nothing for one, their names for several, their paths where names repeat."""
+    if len(files) == 1:
+        return [""]
+    for names in ([file.stem for file in files], [file.name for file in files], [str(file) for file in files]):
+        if len(set(names)) == len(names):
+            return names
+    raise OptionError(f"each recording can be compared once, got {', '.join(map(str, files))}")
+
+
+def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
+    from gmwm import wavelet_variance
+    from gmwm.cli.parallel import over_axes
+
+    robust = kind == "robust"
+    measure = partial(wavelet_variance, robust=robust, efficiency=0.6 if efficiency is None else efficiency)
+    return over_axes(measure, signals, f"{kind} wavelet variance")
+
+
+def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
+    """One panel for every axis."""
+    from gmwm import compare as draw_one
+    from gmwm.plots.imu import plot_imu
+    from gmwm.plots.labels import axis_title
+
+    if len(curves) > 1:
+        plot_imu(curves, view=view, units=system, path=path)
+        return
+    ((name, group),) = curves.items()
+    draw_one(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
+
+
+def _print_curves(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> None:
+    """A table for each axis, a column for each curve."""
+    from gmwm.cli.output import print_table
+    from gmwm.plots.view import view_of
+
+    style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
+    for k, (axis, group) in enumerate(curves.items()):
+        shown = view_of(next(iter(group.values())).unit, view, system)
+        columns: list[dict[float, str]] = []
+        for wv in group.values():
+            heights = shown.height(wv.variance)
+            columns.append({t: f"{h:{style}}" for t, h in zip(shown.time(wv.tau).tolist(), heights, strict=True)})
+        times = sorted(set().union(*columns))
+        rows = [[f"{t:.6g}", *(column.get(t, "") for column in columns)] for t in times]
+        if k:
+            print()
+        print_table(["τ (s)", *group], rows, title=f"{axis}: {shown.height_label}", texts=0)

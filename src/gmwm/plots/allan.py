@@ -1,0 +1,313 @@
+"""Deviations of the Allan family over their averaging times, with slope guides and the lines of a regression."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+from gmwm.plots.axes import number_text, value_axis
+from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, drawable
+from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
+from gmwm.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
+from gmwm.plots.view import UnitSystem, View, view_of
+from gmwm.variance.clusters import ClusterVariance
+from gmwm.variance.slope_line import Term, coefficient_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.variance.avlr import AllanRegression
+    from gmwm.variance.result import WaveletVariance
+
+SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))
+"""The slopes that the terms of an Allan deviation have."""
+SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K": "star", "R": "diamond"}
+"""Where a coefficient is read, as the field marks it: circle at 1 s, triangle at the minimum, star at 3 s."""
+# The fan of slope guides: its width, its height at most, and its distance from the border, as shares of the panel.
+FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
+REACH = 5.0
+"""Factor by which a fitted line is drawn beyond the stretch that it was fitted to."""
+STRETCH = 20.0
+"""Factor by which the vertical axis may grow to show where a coefficient is read."""
+
+
+@dataclass(frozen=True)
+class ClusterView(View):
+    """How a variance of clusters is shown: as its deviation over the averaging time itself."""
+
+    title: str = "Allan deviation"
+
+    def time(self, tau: Vector) -> Vector:
+        """The averaging time."""
+        return tau
+
+    def height(self, variance: Vector) -> Vector:
+        """The deviation, in the unit shown."""
+        return np.asarray(self.factor * np.sqrt(np.maximum(variance, 0.0)))
+
+    @property
+    def height_label(self) -> str:
+        """Label of the vertical axis."""
+        return f"{self.title} ({self.unit or 'unit of the data'})"
+
+
+def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
+    """The view of one result in a system of units."""
+    shown = view_of(curve.unit, "allan", units)
+    return ClusterView(shown.name, shown.unit, shown.factor, curve.title)
+
+
+def allan_panel(
+    curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
+) -> Panel:
+    """One or several deviations in a panel, each with its band; names are those of the legend.
+
+    Raises
+    ------
+    OptionError
+        If the curves are not of one unit and one quantity.
+    """
+    views = [cluster_view(curve, units) for curve in curves.values()]
+    if len({(view.unit, view.title) for view in views}) > 1:
+        found = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
+        raise OptionError(f"curves in one panel must be of one quantity and unit, got {found}")
+    strokes = [OBSERVED] if len(curves) == 1 else [_stroke(name, k) for k, name in enumerate(curves)]
+    marks: list[Mark] = []
+    for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
+        marks += _marks(curve, view, stroke, name, opacity=0.22 if len(curves) == 1 else 0.15)
+    marks = curves_then_bands(marks, len(curves))
+    # A panel asks of what was measured no more than tau, variance and its limits.
+    measured = cast("Sequence[WaveletVariance]", list(curves.values()))
+    names = [""] if len(curves) == 1 else list(curves)
+    panel = closed_panel(views, measured, marks, strokes=strokes, names=names, title=title)
+    return with_guides(panel) if guides else panel
+
+
+def _stroke(name: str, index: int) -> Stroke:
+    """The stroke of an axis of a triad by its letter, in its full name or alone; of another curve by its place."""
+    letter = sensor_and_letter(name)[1] or name.lower()
+    return letter_stroke(letter) or curve_stroke(index)
+
+
+def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str, opacity: float) -> list[Mark]:
+    x, y = view.time(curve.tau), drawable(view.height(curve.variance))
+    lower, upper = band_edges(cast("WaveletVariance", curve), view)
+    # Where there are many values, symbols would hide the curve and its band.
+    shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
+    limits = f"{100 * curve.confidence:g} % confidence"
+    return [Line(x, y, shown, label, FRONT), Band(x, lower, upper, stroke.colour, opacity, limits, BAND)]
+
+
+def with_guides(panel: Panel) -> Panel:
+    """The panel with a fan of the field's slopes in the corner that is emptiest."""
+    if not panel.y.ticks:
+        return panel
+    wide = math.log10(panel.x.limits[1] / panel.x.limits[0])
+    high = math.log10(panel.y.limits[1] / panel.y.limits[0])
+    width = min(FAN_WIDTH, FAN_HEIGHT * high / wide)
+    steepest = width * wide / high
+    left, middle = _emptiest_corner(panel, width, steepest)
+    marks: list[Mark] = []
+    texts = []
+    for label, slope in SLOPES:
+        x = np.array([left, left + width])
+        y = np.array([middle, middle + slope * steepest])
+        position = panel.x.limits[0] * 10 ** (x * wide)
+        height = panel.y.limits[0] * 10 ** (y * high)
+        marks.append(Line(position, height, Stroke(GREY, 0.7, DASHED), "", BEHIND))
+        texts.append(Text(label, float(x[1]) + 0.034, float(y[1])))
+    return replace(panel, marks=(*panel.marks, *marks), texts=(*panel.texts, *texts))
+
+
+def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
+    """Where the fan starts, in shares of the panel: the corner with the fewest points of curves and bands near it."""
+    shares = [np.empty((2, 0))]
+    for mark in panel.marks:
+        for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
+            shares.append(np.array([_share(mark.x, panel.x.limits), _share(y, panel.y.limits)]))
+    points = np.concatenate(shares, axis=1)
+    best, corner = points.shape[1] + 1, (FAN_MARGIN, FAN_MARGIN + height)
+    for left in (FAN_MARGIN, 1 - FAN_MARGIN - width - 0.05):
+        for middle in (FAN_MARGIN + height, 1 - FAN_MARGIN - height):
+            near = (np.abs(points[0] - left - width / 2) < width) & (np.abs(points[1] - middle) < 1.5 * height)
+            count = int(np.count_nonzero(near))
+            if count < best:
+                best, corner = count, (left, middle)
+    return corner
+
+
+def _share(values: Vector, limits: tuple[float, float]) -> Vector:
+    """Positions as shares of a logarithmic axis; NaN where there is no place."""
+    return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
+
+
+def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True) -> Panel:
+    """What `plot_avlr` draws, as data: the deviation, the fitted lines, and a symbol where each coefficient is read."""
+    curve = regression.allan
+    view = cluster_view(curve, units)
+    bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))
+    # The curve without symbols, which here mark the coefficients.
+    marks = [
+        replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Line) else mark
+        for mark in bare.marks
+    ]
+    y = _stretched(bare, [view.factor * line.deviation(line.reading_time) for line in regression.lines])
+    for k, line in enumerate(regression.lines):
+        unit, factor = coefficient_unit(line.term, curve.unit, units)
+        sign = "≤" if line.bound else "="
+        text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
+        stroke = replace(term_stroke(k), width=1.1)
+        tau = np.array([min(line.first, line.reading_time) / REACH, max(line.last, line.reading_time) * REACH])
+        marks.append(Line(tau, view.factor * line.deviation(tau), stroke, "", MIDDLE))
+        at = np.array([line.reading_time])
+        symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
+        height = view.factor * line.deviation(at)
+        where = "at the minimum" if line.slope == 0 else f"at τ = {line.reading_time:.3g} s"
+        inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
+        where += "" if inside else " (outside the axes)"
+        marks.append(Line(at, height, symbol, f"{text}, {where}", FRONT + 1))
+    panel = replace(bare, y=y, marks=tuple(marks))
+    return with_guides(panel) if guides else panel
+
+
+def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
+    """The vertical axis of a panel, stretched within reason to hold further heights."""
+    low, high = panel.y.limits
+    wanted = [float(height) for height in heights if low / STRETCH < height < high * STRETCH]
+    if all(low < height < high for height in wanted):
+        return panel.y
+    return value_axis((min(low, *(0.8 * h for h in wanted)), max(high, *(1.25 * h for h in wanted))), panel.y.label)
+
+
+def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
+    """A panel for each sensor, with its axes over one another, as data.
+
+    Raises
+    ------
+    OptionError
+        If it is not a mapping of names to ClusterVariance, or empty.
+    """
+    known = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
+    if not known or not curves:
+        raise OptionError(
+            f"expected a mapping of names to ClusterVariance, got {type(curves).__name__}; "
+            'pass for instance {"gyro_x": allan_x, "gyro_y": allan_y}'
+        )
+    sensors: dict[str, dict[str, ClusterVariance]] = {}
+    for name, curve in curves.items():
+        sensor, letter = sensor_and_letter(name)
+        sensors.setdefault(sensor, {})[letter.upper() if sensor else name] = curve
+    panels = tuple(
+        allan_panel(group, units=units, guides=guides, title=sensor_title(sensor) if sensor else "")
+        for sensor, group in sensors.items()
+    )
+    return Figure((panels,), width=105.0 * len(panels), height=92.0, legend_columns=4)
+
+
+def plot_allan(
+    result: ClusterVariance,
+    *,
+    units: UnitSystem = "si",
+    guides: bool = True,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a deviation over its averaging times, with its confidence band, on logarithmic axes.
+
+    Parameters
+    ----------
+    result : ClusterVariance
+        What was measured; variances of zero are marked at the foot of the axis.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    guides : bool
+        Whether to show the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1 (ramp).
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for these data.
+
+    >>> from gmwm.variance.allan import allan_variance
+    >>> result = allan_variance([0.0, 1.0, 0.0, 2.0, 1.0, 0.0, 1.0, 3.0], rate=1.0)
+    >>> plot_allan(result).axes[0].get_ylabel()
+    'Overlapping Allan deviation (unit of the data)'
+    """
+    panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
+    return _drawn(panel, ax, path)
+
+
+def plot_avlr(
+    regression: AllanRegression,
+    *,
+    units: UnitSystem = "si",
+    guides: bool = True,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw an Allan deviation with the lines fitted to its slopes, and where Q, N, B, K and R are read.
+
+    Parameters
+    ----------
+    regression : AllanRegression
+        What was fitted.
+    units, guides, ax, path
+        As for `plot_allan`; datasheet units of coefficients are deg/√h, deg/h and their like.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for these data.
+    """
+    return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
+
+
+def plot_allan_axes(
+    curves: Mapping[str, ClusterVariance],
+    *,
+    units: UnitSystem = "si",
+    guides: bool = True,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the deviations of several axes, those of a sensor over one another, a panel for each sensor.
+
+    Parameters
+    ----------
+    curves : mapping of axis name to ClusterVariance
+        Such as {"gyro_x": …, "accel_z": …}; names that are none of an axis share a panel.
+    units, guides, path
+        As for `plot_allan`.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, or the curves of a panel are not of one unit and quantity.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(allan_figure(curves, units=units, guides=guides), path=path)
+
+
+def _drawn(panel: Panel, ax: Any, path: str | os.PathLike[str] | None) -> MatplotlibFigure:
+    from gmwm.plots.matplotlib import draw
+
+    rows = (len(panel.labels) + 1) // 2
+    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)

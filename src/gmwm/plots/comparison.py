@@ -1,0 +1,113 @@
+"""Any wavelet variances over one another, named by what tells them apart."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.errors import OptionError
+from gmwm.plots.labels import axis_title
+from gmwm.plots.overlay import Item, measured, plot_comparison
+from gmwm.plots.view import UnitSystem, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.variance.result import WaveletVariance
+
+
+def compare(
+    *items: Item,
+    labels: Sequence[str] | None = None,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    title: str = "",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw wavelet variances over one another: classical and robust, several axes, filters or recordings.
+
+    Parameters
+    ----------
+    items : WaveletVariance or Fit
+        At least one; of a fit the data are symbols and the model is a line.
+    labels : sequence of str, optional
+        Their names in the legend; by default what tells them apart: axis, classical or robust with its
+        efficiency, filter, length and rate.
+    view : "wavelet" or "allan"
+        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    title : str
+        Over the panel.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown, a label is missing or repeated, or the curves are not of one unit.
+
+    References
+    ----------
+    As the comparison of classical and robust wavelet variances in Balamuta, Guerrier, Molinari and Yang.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from gmwm import Signal, wavelet_variance
+    >>> signal = Signal(np.random.default_rng(1).normal(size=4096), 100.0, "rad/s", "gyro_x")
+    >>> figure = compare(wavelet_variance(signal), wavelet_variance(signal, robust=True))
+    >>> figure.axes[0].get_ylabel()
+    'Wavelet variance (rad²/s²)'
+    """
+    if not items:
+        raise OptionError("expected at least one WaveletVariance or Fit to compare, got none")
+    names = automatic_labels([measured(item) for item in items]) if labels is None else [str(name) for name in labels]
+    if len(names) != len(items):
+        raise OptionError(f"labels must name each of {len(items)} curves, got {len(names)}")
+    if len(set(names)) != len(names):
+        raise OptionError(f"labels must differ from one another, got {', '.join(map(repr, names))}")
+    return plot_comparison(dict(zip(names, items, strict=True)), view=view, units=units, title=title, ax=ax, path=path)
+
+
+def automatic_labels(results: Sequence[WaveletVariance]) -> list[str]:
+    """For each result what tells it from the others; numbered where nothing does.
+
+    >>> from gmwm.variance.result import WaveletVariance
+    >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
+    >>> two = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x", robust=True)
+    >>> automatic_labels([one, two]), automatic_labels([one, one])
+    (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
+    """
+    aspects = [
+        [axis_title(wv.axis) for wv in results],
+        _estimators(results),
+        [f"{wv.filter} {wv.transform.upper()}" for wv in results],
+        [f"{wv.samples} samples at {wv.rate:g} Hz" for wv in results],
+    ]
+    telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
+    names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]
+    for name in {name for name in names if names.count(name) > 1}:
+        same = [k for k, other in enumerate(names) if other == name]
+        for number, k in enumerate(same, 1):
+            names[k] = f"{name} ({number})"
+    return names
+
+
+def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
+    """Classical or robust, with the efficiency where there is more than one."""
+    several = len({wv.efficiency for wv in results if wv.robust}) > 1
+    return [
+        (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"
+        for wv in results
+    ]

@@ -1,0 +1,107 @@
+"""`gmwm compare`, and --robust of the other commands."""
+
+import numpy as np
+import pytest
+
+import gmwm as library
+from gmwm.readers import read
+from gmwm.simulation import simulate
+from gmwm.writers import write
+
+
+def test_compare_json_is_the_library_s(gmwm, recording):
+    content = gmwm("compare", recording, "--axis", "gyro_y", "--json").json
+    signal = read(recording)["gyro_y"]
+    assert list(content["axes"]["gyro_y"]) == ["classical", "robust"]
+    assert content["axes"]["gyro_y"]["classical"] == library.wavelet_variance(signal).to_dict()
+    assert content["axes"]["gyro_y"]["robust"] == library.wavelet_variance(signal, robust=True).to_dict()
+
+
+def test_compare_prints_the_curves(gmwm, recording):
+    outcome = gmwm("compare", recording, "--axis", "gyro_x", "--efficiency", "0.9")
+    signal = read(recording)["gyro_x"]
+    assert outcome.code == 0
+    for wv in (
+        library.wavelet_variance(signal),
+        library.wavelet_variance(signal, robust=True, efficiency=0.9),
+    ):
+        assert all(f"{value:.4e}" in outcome.out for value in wv.variance)
+
+
+@pytest.mark.parametrize("extra", [[], ["--axis", "gyro_x"], ["--axis", "accel", "--view", "allan", "--datasheet"]])
+def test_compare_plot(gmwm, recording, tmp_path, extra):
+    target = tmp_path / "compare.png"
+    outcome = gmwm("compare", recording, "--plot", target, *extra)
+    assert outcome.code == 0
+    assert str(target) in outcome.out
+    assert target.read_bytes().startswith(b"\x89PNG")
+
+
+def test_compare_recordings(gmwm, recording, tmp_path):
+    other = tmp_path / "other.csv"
+    write(simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, seed=9), other)
+    both = gmwm("compare", recording, other, "--axis", "gyro_x", "--robust", "--json").json
+    assert list(both["axes"]["gyro_x"]) == ["six", "other"]
+    assert all(wv["robust"] for wv in both["axes"]["gyro_x"].values())
+    four = gmwm("compare", recording, other, "--axis", "gyro_x", "--plot", tmp_path / "x.svg")
+    assert "six, classical" in four.out
+    assert "other, robust" in four.out
+    assert (tmp_path / "x.svg").exists()
+
+
+def test_compare_needs_different_files(gmwm, recording):
+    outcome = gmwm("compare", recording, recording)
+    assert outcome.code == 2
+    assert "once" in outcome.err
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """One gyroscope axis in steps of three standard deviations."""
+    path = tmp_path_factory.mktemp("coarse") / "coarse.csv"
+    values = 1e-3 * np.round(np.random.default_rng(1).normal(0, 0.3, size=20_000))
+    write(library.Imu.from_arrays({"gyro_x": values}, 100.0), path)
+    return path
+
+
+def test_wv_robust(gmwm, recording):
+    content = gmwm("wv", recording, "--axis", "accel_x", "--robust", "--efficiency", "0.8", "--json").json
+    expected = library.wavelet_variance(read(recording)["accel_x"], robust=True, efficiency=0.8)
+    assert content["axes"]["accel_x"] == expected.to_dict()
+    assert "robust with efficiency 0.6" in gmwm("wv", recording, "--axis", "accel_x", "--robust").out
+
+
+def test_zeros_are_told(gmwm, coarse):
+    outcome = gmwm("wv", coarse, "--robust", "--json")
+    assert outcome.json["axes"]["gyro_x"]["variance"][0] == 0
+    assert any("level 1" in warning and "quantised" in warning for warning in outcome.json["warnings"])
+    assert "warning: gyro_x: level 1" in outcome.err
+    assert "level 1" in gmwm("compare", coarse).err
+    refused = gmwm("fit", coarse, "--model", "WN", "--robust")
+    assert refused.code == 2
+    assert "zero at level 1" in refused.err
+
+
+def test_fit_robust(gmwm, recording):
+    content = gmwm("fit", recording, "--axis", "gyro_z", "--model", "WN + RW", "--robust", "--json").json
+    found = library.fit("WN + RW", read(recording)["gyro_z"], robust=True)
+    assert content["axes"]["gyro_z"]["parameters"] == dict(found.parameters)
+    assert content["axes"]["gyro_z"]["wavelet_variance"]["robust"] is True
+    assert "robust" in gmwm("fit", recording, "--axis", "gyro", "--model", "WN + RW", "--robust").out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("wv", "--efficiency", "0.8"),
+        ("fit", "--model", "WN", "--efficiency", "0.8"),
+        ("compare", "--classical", "--efficiency", "0.8"),
+        ("wv", "--robust", "--efficiency", "1.5"),
+    ],
+)
+def test_efficiency_that_cannot_be(gmwm, recording, arguments):
+    command, *rest = arguments
+    outcome = gmwm(command, recording, *rest)
+    assert outcome.code == 2
+    assert "efficiency" in outcome.err
+    assert outcome.err.count("\n") == 1

@@ -1,0 +1,83 @@
+"""`gmwm.compare`: any curves over one another, named by what tells them apart."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.plots import imu
+from gmwm.plots.comparison import automatic_labels
+
+SIGNALS = {
+    axis: gmwm.Signal(np.random.default_rng(seed).normal(size=4096), 100.0, "rad/s", axis)
+    for seed, axis in enumerate(("gyro_x", "gyro_y"))
+}
+X, Y = (gmwm.wavelet_variance(signal) for signal in SIGNALS.values())
+ROBUST = gmwm.wavelet_variance(SIGNALS["gyro_x"], robust=True)
+SHARP = gmwm.wavelet_variance(SIGNALS["gyro_x"], robust=True, efficiency=0.9)
+SHORT = gmwm.wavelet_variance(SIGNALS["gyro_x"].values[:1000], 100.0)
+
+
+def legend(figure):
+    return [text.get_text() for text in (figure.legends or [figure.axes[0].get_legend()])[0].get_texts()]
+
+
+@pytest.mark.parametrize(
+    ("items", "labels"),
+    [
+        ((X,), ["Gyroscope X"]),
+        ((X, Y), ["Gyroscope X", "Gyroscope Y"]),
+        ((X, ROBUST), ["classical", "robust"]),
+        ((X, ROBUST, SHARP), ["classical", "robust, efficiency 0.6", "robust, efficiency 0.9"]),
+        ((ROBUST, Y), ["Gyroscope X, robust", "Gyroscope Y, classical"]),
+        ((X, X), ["Gyroscope X (1)", "Gyroscope X (2)"]),
+        ((SHORT, SHORT), ["Wavelet variance (1)", "Wavelet variance (2)"]),
+    ],
+)
+def test_automatic_labels(items, labels):
+    assert automatic_labels(items) == labels
+    assert legend(gmwm.compare(*items))[: len(labels)] == labels
+
+
+def test_curves_are_drawn_as_they_are(tmp_path):
+    path = tmp_path / "both.png"
+    figure = gmwm.compare(X, ROBUST, labels=["a", "b"], view="allan", units="datasheet", title="Two", path=path)
+    lines = {line.get_label(): line for line in figure.axes[0].get_lines()}
+    factor = 180 / np.pi * 3600
+    for name, wv in (("a", X), ("b", ROBUST)):
+        np.testing.assert_allclose(lines[name].get_ydata(), factor * np.sqrt(2 * wv.variance))
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_fits_are_compared_too():
+    fits = [gmwm.fit("WN", wv) for wv in (X, ROBUST)]
+    assert set(legend(gmwm.compare(*fits))) >= {"classical", "classical, model", "robust", "robust, model"}
+
+
+@pytest.mark.parametrize(
+    ("items", "labels", "words"),
+    [
+        ((), None, "at least one"),
+        ((X, Y), ["one"], "each of 2 curves, got 1"),
+        ((X, Y), ["one", "one"], "differ"),
+        ((X, "wv"), None, "expected a WaveletVariance or a Fit"),
+    ],
+)
+def test_errors(items, labels, words):
+    with pytest.raises(gmwm.OptionError, match=words):
+        gmwm.compare(*items, labels=labels)
+
+
+def test_units_must_be_one():
+    other = gmwm.WaveletVariance.from_values(X.variance, 4096, 100.0, unit="m/s²")
+    with pytest.raises(gmwm.OptionError, match="one unit"):
+        gmwm.compare(X, other)
+
+
+def test_several_curves_in_the_panel_of_an_axis():
+    figure = imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}, "gyro_y": Y})
+    left, right = figure.rows[0]
+    assert left.title == "Gyroscope X"
+    assert {mark.label for mark in left.marks} >= {"classical", "robust"}
+    assert "classical" not in {mark.label for mark in right.marks}
+    with pytest.raises(gmwm.OptionError, match="split"):
+        imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)
