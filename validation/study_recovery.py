@@ -54,8 +54,9 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "diagonal weighting from the data. Such weights count a level that came out low for more than one that came "
-        "out high: processes that show in the coarsest levels only come out low, by a part of their scatter. "
+        "diagonal weighting from the data, smoothed where coefficients are few. Weights that know only the data still "
+        "count what came out low for more: random walks come out low and slow decay rates high by a part of their "
+        "scatter. "
         "Estimate / truth:",
         "",
         "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",

@@ -19,7 +19,7 @@ MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
 
 _NOISY = 0.1  # deg/s/√Hz: noise density of a gyroscope beyond which its unit is in doubt
-_WITHOUT = "use a recording without it, or cut the file there"
+_WITHOUT = "cut the file there, or record again"
 
 
 def about_time(imu: Imu, base: TimeBase) -> list[str]:

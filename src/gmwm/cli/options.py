@@ -99,8 +99,8 @@ Robust = Annotated[
 Efficiency = Annotated[
     float | None,
     typer.Option(
-        help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: the lower, the more outliers "
-        "it stands. Default: 0.6.",
+        help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: a low one stands outliers "
+        "that are near, a high one more of those that are far. Default: 0.6.",
         rich_help_panel="Estimation",
         show_default=False,
     ),

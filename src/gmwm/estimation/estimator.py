@@ -46,7 +46,8 @@ def fit(
     rate : float, optional
         Samples per second (Hz); needed with a plain array only.
     weighting : "diagonal", "identity", (J,) or (J, J) array
-        Ω: 1 / Var ν̂_j² as the data show it, the identity, or your own.
+        Ω: 1 / Var ν̂_j² as the data show it (2 ν̄⁴/η, ν̄² the estimate smoothed where it is of few coefficients),
+        the identity, or your own.
     robust, efficiency : bool, float
         Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
         a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error.

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, require_finite
 from gmwm.errors import DataError, OptionError
+from gmwm.estimation.smooth import smoothed
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "identity"] | ArrayLike
@@ -16,11 +17,11 @@ Weighting = Literal["diagonal", "identity"] | ArrayLike
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Var ν̂_j² ≈ 2 ν̂_j⁴ / η_j from the data alone, in unit⁴.
+    """Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j from the data alone, in unit⁴; ν̄² is ν̂², smoothed where it is of few coefficients.
 
     η_j = max(M_j / 2^j, 1), times the efficiency where ν̂² is robust: the safe bound of its larger variance.
     """
-    return 2 * wv.variance**2 / wv.degrees_of_freedom
+    return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:

@@ -72,6 +72,9 @@ def compare(
     """
     if not items:
         raise OptionError("expected at least one WaveletVariance or Fit to compare, got none")
+    for item in items:
+        if not hasattr(measured(item), "robust"):
+            raise OptionError(f"expected WaveletVariance or Fit to compare, got {type(item).__name__}; see plot_allan")
     names = automatic_labels([measured(item) for item in items]) if labels is None else [str(name) for name in labels]
     if len(names) != len(items):
         raise OptionError(f"labels must name each of {len(items)} curves, got {len(names)}")

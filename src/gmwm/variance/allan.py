@@ -39,6 +39,9 @@ def allan_variance(
     overlapping one at n = 2^(j−1) is twice the Haar wavelet variance of level j. For gyroscopes and accelerometers,
     which measure a rate, the phase is the angle or the velocity. An offset of the rate does not matter.
 
+    The noise type that the limits need is told from the same data: at the longest averaging times, where few points
+    tell it, 95 % limits of white noise hold 87 to 90 % (of random walk and quantization noise 94 to 96 %).
+
     Parameters
     ----------
     x : Signal, or (N,) array in any unit

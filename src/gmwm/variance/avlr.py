@@ -82,7 +82,8 @@ class AllanRegression:
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """A table: coefficient, unit, and the averaging times it was read from."""
         of = f" of {self.allan.axis}" if self.allan.axis else ""
-        rows = [f"Slopes of the {self.allan.title.lower()}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
+        title = self.allan.title[0].lower() + self.allan.title[1:]
+        rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
         for line in self.lines:
             unit, factor = coefficient_unit(line.term, self.allan.unit, units)
             sign = "<=" if line.bound else "="
@@ -188,11 +189,18 @@ def avlr(
             found = _minimum(tau, deviation)
         else:
             found = _line(term, tau, deviation, _stretch(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance))
+        if not isinstance(found, str) and not (ranges and term in ranges) and _contradicted(found, allan):
+            found = f"a slope near {LAWS[term].slope:+.1f} by chance: its line lies above the curve elsewhere"
         if isinstance(found, str):
             missing[term] = found
         else:
             lines.append(found)
     return AllanRegression(allan, tuple(lines), missing)
+
+
+def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
+    """Whether a term alone would lift the curve above its upper limit by half somewhere: then it is not there."""
+    return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
 def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:

@@ -146,6 +146,8 @@ def wavelet_variance(
         variance = _core.haar_variance(values, levels)
     else:
         variance = variances(values, wavelet, transform, levels)
+    if not np.all(np.isfinite(variance)):
+        raise DataError("x is too large to be squared in double precision; scale it down")
     eta = degrees_of_freedom(counts, numbers, transform) * (efficiency if robust else 1.0)
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(

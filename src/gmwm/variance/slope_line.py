@@ -64,6 +64,8 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     >>> coefficient_unit("N", "rad/s", "datasheet")
     ('deg/√h', 3437.746770784939)
     """
+    if units not in ("si", "datasheet"):
+        raise OptionError(f"units must be 'si' or 'datasheet', got {units!r}")
     known = find_unit(unit)
     if known is None:
         if units == "datasheet":

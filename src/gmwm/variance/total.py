@@ -42,7 +42,8 @@ def total_variance(
     The phase is continued beyond both ends by half a turn about the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
     (2 τ²) is averaged over all inner i of the record. Under white noise of the rate its expectation is the Allan
     variance; under flicker and random walk it is smaller by the factor 1 − a τ/T with a = 0.481 and 0.75, T the
-    length of the record. The variance is given as it is; the limits are those of the Allan variance, a corrected for.
+    length of the record, and under quantization noise larger, by up to two thirds at the last octave. The variance is
+    given as it is; the limits are those of the Allan variance, a corrected for.
 
     Parameters
     ----------

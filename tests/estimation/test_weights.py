@@ -1,0 +1,46 @@
+"""Weights from the data: no level of few coefficients decides a fit."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.estimation.smooth import smoothed
+from gmwm.estimation.weighting import weighting_matrix
+
+TRUTH = gmwm.parse_model("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
+
+
+@pytest.mark.parametrize("samples", [2**15, 33_000, 65_000])
+def test_a_last_level_of_one_coefficient_does_not_decide(samples):
+    found = [gmwm.fit("GM + WN", TRUTH.simulate(samples, 10.0, seed), 10.0, certify=False) for seed in range(40)]
+    ratio = np.array([fit.parameters["GM.beta"] / 0.05 for fit in found])
+    assert np.all((ratio > 0.5) & (ratio < 2))
+    assert max(fit.objective for fit in found) < 30
+    assert abs(ratio.mean() - 1) < 4 * ratio.std() / np.sqrt(40)
+
+
+def test_a_vanishing_last_level_changes_the_weights_little():
+    values = TRUTH.wavelet_variance(15, 10.0)
+    spoilt = values.copy()
+    spoilt[-1] *= 1e-6
+    one, other = (
+        np.diag(weighting_matrix("diagonal", gmwm.WaveletVariance.from_values(v, 2**15, 10.0)))
+        for v in (values, spoilt)
+    )
+    np.testing.assert_allclose(other[:-3], one[:-3], rtol=0.1)
+    assert other[-1] < 20 * one[-1]
+
+
+@pytest.mark.parametrize("factor", [2.0**-40, 2.0**40])
+def test_smoothing_scales_and_leaves_what_is_smooth(factor):
+    values = TRUTH.wavelet_variance(15, 10.0)
+    wv, scaled = (gmwm.WaveletVariance.from_values(values * f, 2**15, 10.0) for f in (1.0, factor))
+    np.testing.assert_allclose(smoothed(wv), values, rtol=0.05)
+    np.testing.assert_array_equal(smoothed(scaled), smoothed(wv) * factor)
+
+
+@pytest.mark.parametrize("name", ["d4", "mb16"])
+def test_under_other_filters(name):
+    wv = gmwm.wavelet_variance(TRUTH.simulate(40_000, 10.0, 3), 10.0, filter=name)
+    assert np.all(smoothed(wv) > 0)
+    assert 0.4 < gmwm.fit("GM + WN", wv).parameters["GM.beta"] / 0.05 < 2.0
