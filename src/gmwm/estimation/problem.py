@@ -33,8 +33,6 @@ class Problem:
         Wavelet variances of the linear processes at unit scale.
     root : (J, J) array
         L with LᵀL = Ω.
-    held : (J,) array
-        Wavelet variance of the processes that are held entirely.
     """
 
     model: Model
@@ -42,8 +40,6 @@ class Problem:
     rate: float
     filter: WaveletFilter
     samples: int
-    observed: Vector
-    held: Vector
     matrix: Matrix
     root: Matrix
     unit: float
@@ -106,7 +102,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     largest = float(np.abs(weighted).max())
     unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
     return Problem(
-        model, levels, rate, filter, wv.samples, wv.variance, known, matrix, root, unit, weighted / unit,
+        model, levels, rate, filter, wv.samples, matrix, root, unit, weighted / unit,
         linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
     )  # fmt: skip
 
