@@ -9,6 +9,7 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
+from gmwm.covariance import Setting, variances
 
 MODELS = (
     "WN(sigma2=1e-6) + QN(q2=2e-6) + RW(gamma2=1e-13)",
@@ -19,11 +20,14 @@ MODELS = (
 
 
 def cases() -> Iterable[Case]:
-    """190 pairs of levels."""
+    """190 pairs of levels; then the diagonal alone, and the robust estimate, of the last model."""
     buffer = np.empty(10**6)
     cumsum = partial(np.cumsum, np.random.default_rng(1).standard_normal(10**6), out=buffer)
     for text in MODELS:
         model = gmwm.parse_model(text)
         run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0)
-        target = 15.0 if model.structure.count("*") == 0 else None
-        yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, target)
+        yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
+    setting = Setting(np.arange(1, 20), 10**6, 100.0)
+    yield Case("its diagonal", partial(variances, model, setting), "np.cumsum of 10^6", cumsum, 15, 1.5)
+    run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0, robust=True)
+    yield Case("the same, robust", run, "np.cumsum of 10^6", cumsum, 15, 15.0)

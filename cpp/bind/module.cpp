@@ -8,6 +8,7 @@ void bind_clusters(nb::module_& m);
 void bind_robust(nb::module_& m);
 void bind_pyramid(nb::module_& m);
 void bind_lags(nb::module_& m);
+void bind_paths(nb::module_& m);
 
 NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
@@ -17,4 +18,5 @@ NB_MODULE(_core, m) {
   bind_robust(m);
   bind_pyramid(m);
   bind_lags(m);
+  bind_paths(m);
 }

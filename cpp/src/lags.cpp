@@ -17,74 +17,121 @@ struct Rule {
   std::array<double, order> weights;
 };
 
+using Rules = std::unordered_map<std::int64_t, Rule>;
+
+// Some integers one stride apart: few enough to be taken one by one, or by a rule.
+struct Piece {
+  std::int64_t start;
+  std::int64_t points;
+  const Rule* rule;  // nullptr: one by one
+  int stride;
+
+  std::size_t nodes() const { return rule == nullptr ? static_cast<std::size_t>(points) : order; }
+};
+
+// The pieces of all pairs of levels, one after the other.
 class Collector {
  public:
-  Collector(Lags& lags, std::int64_t finer, std::int64_t coarser, std::int64_t fine, std::int64_t coarse,
-            std::int64_t samples, double slowest, double fastest, bool alternating)
-      : lags_(lags), finer_(finer), coarser_(coarser), fine_(fine), coarse_(coarse), samples_(samples),
-        alternating_(alternating) {
-    if (fastest > 0)
-      for (double cut = std::max(2 / fastest, 1.0);; cut *= 2) {
+  Collector(std::int64_t samples, const Smoothness& smooth) : samples_(samples), smooth_(smooth) {
+    if (smooth.fastest > 0)
+      for (double cut = std::max(2 / smooth.fastest, 1.0);; cut *= 2) {
         cuts_.push_back(static_cast<std::int64_t>(std::min(cut, 4e18)));
-        if (cut >= reach / slowest || cut > static_cast<double>(samples)) break;
+        if (cut >= reach / smooth.slowest || cut > static_cast<double>(samples)) break;
       }
   }
 
-  void one(std::int64_t lag) { add(static_cast<double>(lag), 1, lag & 1); }
-
-  // All integers strictly between two kinks, divided where exponentials from either end need it.
-  void between(std::int64_t low, std::int64_t high, std::unordered_map<std::int64_t, Rule>& rules) {
-    const std::int64_t middle = low + (high - low) / 2;
-    std::vector<std::int64_t> starts{low + 1};
-    for (const std::int64_t cut : cuts_)
-      if (low + 1 + cut < middle) starts.push_back(low + 1 + cut);
-    for (auto cut = cuts_.rbegin(); cut != cuts_.rend(); ++cut)
-      if (high - *cut > middle) starts.push_back(high - *cut);
-    starts.push_back(high);
-    for (std::size_t i = 0; i + 1 < starts.size(); ++i) piece(starts[i], starts[i + 1] - starts[i], rules);
+  void pair(std::int64_t fine, std::int64_t coarse) {
+    const std::int64_t least = coarse - samples_, most = samples_ - fine;
+    std::array<std::int64_t, 13> kinks{least, most, 0, coarse - fine};
+    std::size_t count = 4;
+    for (const std::int64_t b : {std::int64_t{0}, coarse / 2, coarse})
+      for (const std::int64_t a : {std::int64_t{0}, fine / 2, fine}) kinks[count++] = b - a;
+    std::sort(kinks.begin(), kinks.end());
+    auto end = std::unique(kinks.begin(), kinks.end());
+    end = std::remove_if(kinks.begin(), end, [&](std::int64_t u) { return u < least || u > most; });
+    for (auto kink = kinks.begin(); kink != end; ++kink) {
+      one(*kink, 1);
+      if (kink + 1 == end) break;
+      // Without exponentials nothing is left beyond the reach of the two filters.
+      // Beyond it the exponentials come from its end alone: the ends of the record are none of theirs.
+      const bool inside = kink[0] >= -fine && kink[1] <= coarse;
+      if (inside || smooth_.fastest > 0) between(kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse);
+    }
   }
+
+  const std::vector<Piece>& pieces() const { return pieces_; }
 
  private:
-  void piece(std::int64_t start, std::int64_t points, std::unordered_map<std::int64_t, Rule>& rules) {
+  void one(std::int64_t lag, std::int64_t points) { pieces_.push_back({lag, points, nullptr, 1}); }
+
+  // All integers strictly between two kinks, divided where exponentials from the one or the other need it.
+  void between(std::int64_t low, std::int64_t high, bool from_low, bool from_high) {
+    if (high - low < 2) return;
+    const std::int64_t middle = !from_low ? low : !from_high ? high : low + (high - low) / 2;
+    std::int64_t start = low + 1;
+    const auto up_to = [&](std::int64_t next) { piece(start, next - start), start = next; };
+    for (const std::int64_t cut : cuts_) {
+      if (low + 1 + cut >= middle) break;
+      up_to(low + 1 + cut);
+    }
+    for (auto cut = cuts_.rbegin(); cut != cuts_.rend(); ++cut)
+      if (high - *cut > std::max(middle, start)) up_to(high - *cut);
+    up_to(high);
+  }
+
+  void piece(std::int64_t start, std::int64_t points) {
     if (points <= static_cast<std::int64_t>(2 * order)) {
-      for (std::int64_t i = 0; i < points; ++i) one(start + i);
-    } else if (alternating_) {
-      lattice(start, 2, (points + 1) / 2, rules);
-      lattice(start + 1, 2, points / 2, rules);
+      one(start, points);
+    } else if (smooth_.alternating) {
+      pieces_.push_back({start, (points + 1) / 2, rule((points + 1) / 2), 2});
+      pieces_.push_back({start + 1, points / 2, rule(points / 2), 2});
     } else {
-      lattice(start, 1, points, rules);
+      pieces_.push_back({start, points, rule(points), 1});
     }
   }
 
-  // The integers start, start + stride, …
-  void lattice(std::int64_t start, int stride, std::int64_t points, std::unordered_map<std::int64_t, Rule>& rules) {
-    auto found = rules.find(points);
-    if (found == rules.end()) {
-      found = rules.emplace(points, Rule{}).first;
-      integer_rule(points, found->second.nodes, found->second.weights);
-    }
-    for (std::size_t i = 0; i < order; ++i)
-      add(static_cast<double>(start) + stride * found->second.nodes[i], found->second.weights[i], start & 1);
+  const Rule* rule(std::int64_t points) {
+    const auto [found, fresh] = rules_.try_emplace(points);
+    if (fresh) integer_rule(points, found->second.nodes, found->second.weights);
+    return &found->second;
   }
 
-  // n(u): how many t have both coefficients inside the record.
-  void add(double lag, double weight, bool odd) {
-    const double first = std::max(static_cast<double>(fine_ - 1), static_cast<double>(coarse_ - 1) - lag);
-    const double last = static_cast<double>(samples_ - 1) - std::max(lag, 0.0);
-    const double pairs = last - first + 1;
-    if (!(pairs > 0)) return;
-    lags_.finer.push_back(finer_);
-    lags_.coarser.push_back(coarser_);
-    lags_.lag.push_back(lag);
-    lags_.weight.push_back(weight * pairs);
-    lags_.odd.push_back(odd);
-  }
-
-  Lags& lags_;
-  std::int64_t finer_, coarser_, fine_, coarse_, samples_;
-  bool alternating_;
+  std::int64_t samples_;
+  const Smoothness& smooth_;
   std::vector<std::int64_t> cuts_;
+  std::vector<Piece> pieces_;
+  Rules rules_;
 };
+
+// Writes the nodes of one pair; returns where the next pair starts.
+std::size_t write(std::span<const Piece> pieces, std::int64_t fine, std::int64_t coarse, std::int64_t samples,
+                  std::size_t place, Lags& lags) {
+  const std::size_t start = place;
+  for (const Piece& piece : pieces) {
+    const double first = static_cast<double>(piece.start);
+    if (piece.rule == nullptr)
+      for (std::int64_t i = 0; i < piece.points; ++i, ++place) {
+        lags.lag[place] = first + static_cast<double>(i);
+        lags.weight[place] = 1;
+        if (!lags.odd.empty()) lags.odd[place] = (piece.start + i) & 1;
+      }
+    else
+      for (std::size_t i = 0; i < order; ++i, ++place) {
+        lags.lag[place] = first + piece.stride * piece.rule->nodes[i];
+        lags.weight[place] = piece.rule->weights[i];
+        if (!lags.odd.empty()) lags.odd[place] = piece.start & 1;
+      }
+  }
+  // n(u): how many t have both coefficients inside the record.
+  const double inner = static_cast<double>(fine - 1), outer = static_cast<double>(coarse - 1);
+  for (std::size_t i = start; i < place; ++i) {
+    const double u = lags.lag[i];
+    lags.weight[i] *= static_cast<double>(samples) - std::max(u, 0.0) - std::max(inner, outer - u);
+    lags.fine[i] = 0.5 * static_cast<double>(fine);
+    lags.coarse[i] = 0.5 * static_cast<double>(coarse);
+  }
+  return place;
+}
 
 }  // namespace
 
@@ -141,29 +188,29 @@ void integer_rule(std::int64_t points, std::span<double> nodes, std::span<double
   }
 }
 
-Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples, double slowest, double fastest,
-                     bool alternating) {
+Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples, const Smoothness& smooth) {
+  Collector collect(samples, smooth);
+  std::vector<std::size_t> ends;  // of each pair's pieces
+  const auto for_each_pair = [&](auto&& act) {
+    for (std::size_t k = 0; k < levels.size(); ++k)
+      for (std::size_t j = smooth.diagonal ? k : 0; j <= k; ++j)
+        act(std::int64_t{1} << levels[j], std::int64_t{1} << levels[k]);
+  };
+  for_each_pair([&](std::int64_t fine, std::int64_t coarse) {
+    collect.pair(fine, coarse);
+    ends.push_back(collect.pieces().size());
+  });
   Lags lags;
-  std::unordered_map<std::int64_t, Rule> rules;
-  for (std::size_t k = 0; k < levels.size(); ++k)
-    for (std::size_t j = 0; j <= k; ++j) {
-      const std::int64_t fine = std::int64_t{1} << levels[j], coarse = std::int64_t{1} << levels[k];
-      const std::int64_t least = coarse - samples, most = samples - fine;
-      std::vector<std::int64_t> kinks{least, most, 0, coarse - fine};
-      for (const std::int64_t b : {std::int64_t{0}, coarse / 2, coarse})
-        for (const std::int64_t a : {std::int64_t{0}, fine / 2, fine}) kinks.push_back(b - a);
-      std::sort(kinks.begin(), kinks.end());
-      kinks.erase(std::unique(kinks.begin(), kinks.end()), kinks.end());
-      std::erase_if(kinks, [&](std::int64_t u) { return u < least || u > most; });
-      Collector collect(lags, static_cast<std::int64_t>(j), static_cast<std::int64_t>(k), fine, coarse, samples, slowest,
-                        fastest, alternating);
-      for (std::size_t i = 0; i < kinks.size(); ++i) {
-        collect.one(kinks[i]);
-        if (i + 1 == kinks.size()) break;
-        // Without exponentials nothing is left beyond the reach of the two filters.
-        if (fastest > 0 || (kinks[i] >= -fine && kinks[i + 1] <= coarse)) collect.between(kinks[i], kinks[i + 1], rules);
-      }
-    }
+  for (const Piece& piece : collect.pieces()) lags.size += piece.nodes();
+  for (AlignedArray* array : {&lags.fine, &lags.coarse, &lags.lag, &lags.weight}) *array = aligned_array(lags.size);
+  if (smooth.alternating) lags.odd.resize(lags.size);
+  std::size_t place = 0, pair = 0, first = 0;
+  for_each_pair([&](std::int64_t fine, std::int64_t coarse) {
+    lags.starts.push_back(static_cast<std::int64_t>(place));
+    const std::span<const Piece> pieces{collect.pieces().data() + first, ends[pair] - first};
+    place = write(pieces, fine, coarse, samples, place, lags);
+    first = ends[pair++];
+  });
   return lags;
 }
 

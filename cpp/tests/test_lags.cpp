@@ -1,11 +1,59 @@
-// The Gauss rule on integers, and the lags at which covariances are summed.
+// The Gauss rule on integers, the lags at which covariances are summed, and the covariances there.
 #include "gmwm/lags.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "check.hpp"
+#include "gmwm/differences.hpp"
+
+namespace {
+
+// Σ_a Σ_b c_a c_b K(u - b + a), c = (1, -2, 1), K the covariance of the running sum.
+template <class Covariance>
+void compare(const std::vector<double>& got, const gmwm::Nodes& nodes, double tolerance, Covariance running) {
+  std::vector<double> expected;
+  double largest = 0;
+  for (std::size_t i = 0; i < nodes.lag.size(); ++i) {
+    double sum = 0;
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b)
+        sum += (a == 1 ? -2 : 1) * (b == 1 ? -2 : 1) *
+               running(std::abs(nodes.lag[i] - b * nodes.coarse[i] + a * nodes.fine[i]));
+    expected.push_back(sum);
+    largest = std::max(largest, std::abs(sum));
+  }
+  for (std::size_t i = 0; i < expected.size(); ++i) CHECK(std::abs(got[i] - expected[i]) <= tolerance * largest);
+}
+
+void covariances_are_nine_terms() {
+  for (const auto& [h, hk] : {std::pair{1.0, 1.0}, {1.0, 8.0}, {4.0, 4.0}, {4.0, 32.0}, {64.0, 128.0}}) {
+    std::vector<double> fine, coarse, lag;
+    for (double u = -3 * h - 20; u <= 3 * hk + 20; ++u) fine.push_back(h), coarse.push_back(hk), lag.push_back(u);
+    // A few nodes of another pair of levels at the end: a run that fills no block.
+    for (const double u : {-1.0, 0.0, 1.0}) fine.push_back(1), coarse.push_back(2), lag.push_back(u);
+    const gmwm::Nodes nodes{fine, coarse, lag};
+    std::vector<double> out(lag.size());
+    gmwm::white_differences(nodes, out);
+    compare(out, nodes, 1e-13, [](double m) { return -m / 2; });
+    gmwm::walk_differences(nodes, out);
+    compare(out, nodes, 1e-11, [](double m) { return (m * m * m - m) / 12; });
+    gmwm::spike_differences(nodes, out);
+    compare(out, nodes, 0, [](double m) { return m == 0 ? 1.0 : 0.0; });
+    for (const double decay : {0.01, 0.2, 1.5, 30.0}) {
+      gmwm::exponential_differences(nodes, decay, out);
+      const double half = std::sinh(decay / 2);
+      compare(out, nodes, 1e-9, [&](double m) {
+        return -0.5 * (m / std::tanh(decay / 2) + 0.5 * std::expm1(-decay * m) / (half * half));
+      });
+    }
+  }
+}
+
+}  // namespace
 
 int main() {
   for (const std::int64_t points : {17, 100, 4001}) {
@@ -21,18 +69,27 @@ int main() {
   }
   // The weights of a pair of levels add up to the number of pairs of coefficients.
   const std::vector<std::int64_t> levels{1, 3, 7, 10};
-  for (const bool alternating : {false, true}) {
-    const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, 1e-4, 0.3, alternating);
-    for (std::size_t k = 0; k < levels.size(); ++k)
-      for (std::size_t j = 0; j <= k; ++j) {
-        double total = 0;
-        for (std::size_t i = 0; i < lags.lag.size(); ++i)
-          if (lags.finer[i] == static_cast<std::int64_t>(j) && lags.coarser[i] == static_cast<std::int64_t>(k))
+  for (const bool alternating : {false, true})
+    for (const bool diagonal : {false, true}) {
+      const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, {1e-4, 0.3, alternating, diagonal});
+      CHECK(lags.odd.size() == (alternating ? lags.size : 0));
+      std::size_t pair = 0;
+      for (std::size_t k = 0; k < levels.size(); ++k)
+        for (std::size_t j = diagonal ? k : 0; j <= k; ++j, ++pair) {
+          const std::size_t start = static_cast<std::size_t>(lags.starts[pair]);
+          const std::size_t end = pair + 1 < lags.starts.size() ? static_cast<std::size_t>(lags.starts[pair + 1]) : lags.size;
+          double total = 0;
+          for (std::size_t i = start; i < end; ++i) {
             total += lags.weight[i];
-        const double fine = 5001 - std::ldexp(1, static_cast<int>(levels[j]));
-        const double coarse = 5001 - std::ldexp(1, static_cast<int>(levels[k]));
-        CHECK_CLOSE(total, fine * coarse, 1e-12);
-      }
-  }
+            CHECK(lags.fine[i] == std::ldexp(1, static_cast<int>(levels[j]) - 1));
+            CHECK(lags.coarse[i] == std::ldexp(1, static_cast<int>(levels[k]) - 1));
+          }
+          const double fine = 5001 - std::ldexp(1, static_cast<int>(levels[j]));
+          const double coarse = 5001 - std::ldexp(1, static_cast<int>(levels[k]));
+          CHECK_CLOSE(total, fine * coarse, 1e-12);
+        }
+      CHECK(pair == lags.starts.size());
+    }
+  covariances_are_nine_terms();
   return check::result("lags");
 }

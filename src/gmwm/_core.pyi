@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Vector = NDArray[np.float64]
+_Matrix = NDArray[np.float64]
 
 # haar.hpp
 
@@ -62,5 +63,17 @@ def cone_search(
 # lags.hpp
 
 def covariance_lags(
-    levels: NDArray[np.int64], samples: int, slowest: float, fastest: float, alternating: bool
-) -> tuple[NDArray[np.int64], NDArray[np.int64], _Vector, _Vector, NDArray[np.int8]]: ...
+    levels: NDArray[np.int64], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool
+) -> tuple[NDArray[np.int64], _Vector, _Vector, _Vector, _Vector, NDArray[np.uint8]]: ...
+
+# differences.hpp
+
+def white_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
+def walk_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
+def spike_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
+def exponential_differences(fine: _Vector, coarse: _Vector, lag: _Vector, decay: float) -> _Vector: ...
+
+# paths.hpp
+
+def autoregress(values: _Matrix, phi: float, first: float, rest: float) -> None: ...
+def accumulate(values: _Matrix, scale: float) -> None: ...

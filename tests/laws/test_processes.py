@@ -276,6 +276,7 @@ def test_a_process_has_the_theory_it_declares(process):
         "psd": lambda: one.psd([1.0, 2.0], RATE),
         "simulate": lambda: one.simulate(3, RATE, 1),
         "state_space": lambda: one.state_space(RATE).H,
+        "generalised_covariance": lambda: one.generalised_covariance([0, 1, 2], RATE),
     }
     for theory, call in calls.items():
         if process.has(theory):

@@ -1,4 +1,4 @@
-"""The covariance of the wavelet variance by its definition: every lag, nine terms, 40 digits."""
+"""The covariance of the wavelet variance by its definition: every lag, nine terms, 40 digits; and as arrays."""
 
 from collections.abc import Callable, Sequence
 
@@ -26,8 +26,51 @@ def quantization(variance: float) -> Covariance:
     return lambda m: mp.mpf(variance) * (m == 0)
 
 
-def wavelet_covariance(parts: Sequence[Covariance], levels: int, samples: int, slope: float = 0.0) -> np.ndarray:
-    """V of a Gaussian sum with a drift of `slope` per sample."""
+def haar(level: int) -> np.ndarray:
+    """The wavelet filter of one level, W_t = Σ_l h_l X_{t−l}."""
+    half = 2 ** (level - 1)
+    return np.repeat([1.0, -1.0], half) / 2**level
+
+
+def autocovariances(kind: str, variance: float, decay: float, samples: int) -> np.ndarray:
+    """Covariance of the signal at lags 1 − N … N − 1, up to a constant."""
+    m = np.abs(np.arange(1 - samples, samples))
+    shape = {
+        "white": 1.0 * (m == 0),
+        "rounding": 2.0 * (m == 0) - 1.0 * (m == 1),
+        "walk": -m / 2.0,
+        "markov": np.expm1(-decay * m),
+        "alternating": np.exp(-decay * m) * (-1.0) ** m,
+    }
+    return variance * shape[kind]
+
+
+def lagged(covariance: np.ndarray, j: int, k: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cov(W_{j,t}, W_{k,t+u}) at every lag u at which the record has pairs, and the number of these."""
+    fine, coarse = haar(j), haar(k)
+    # Lags 1 − N … N − 1 less what the filters take from either end: 2^k − N … N − 2^j.
+    values = np.convolve(np.convolve(covariance, fine[::-1], "valid"), coarse, "valid")
+    u = np.arange(coarse.size - samples, samples - fine.size + 1)
+    pairs = np.minimum(samples - 1, samples - 1 - u) - np.maximum(fine.size - 1, coarse.size - 1 - u) + 1
+    return values, pairs
+
+
+def shared_errors(levels: int, samples: int) -> np.ndarray:
+    """Excess of V per fourth cumulant of the errors e of X_t = e_t − e_{t−1}: all coefficients as sums of errors."""
+    squares = []
+    for level in range(1, levels + 1):
+        taps = np.convolve(haar(level), [1.0, -1.0])
+        rows = np.zeros((samples - 2**level + 1, samples + 1))
+        for t, row in enumerate(rows):
+            row[t : t + taps.size] = taps[::-1]
+        squares.append((rows**2).sum(axis=0) / len(rows))
+    return np.array([[a @ b for b in squares] for a in squares])
+
+
+def wavelet_covariance(
+    parts: Sequence[Covariance], levels: int, samples: int, slope: float = 0.0, cumulant: float = 0.0
+) -> np.ndarray:
+    """V of a sum with a drift of `slope` per sample, Gaussian but for the errors of one that are `cumulant` from it."""
     known: dict[int, mp.mpf] = {}
 
     def running(m: int) -> mp.mpf:
@@ -55,4 +98,4 @@ def wavelet_covariance(parts: Sequence[Covariance], levels: int, samples: int, s
                     total += pairs * (2 * covariance**2 + 4 * mean * covariance)
                 count = (samples - 2 * fine + 1) * (samples - 2 * coarse + 1)
                 result[j - 1, k - 1] = result[k - 1, j - 1] = float(total / count)
-    return result
+    return result + cumulant * shared_errors(levels, samples)

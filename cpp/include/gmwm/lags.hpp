@@ -7,21 +7,30 @@
 #include <span>
 #include <vector>
 
+#include "gmwm/buffer.hpp"
+
 namespace gmwm {
 
 struct Lags {
-  std::vector<std::int64_t> finer;    // index of the finer level of the pair, into `levels`
-  std::vector<std::int64_t> coarser;  // index of the coarser one (or the same)
-  std::vector<double> lag;            // u of Cov(W_finer,t, W_coarser,t+u): an integer, or a node between integers
-  std::vector<double> weight;         // of the lag in the sum over all pairs (t, t + u) inside the record
-  std::vector<std::int8_t> odd;       // whether the node stands for odd lags: of single lags, and if alternating
+  std::vector<std::int64_t> starts;  // first place of each pair of levels; pairs go by the coarser level, then the finer
+  std::size_t size = 0;
+  AlignedArray fine;                // h of the finer level
+  AlignedArray coarse;              // h of the coarser one (or the same)
+  AlignedArray lag;                 // u of Cov(W_fine,t, W_coarse,t+u): an integer, or a node between integers
+  AlignedArray weight;              // of the lag in the sum over all pairs (t, t + u) inside the record
+  std::vector<std::uint8_t> odd;    // whether the node stands for odd lags; empty unless alternating
 };
 
-// levels: ascending. The covariance is polynomial between its kinks, plus exponentials in the distance to a kink with
-// rates from slowest to fastest (0, 0: none); where there are exponentials, it does not end at the filters' reach.
-// `alternating`: it is one such function at even lags and another at odd ones, so each has nodes of its own.
-Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples, double slowest, double fastest,
-                     bool alternating);
+// Which pairs of levels, and what the covariance is like between its kinks.
+struct Smoothness {
+  double slowest = 0;        // polynomial, plus exponentials in the distance to a kink with rates from slowest
+  double fastest = 0;        // to fastest (0, 0: none); where there are, it does not end at the filters' reach
+  bool alternating = false;  // one such function at even lags and another at odd ones: each has nodes of its own
+  bool diagonal = false;     // pairs of a level with itself only
+};
+
+// levels: ascending.
+Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples, const Smoothness& smooth);
 
 // Gauss rule with `nodes` nodes for the sum over the integers 0 … points - 1: exact for polynomials below degree
 // 2 nodes. Writes nodes and weights.

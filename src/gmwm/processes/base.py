@@ -39,6 +39,7 @@ Theory = Literal[
     "state_space",
     "simulate",
     "coefficient_covariance",
+    "generalised_covariance",
 ]
 
 # What each piece of theory can be derived from; the first that the process has is taken.
@@ -50,6 +51,7 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "simulate": ("state_space",),
     "state_space": (),
     "coefficient_covariance": (),
+    "generalised_covariance": ("autocovariance", "running_sum_covariance"),
 }
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 _WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
@@ -247,6 +249,18 @@ class Process(ABC):
         self._require("autocovariance")
         return self.state_space(as_rate(rate)).autocovariance(as_lags(lags))
 
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """Covariance A(m) at integer `lags` (u²), up to a constant, which filters that sum to zero remove.
+
+        Of a stationary process A(m) = r(m), or r(m) − r(0); of others −½ E(X_{t+m} − X_t)². A mean is no part of it.
+        """
+        self._require("generalised_covariance")
+        if self.has("autocovariance"):
+            return self.autocovariance(lags, rate)
+        m = as_lags(lags)
+        before, here, after = (self.running_sum_covariance(m + shift, rate) for shift in (-1, 0, 1))
+        return np.asarray((here - before) - (after - here))
+
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
 
@@ -263,6 +277,14 @@ class Process(ABC):
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients at pairs of levels and lags, in u²."""
         raise self.missing("coefficient_covariance")
+
+    @property
+    def error_cumulant(self) -> float:
+        """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 where they are Gaussian.
+
+        Uniform errors have −1.2 Var² e: squared wavelet coefficients then scatter less than a Gaussian signal's.
+        """
+        return 0.0
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """Rates λ per sample of the exponentials in `coefficient_covariance`; negative where they alternate in sign."""

@@ -13,7 +13,7 @@ from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
+from gmwm.processes.doors import as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.statespace import StateSpace
 
@@ -52,6 +52,10 @@ class DR(Process):
     def mean(self, t: ArrayLike) -> Vector:
         """ωt at sample numbers t."""
         return np.asarray(self.value("omega") * np.asarray(t, dtype=np.float64))
+
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """None: a drift is a mean."""
+        return np.zeros(np.shape(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """None: a drift is a mean."""

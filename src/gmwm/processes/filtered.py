@@ -47,6 +47,23 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     return values[levels - 1]
 
 
+def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
+    """Filters that give W_j of X_t = e_t − e_{t−1} from the errors e_t, (1 − z) h_j(z): places and taps.
+
+    Of levels 1 … `level`, as long as there are no more than `most` taps; Haar's has three at every level.
+    """
+    taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
+    places, factor = np.flatnonzero(taps), _without_zero(filter)
+    taps = np.asarray(taps[places], dtype=np.float64)
+    filters: list[tuple[Levels, Vector]] = []
+    while len(filters) < level and taps.size <= most:
+        filters.append((places, taps))
+        spread = (2 * places[:, None] + np.arange(factor.size)).ravel()
+        places, where = np.unique(spread, return_inverse=True)
+        taps = np.asarray(np.bincount(where, np.outer(taps, factor).ravel()), dtype=np.float64)
+    return filters
+
+
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,): 0 from two vanishing moments on."""
     if filter.vanishing_moments > 1:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import differences, exponential, filtered
@@ -102,6 +103,11 @@ class _Markov(Process, abstract=True):
         power = np.where(m % 2 == 1, 1.0 + np.exp(-lam * m), -np.expm1(-lam * m))
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """A(m) = s²(φ^|m| − 1), or s²φ^|m| where φ is negative: what is left of it after a constant is not rounded."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
+
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Exponentials in the distance from the ends of the blocks."""
         s2, sign, lam = self._pole(as_rate(rate))
@@ -129,14 +135,12 @@ class _Markov(Process, abstract=True):
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
         """Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
-        from scipy.signal import lfilter
-
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
-        draws[..., 0] *= math.sqrt(s2)
-        draws[..., 1:] *= math.sqrt(-s2 * math.expm1(-2.0 * lam))
-        return np.asarray(lfilter([1.0], [1.0, -sign * math.exp(-lam)], draws, axis=-1), dtype=np.float64)
+        innovation = math.sqrt(-s2 * math.expm1(-2.0 * lam))
+        _core.autoregress(draws.reshape(-1, n), sign * math.exp(-lam), math.sqrt(s2), innovation)
+        return draws
 
 
 @dataclass(frozen=True, repr=False)

@@ -17,7 +17,7 @@ from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
-from gmwm.processes.doors import as_paths, as_rng
+from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Fixed, Value
 from gmwm.statespace import StateSpace
 
@@ -214,11 +214,13 @@ class Model:
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
         """Sample paths of the sum, stationary parts from the start: (n,), or (paths, n)."""
-        terms = self.simulate_terms(n, rate, rng, paths)
-        total = np.zeros_like(next(iter(terms.values())))
+        self._require("simulate")
+        as_paths(n, paths)
+        generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
+        total = np.zeros(shape_of_paths(n, paths))
         # Added in the order of drawing, so that the order of the terms changes no bit.
         for label in self._drawing_order():
-            total += terms[label]
+            total += by_label[label].simulate(n, rate, generator, paths)
         return total
 
     def simulate_terms(

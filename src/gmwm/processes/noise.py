@@ -13,6 +13,7 @@ law tests then hold the two against each other.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,10 @@ class WN(Process):
         """K(m) = −σ²|m|/2."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k) = σ² at k = 0, else 0."""
+        return np.where(as_lags(lags) == 0, self.scale, 0.0)
+
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Triangles, zero beyond the reach of the filters."""
         return self.scale * differences.white(at)
@@ -75,7 +80,9 @@ class WN(Process):
     ) -> NDArray[np.float64]:
         """Gaussian sample paths: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
-        return np.asarray(np.sqrt(self.scale) * as_rng(rng).standard_normal(shape_of_paths(n, paths)))
+        draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
+        draws *= math.sqrt(self.scale)
+        return draws
 
     def correlation_time(self, rate: float) -> float:
         """0: successive samples are uncorrelated."""
@@ -116,9 +123,19 @@ class QN(Process):
         """K(m) = Q² at m = 0, else 0: the running sum is e_t itself."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k) = 2Q², −Q² at k = ±1, else 0."""
+        k = np.abs(as_lags(lags))
+        return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
+
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Spikes at nine lags."""
         return self.scale * differences.quantization(at)
+
+    @property
+    def error_cumulant(self) -> float:
+        """−1.2 Q⁴, of a uniform e."""
+        return -1.2 * self.scale**2
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = 4Q² sin²(πfΔt) Δt."""
@@ -141,7 +158,9 @@ class QN(Process):
         """Sample paths with uniform rounding errors: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
-        return np.asarray(np.sqrt(12.0 * self.scale) * np.diff(errors, axis=-1))
+        differences = np.diff(errors, axis=-1)
+        differences *= math.sqrt(12.0 * self.scale)
+        return differences
 
     def correlation_time(self, rate: float) -> float:
         """0: samples more than one step apart are uncorrelated."""

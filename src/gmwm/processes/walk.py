@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gmwm import _core
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import differences, filtered
@@ -57,6 +58,10 @@ class RW(Process):
         m = np.abs(as_lags(lags)).astype(np.float64)
         return self.scale * (m**3 - m) / 12.0
 
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """A(m) = −γ²|m|/2."""
+        return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
+
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Cubic pieces, zero beyond the reach of the filters."""
         return self.scale * differences.walk(at)
@@ -79,7 +84,8 @@ class RW(Process):
         """Gaussian sample paths: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
-        return np.asarray(np.sqrt(self.scale) * np.cumsum(steps, axis=-1))
+        _core.accumulate(steps.reshape(-1, n), math.sqrt(self.scale))
+        return steps
 
     def correlation_time(self, rate: float) -> float:
         """Infinite."""

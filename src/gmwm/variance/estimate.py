@@ -16,7 +16,7 @@ from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.variance.coefficients import PlainCoefficients
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.robust import haar_robust_variances, robust_variances
+from gmwm.variance.robust import RobustVariances, haar_robust_variances, robust_variances
 from gmwm.variance.transform import (
     Transform,
     as_level_count,
@@ -113,7 +113,6 @@ def wavelet_variance(
     wavelet = find_filter(filter)
     if transform not in ("modwt", "dwt"):
         raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
-    running_sum = wavelet is HAAR and transform == "modwt"
     signal = x if isinstance(x, Signal) else None
     if signal is None:
         values = as_vector(x, "x", finite=False)
@@ -136,16 +135,11 @@ def wavelet_variance(
     counts = coefficient_counts(n, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
     if robust:
-        if running_sum:
-            found = haar_robust_variances(values, levels, efficiency)
-        else:
-            found = robust_variances(_plain(values, wavelet, transform, levels), efficiency)
+        found = _robust(values, wavelet, transform, levels, efficiency)
         variance, diagnostics["robust"] = found.variance, found.diagnostics
         slope = _slope(_clipped(values))
-    elif running_sum:
-        variance = _core.haar_variance(values, levels)
     else:
-        variance = variances(values, wavelet, transform, levels)
+        variance = _classical(values, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
         raise DataError("x is too large to be squared in double precision; scale it down")
     eta = degrees_of_freedom(counts, numbers, transform) * (efficiency if robust else 1.0)
@@ -158,6 +152,33 @@ def wavelet_variance(
         robust=robust, efficiency=efficiency if robust else None, slope=slope,
         diagnostics=diagnostics,
     )  # fmt: skip
+
+
+def variances_alone(
+    values: Vector, filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
+) -> Vector:
+    """ν̂_j² of levels 1 … J of samples that are known to be good, robust where an efficiency is given."""
+    if efficiency is None:
+        return _classical(values, filter, transform, levels)
+    return _robust(values, filter, transform, levels, efficiency).variance
+
+
+def _classical(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
+    if _by_running_sum(filter, transform):
+        return _core.haar_variance(values, levels)
+    return variances(values, filter, transform, levels)
+
+
+def _robust(
+    values: Vector, filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
+) -> RobustVariances:
+    if _by_running_sum(filter, transform):
+        return haar_robust_variances(values, levels, efficiency)
+    return robust_variances(_plain(values, filter, transform, levels), efficiency)
+
+
+def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
+    return filter is HAAR and transform == "modwt"
 
 
 def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> PlainCoefficients:

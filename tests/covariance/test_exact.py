@@ -10,7 +10,9 @@ import pytest
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN, wavelet_covariance
 
-_spec = importlib.util.spec_from_file_location("covariance_oracle", Path(__file__).parent / "oracles/covariance.py")
+_spec = importlib.util.spec_from_file_location(
+    "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
+)
 oracle = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(oracle)
 
@@ -24,19 +26,26 @@ def gauss_markov(beta, variance):
 
 CASES = {
     "white noise": (WN(1.5), [oracle.white(1.5)], 0.0),
-    "quantization": (QN(0.7), [oracle.quantization(0.7)], 0.0),
+    "quantization": (QN(0.7), [oracle.quantization(0.7)], 0.0, -1.2 * 0.7**2),
     "random walk": (RW(1e-4), [oracle.walk(1e-4)], 0.0),
+    "wandering Gauss-Markov": (GM(1e-60, 2.0), [oracle.walk(4e-62)], 0.0),
     "slow Gauss-Markov": (GM(1e-6, 2.0), [gauss_markov(1e-6, 2.0)], 0.0),
     "Gauss-Markov": (GM(0.7, 2.0), [gauss_markov(0.7, 2.0)], 0.0),
     "fast Gauss-Markov": (GM(90.0, 2.0), [gauss_markov(90.0, 2.0)], 0.0),
     "white Gauss-Markov": (GM(9e3, 2.0), [gauss_markov(9e3, 2.0)], 0.0),
     "AR1": (AR1(0.9, 0.3), [oracle.markov(mp.mpf(0.9), 0.3 / (1 - 0.9**2))], 0.0),
     "negative AR1": (AR1(-0.97, 0.3), [oracle.markov(mp.mpf(-0.97), 0.3 / (1 - 0.97**2))], 0.0),
+    "slow negative AR1": (
+        AR1(-np.exp(-1e-4), 0.3),
+        [oracle.markov(-mp.exp(mp.mpf(-1e-4)), 0.3 / -np.expm1(-2e-4))],
+        0.0,
+    ),
     "drift": (DR(0.01) + WN(1.0), [oracle.white(1.0)], 0.01),
     "everything": (
         GM(3.0, 1.0) + GM(0.05, 2.0) + WN(4.0) + QN(3.0) + RW(1e-4) + DR(-0.002),
         [gauss_markov(3, 1.0), gauss_markov(0.05, 2.0), oracle.white(4.0), oracle.quantization(3.0), oracle.walk(1e-4)],
         0.002,
+        -1.2 * 3.0**2,
     ),
 }  # fmt: skip
 
@@ -44,9 +53,8 @@ CASES = {
 @pytest.mark.parametrize("samples", [64, 333])
 @pytest.mark.parametrize("name", CASES)
 def test_against_the_definition(name, samples):
-    model, parts, slope = CASES[name]
-    levels = samples.bit_length() - 1
-    expected = oracle.wavelet_covariance(parts, levels, samples, slope)
+    model, parts, *rest = CASES[name]
+    expected = oracle.wavelet_covariance(parts, samples.bit_length() - 1, samples, *rest)
     np.testing.assert_allclose(wavelet_covariance(model, samples, RATE), expected, rtol=1e-8)
 
 

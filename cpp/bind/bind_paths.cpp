@@ -1,0 +1,41 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstddef>
+#include <span>
+#include <stdexcept>
+
+#include "gmwm/paths.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+std::span<double> view(const Rows& rows) {
+  if (rows.shape(1) == 0) throw std::invalid_argument("values must have at least one column");
+  return {rows.data(), rows.shape(0) * rows.shape(1)};
+}
+
+void autoregress(const Rows& values, double phi, double first, double rest) {
+  const std::span<double> all = view(values);
+  const nb::gil_scoped_release release;
+  gmwm::autoregress(all, values.shape(1), phi, first, rest);
+}
+
+void accumulate(const Rows& values, double scale) {
+  const std::span<double> all = view(values);
+  const nb::gil_scoped_release release;
+  gmwm::accumulate(all, values.shape(1), scale);
+}
+
+}  // namespace
+
+void bind_paths(nb::module_& m) {
+  m.def("autoregress", &autoregress, "values"_a.noconvert(), "phi"_a, "first"_a, "rest"_a,
+          "Turn each row x in place into y_0 = first x_0, y_t = phi y_{t-1} + rest x_t.");
+  m.def("accumulate", &accumulate, "values"_a.noconvert(), "scale"_a,
+          "Turn each row x in place into y_t = scale (x_0 + ... + x_t).");
+}

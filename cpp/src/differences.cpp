@@ -1,0 +1,225 @@
+// With y = |u - b + h_j| at the offsets b = 0, h_k, 2 h_k of the coarser filter, d = h_j - y, and D the covariance of
+// the running sum differenced over the finer filter, the result is D(u) - 2 D(u - h_k) + D(u - 2 h_k). D is only known
+// up to what that removes, and is 0 at d = 0 here:
+//   white noise  -max(d, 0)                      random walk  -h² d / 2 + (d³ - d) / 6 where d > 0.
+// Of exp(-λ |k|), times 2 sinh²(λ/2), with a = λh, x = λy, ε = 1 - exp(-a):
+//   d <= 0:  ε² (1 - exp(λd)) / 2
+//   d > 0:   ε (cosh x - cosh a) - (sinh x - x) + (sinh a - a) - d (sinh λ - λ).
+#include "gmwm/differences.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "gmwm/clones.hpp"
+
+namespace gmwm {
+
+namespace {
+
+constexpr std::size_t block = 16;
+
+// exp(z) - 1 for z <= 0, to rounding; no branch, so that loops over it vectorise.
+GMWM_INLINE double expm1_below(double z) {
+  constexpr double shift = 0x1.8p52, high = 0x1.62e42fefa3800p-1, low = 0x1.ef35793c76730p-45;
+  z = std::max(z, -700.0);
+  const double shifted = z * 0x1.71547652b82fep0 + shift;
+  const double k = shifted - shift;
+  const double r = (z - k * high) - k * low;
+  double p = 1.0 / 6227020800.0;
+  for (const double c : {1.0 / 479001600, 1.0 / 39916800, 1.0 / 3628800, 1.0 / 362880, 1.0 / 40320, 1.0 / 5040,
+                         1.0 / 720, 1.0 / 120, 1.0 / 24, 1.0 / 6, 0.5, 1.0})
+    p = p * r + c;
+  const double power = std::bit_cast<double>((std::bit_cast<std::int64_t>(shifted) + 1023) << 52);
+  return power * (p * r) + (power - 1);
+}
+
+// cosh x - 1 and sinh x - x where |x| <= 1.
+GMWM_INLINE void short_series(double x, double& cosh_part, double& sinh_part) {
+  const double s = x * x;
+  double c = 1.0 / 6402373705728000, h = 1.0 / 121645100408832000;
+  for (const double term : {1.0 / 20922789888000, 1.0 / 87178291200, 1.0 / 479001600, 1.0 / 3628800, 1.0 / 40320,
+                            1.0 / 720, 1.0 / 24, 0.5})
+    c = c * s + term;
+  for (const double term : {1.0 / 355687428096000, 1.0 / 1307674368000, 1.0 / 6227020800, 1.0 / 39916800,
+                            1.0 / 362880, 1.0 / 5040, 1.0 / 120, 1.0 / 6})
+    h = h * s + term;
+  cosh_part = c * s;
+  sinh_part = h * s * x;
+}
+
+double sinh_excess(double x) {
+  if (x > 1) return std::sinh(x) - x;
+  double cosh_part, sinh_part;
+  short_series(x, cosh_part, sinh_part);
+  return sinh_part;
+}
+
+// What exp(-λ |k|) makes of one pair of levels.
+struct Decay {
+  double h, hk, decay;
+  double gain, epsilon, epsilon_coarse, cosh_part, sinh_part, excess, sinh_decay, at_end;
+  bool by_series;
+
+  Decay(double fine, double coarse, double rate) : h(fine), hk(coarse), decay(rate) {
+    const double half = std::sinh(0.5 * rate), a = rate * fine;
+    gain = 0.5 / (half * half);
+    epsilon = -std::expm1(-a);
+    epsilon_coarse = -std::expm1(-rate * coarse);
+    excess = sinh_excess(rate);
+    sinh_decay = std::sinh(rate);
+    by_series = a <= 1;
+    cosh_part = sinh_part = 0;
+    if (by_series) short_series(a, cosh_part, sinh_part);
+    at_end = std::exp(-a);
+  }
+
+  GMWM_INLINE double outside(double d) const {
+    return -0.5 * epsilon * epsilon * expm1_below(decay * std::min(d, 0.0));
+  }
+
+  // a <= 1.
+  GMWM_INLINE double inside_series(double d) const {
+    d = std::max(d, 0.0);
+    double c, s;
+    short_series(decay * (h - d), c, s);
+    return epsilon * (c - cosh_part) - (s - sinh_part) - d * excess;
+  }
+
+  // a > 1: nothing cancels in exp(-x) - exp(-a) cosh x.
+  GMWM_INLINE double inside_direct(double d) const {
+    d = std::max(d, 0.0);
+    const double near = expm1_below(-decay * (h - d)) + 1;
+    return near * (1 - 0.5 * at_end) - at_end - 0.5 * expm1_below(-decay * d) + 0.5 * at_end * at_end - d * sinh_decay;
+  }
+
+  // Where the reach ends, the coefficients are those of two blocks, one of which decays into the other.
+  GMWM_INLINE double beyond(double u) const {
+    const double distance = std::max(u - 2 * hk, -2 * h - u);
+    const double ends = epsilon * epsilon_coarse;
+    return -0.5 * ends * ends * (expm1_below(-decay * std::max(distance, 0.0)) + 1);
+  }
+};
+
+// d at one of the three offsets, for a block of lags, and whether all or none of them are inside.
+struct Depths {
+  double d[block];
+  double least, most;
+};
+
+GMWM_INLINE void depths(const double* u, double h, double offset, Depths& to) {
+  for (std::size_t i = 0; i < block; ++i) to.d[i] = h - std::abs(u[i] - offset + h);
+  to.least = to.most = to.d[0];
+  for (std::size_t i = 1; i < block; ++i) {
+    to.least = std::min(to.least, to.d[i]);
+    to.most = std::max(to.most, to.d[i]);
+  }
+}
+
+// Adds weight · D to a block.
+GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double weight, double* out) {
+  if (depth.most <= 0) {
+    for (std::size_t i = 0; i < block; ++i) out[i] += weight * at.outside(depth.d[i]);
+    return;
+  }
+  double inside[block];
+  if (at.by_series)
+    for (std::size_t i = 0; i < block; ++i) inside[i] = at.inside_series(depth.d[i]);
+  else
+    for (std::size_t i = 0; i < block; ++i) inside[i] = at.inside_direct(depth.d[i]);
+  if (depth.least > 0) {
+    for (std::size_t i = 0; i < block; ++i) out[i] += weight * inside[i];
+    return;
+  }
+  for (std::size_t i = 0; i < block; ++i) {
+    const double outside = at.outside(depth.d[i]);
+    out[i] += weight * (depth.d[i] > 0 ? inside[i] : outside);
+  }
+}
+
+GMWM_CLONES void exponential_block(const Decay& at, const double* u, double* out) {
+  double beyond[block], value[block] = {};
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < block; ++i) count += u[i] >= 2 * at.hk || u[i] <= -2 * at.h;
+  if (count < block) {
+    Depths depth;
+    for (int b = 0; b < 3; ++b) {
+      depths(u, at.h, b * at.hk, depth);
+      add_difference(at, depth, b == 1 ? -2 : 1, value);
+    }
+    if (count == 0) {
+      for (std::size_t i = 0; i < block; ++i) out[i] = at.gain * value[i];
+      return;
+    }
+  }
+  for (std::size_t i = 0; i < block; ++i) beyond[i] = at.beyond(u[i]);
+  for (std::size_t i = 0; i < block; ++i)
+    out[i] = at.gain * (u[i] >= 2 * at.hk || u[i] <= -2 * at.h ? beyond[i] : value[i]);
+}
+
+// The second difference of D(h, d) over the coarser filter, exactly zero where the filters do not overlap.
+template <class Difference>
+GMWM_INLINE void within_reach(const Nodes& nodes, Difference difference, double* out) {
+  const double *fine = nodes.fine.data(), *coarse = nodes.coarse.data(), *lag = nodes.lag.data();
+  for (std::size_t i = 0; i < nodes.lag.size(); ++i) {
+    const double h = fine[i], hk = coarse[i], u = lag[i];
+    const double value = difference(h, h - std::abs(u + h)) - 2 * difference(h, h - std::abs(u - hk + h)) +
+                         difference(h, h - std::abs(u - 2 * hk + h));
+    out[i] = u >= 2 * hk || u <= -2 * h ? 0.0 : value;
+  }
+}
+
+GMWM_CLONES void white_clone(const Nodes& nodes, double* out) {
+  within_reach(nodes, [](double, double d) { return -std::max(d, 0.0); }, out);
+}
+
+GMWM_CLONES void walk_clone(const Nodes& nodes, double* out) {
+  within_reach(
+      nodes,
+      [](double h, double d) {
+        const double inside = std::max(d, 0.0);
+        return -0.5 * h * h * d + (inside * inside * inside - inside) / 6;
+      },
+      out);
+}
+
+GMWM_CLONES void spike_clone(const Nodes& nodes, double* out) {
+  const double *fine = nodes.fine.data(), *coarse = nodes.coarse.data(), *lag = nodes.lag.data();
+  for (std::size_t i = 0; i < nodes.lag.size(); ++i) {
+    const double h = fine[i], hk = coarse[i], u = lag[i];
+    double sum = 0;
+    for (int b = 0; b < 3; ++b) {
+      const double m = u - b * hk;
+      const double spikes = (m == 0 ? 1.0 : 0.0) - (m == -h ? 2.0 : 0.0) + (m == -2 * h ? 1.0 : 0.0);
+      sum += b == 1 ? -2 * spikes : spikes;
+    }
+    out[i] = sum;
+  }
+}
+
+}  // namespace
+
+void white_differences(const Nodes& nodes, std::span<double> out) { white_clone(nodes, out.data()); }
+
+void walk_differences(const Nodes& nodes, std::span<double> out) { walk_clone(nodes, out.data()); }
+
+void spike_differences(const Nodes& nodes, std::span<double> out) { spike_clone(nodes, out.data()); }
+
+void exponential_differences(const Nodes& nodes, double decay, std::span<double> out) {
+  const std::size_t n = nodes.lag.size();
+  for (std::size_t first = 0, end; first < n; first = end) {
+    const double h = nodes.fine[first], hk = nodes.coarse[first];
+    for (end = first + 1; end < n && nodes.fine[end] == h && nodes.coarse[end] == hk;) ++end;
+    const Decay at(h, hk, decay);
+    std::size_t i = first;
+    for (; i + block <= end; i += block) exponential_block(at, &nodes.lag[i], &out[i]);
+    if (i == end) continue;
+    double u[block], value[block];
+    for (std::size_t l = 0; l < block; ++l) u[l] = nodes.lag[std::min(i + l, end - 1)];
+    exponential_block(at, u, value);
+    std::copy(value, value + (end - i), &out[i]);
+  }
+}
+
+}  // namespace gmwm

@@ -1,0 +1,142 @@
+"""The covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
+
+The coefficients are second differences of a running sum, whose covariances are closed forms with a few kinks; sums
+over lags take the kinks one by one, and a Gauss rule for integers in each smooth piece between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.robust import hermite_weights
+from gmwm.covariance.setting import Setting
+from gmwm.processes.base import Process
+from gmwm.processes.differences import LagGrid
+from gmwm.processes.model import Model
+from gmwm.variance.robust import FEW
+
+
+def knows(model: Model, setting: Setting) -> bool:
+    """Whether this module has the covariance: Haar MODWT, and a closed form of every process."""
+    return setting.running_sum and model.has("coefficient_covariance")
+
+
+def covariance(model: Model, setting: Setting) -> Matrix:
+    """V (J, J), in u⁴."""
+    size = setting.levels.size
+    coarser, finer = np.tril_indices(size)
+    v = np.empty((size, size))
+    v[finer, coarser] = v[coarser, finer] = _entries(model, setting, diagonal=False)
+    return v
+
+
+def variances(model: Model, setting: Setting) -> Vector:
+    """The diagonal of V (J,), in u⁴."""
+    return _entries(model, setting, diagonal=True)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """Places of pairs of levels in the setting, in the order of the kernel; all half-scales h and counts M."""
+
+    finer: NDArray[np.int64]
+    coarser: NDArray[np.int64]
+    half: Vector
+    counts: Vector
+
+    def outer(self, values: Vector) -> Vector:
+        """x_j x_k of each pair."""
+        return np.asarray(values[self.finer] * values[self.coarser])
+
+    @property
+    def least_count(self) -> Vector:
+        """Number of coefficients of the level that has fewer of them."""
+        return np.minimum(self.counts[self.finer], self.counts[self.coarser])
+
+
+def _entries(model: Model, setting: Setting, *, diagonal: bool) -> Vector:
+    """V_jk of all pairs, or of each level with itself."""
+    size, half = setting.levels.size, np.ldexp(1.0, setting.levels - 1)
+    coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
+    pairs = _Pairs(finer, coarser, half, setting.counts.astype(np.float64))
+    present = [process for process in model.processes if process.scale > 0]
+    at, weight, starts = _lags(present, setting, diagonal=diagonal)
+    covariance = _coefficient_covariance(present, at, setting.rate)
+    scale = 4 * pairs.outer(half)
+    slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
+    total = np.zeros(finer.size)
+    if slope:
+        total += slope**2 * pairs.outer(half) / scale * np.add.reduceat(weight * covariance, starts)
+    squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
+    if setting.efficiency is not None:
+        robust = _robust_sum(present, pairs, setting, covariance, weight, starts)
+        squares = np.where(pairs.least_count <= FEW, squares, robust)
+    elif cumulant := sum(process.error_cumulant for process in present):
+        # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.
+        squares += cumulant * _excess(pairs, setting.samples) / scale**2
+    total += squares
+    return np.asarray(total / pairs.outer(pairs.counts))
+
+
+def _lags(present: list[Process], setting: Setting, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """Nodes of all pairs, their weights, and where each pair starts."""
+    decays = [decay for process in present for decay in process.decays(setting.rate)]
+    sizes = [abs(decay) for decay in decays]
+    starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
+        setting.levels, setting.samples, min(sizes, default=0.0), max(sizes, default=0.0),
+        any(decay < 0 for decay in decays), diagonal,
+    )  # fmt: skip
+    return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
+
+
+def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
+    """2^(j+k) Cov(W_j, W_k), over the nodes."""
+    total = np.zeros_like(at.lag)
+    for process in present:
+        total += process.coefficient_covariance(at, rate)
+    return total
+
+
+def _power_sum(covariance: Vector, weight: Vector, starts: NDArray[np.int64]) -> Vector:
+    """Σ_u n(u) Cov² of each pair."""
+    terms = covariance * covariance
+    terms *= weight
+    return np.asarray(np.add.reduceat(terms, starts))
+
+
+def _robust_sum(
+    present: list[Process],
+    pairs: _Pairs,
+    setting: Setting,
+    covariance: Vector,
+    weight: Vector,
+    starts: NDArray[np.int64],
+) -> Vector:
+    """ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ^q of each pair."""
+    assert setting.efficiency is not None
+    half = pairs.half
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), setting.rate)
+    size = pairs.outer(own)
+    # A zero model has no correlations, and no covariance.
+    unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
+    squares = covariance * covariance / unit
+    terms = weight * squares * np.polyval(hermite_weights(setting.efficiency)[::-1], squares)
+    return np.asarray(size / (4 * pairs.outer(half)) ** 2 * np.add.reduceat(terms, starts))
+
+
+def _excess(pairs: _Pairs, samples: int) -> Vector:
+    """Σ_a Σ_b c_a² c_b² n(b − a), c = (1, −2, 1) at 0, h, 2h: pairs of coefficients that share an error, per κ₄."""
+    fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
+    total = np.zeros(fine.size)
+    for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):
+        for b, weight_b in ((0, 1.0), (1, 4.0), (2, 1.0)):
+            lag = b * coarse - a * fine
+            first = np.maximum(2 * fine - 1, 2 * coarse - 1 - lag)
+            last = samples - 1 - np.maximum(lag, 0.0)
+            total += weight_a * weight_b * np.maximum(last - first + 1, 0.0)
+    return total

@@ -1,0 +1,46 @@
+"""What the robust estimate makes of correlated Gaussian coefficients: its Hermite expansion."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from gmwm._arrays import Vector, freeze
+from gmwm.variance.biweight import biweight
+
+HIGHEST = 16
+"""Order of the last Hermite polynomial that is taken one by one."""
+
+
+def hermite_weights(efficiency: float) -> Vector:
+    """c_2, c_4, …, c_16 of the robust estimate, with which
+
+        Cov(ν̂_j², ν̂_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k)
+
+    for a Gaussian signal, ρ_jk(u) = Corr(W_{j,t}, W_{k,t+u}). With b_q = E[ρ(r) He_q(r)] / q! of the biweight ρ, c_q =
+    q! b_q² / b_2², so that c_2 = 2, as of the classical estimate, which has no others; Σ c_q = 2 / efficiency. What is
+    beyond q = 16 is added to the last, so that uncorrelated coefficients have exactly the efficiency that they should.
+
+    >>> hermite_weights(0.6).round(5)[:4]
+    array([2.     , 1.0747 , 0.22872, 0.02811])
+    """
+    return _weights(float(efficiency))
+
+
+@lru_cache(maxsize=64)
+def _weights(efficiency: float) -> Vector:
+    c = biweight(efficiency).c
+    nodes, gauss = np.polynomial.legendre.leggauss(128)
+    r = c * (1 + nodes) / 2
+    # ρ is even and ends at c: Gauss rule for a polynomial times a density, both signs of r at once.
+    rho = c * gauss / math.sqrt(2 * math.pi) * np.exp(-(r**2) / 2) * r**2 * (1 - (r / c) ** 2) ** 4
+    before, here, moments = np.ones_like(r), r, []
+    for q in range(1, HIGHEST + 1):
+        if q % 2 == 0:
+            moments.append(float(rho @ here) ** 2 / math.factorial(q))
+        before, here = here, r * here - q * before
+    weights = 2 * np.array(moments) / moments[0]
+    weights[-1] += max(2 / efficiency - weights.sum(), 0.0)
+    return np.asarray(freeze(weights))
