@@ -17,7 +17,7 @@ from pkgutil import walk_packages
 import pytest
 
 import gmwm
-from gmwm._late import LateMethod
+from gmwm._late import LateMethod, LateProperty
 from gmwm.processes import registry
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -27,7 +27,16 @@ LONGEST_FILE = 600
 
 # Every method of a result whose code lives on a higher floor, and where it lives.
 LATE_METHODS = {
+    "gmwm.estimation.result.Fit._repr_html_": "gmwm.inference.summary:as_html",
+    "gmwm.estimation.result.Fit.bootstrap": "gmwm.inference.bootstrap:bootstrap",
+    "gmwm.estimation.result.Fit.confidence_intervals": "gmwm.inference.intervals:confidence_intervals",
+    "gmwm.estimation.result.Fit.covariance": "gmwm.inference.asymptotic:parameter_covariance",
+    "gmwm.estimation.result.Fit.goodness_of_fit": "gmwm.inference.goodness:goodness_of_fit",
     "gmwm.estimation.result.Fit.plot": "gmwm.plots.fit:plot_fit",
+    "gmwm.estimation.result.Fit.sandwich": "gmwm.inference.asymptotic:sandwich",
+    "gmwm.estimation.result.Fit.standard_errors": "gmwm.inference.asymptotic:standard_errors",
+    "gmwm.estimation.result.Fit.summary": "gmwm.inference.summary:summary",
+    "gmwm.inference.plan.Plan.plot": "gmwm.plots.plan:plot_plan",
     "gmwm.variance.avlr.AllanRegression.plot": "gmwm.plots.allan:plot_avlr",
     "gmwm.variance.clusters.ClusterVariance.plot": "gmwm.plots.allan:plot_allan",
     "gmwm.variance.result.WaveletVariance.plot": "gmwm.plots.variance:plot_wavelet_variance",
@@ -59,13 +68,13 @@ def project() -> dict[str, object]:
         return tomllib.load(file)["project"]  # type: ignore[no-any-return]
 
 
-def late_methods() -> Iterator[tuple[str, LateMethod[..., object]]]:
+def late_methods() -> Iterator[tuple[str, LateMethod[..., object] | LateProperty[object]]]:
     for name in modules():
         for _, found in inspect.getmembers(import_module(name), inspect.isclass):
             if found.__module__ != name:
                 continue
             for attribute, value in vars(found).items():
-                if isinstance(value, LateMethod):
+                if isinstance(value, LateMethod | LateProperty):
                     yield f"{name}.{found.__qualname__}.{attribute}", value
 
 

@@ -7,6 +7,7 @@ correlation time β of a Gauss-Markov process, which is in 1/s. Levels count fro
 """
 
 from gmwm.covariance import wavelet_covariance as wavelet_covariance
+from gmwm.covariance.empirical import empirical_covariance as empirical_covariance
 from gmwm.errors import DataError as DataError
 from gmwm.errors import FitWarning as FitWarning
 from gmwm.errors import GmwmError as GmwmError
@@ -23,6 +24,8 @@ from gmwm.estimation import Fit as Fit
 from gmwm.estimation import fit as fit
 from gmwm.filters import WaveletFilter as WaveletFilter
 from gmwm.filters import find_filter as find_filter
+from gmwm.inference.plan import Plan as Plan
+from gmwm.inference.plan import plan as plan
 from gmwm.inspection import Inspection as Inspection
 from gmwm.inspection import inspect as inspect
 from gmwm.plots import compare as compare

@@ -36,3 +36,30 @@ class LateMethod(Generic[P, R]):
         if instance is None:
             return self
         return partial(self.resolve(), instance)
+
+
+class LateProperty(Generic[R]):
+    """What the function `target`, written "module:function", makes of the object: computed once, when asked for."""
+
+    def __init__(self, target: str, doc: str) -> None:
+        self._method: LateMethod[[], R] = LateMethod(target, doc)
+        self.target = target
+        self.__doc__ = doc
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def resolve(self) -> Callable[..., R]:
+        """The function itself."""
+        return self._method.resolve()
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> LateProperty[R]: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> R: ...
+    def __get__(self, instance: object | None, owner: type) -> Any:
+        if instance is None:
+            return self
+        # In the object's own dictionary, which is looked at before this is: frozen classes have one too.
+        value = instance.__dict__[self.name] = self.resolve()(instance)
+        return value

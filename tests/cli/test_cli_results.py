@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
+from gmwm.inference.summary import Way, inference
 from gmwm.readers import read
 from gmwm.simulation import reference_imu
 
@@ -130,7 +131,8 @@ def test_fit_json_is_the_library_s(gmwm, recording):
     assert list(content["axes"]) == AXES[3:]
     imu = read(recording)
     for axis, found in content["axes"].items():
-        expected = library.fit("GM + WN", imu[axis]).to_dict()
+        fit = library.fit("GM + WN", imu[axis])
+        expected = fit.to_dict() | inference(fit, Way())
         assert found == json.loads(json.dumps(expected))
         assert set(found) >= {"parameters", "units", "objective", "lower_bound", "weighting", "wavelet_variance"}
         assert found["lower_bound"] <= found["objective"]
@@ -141,8 +143,9 @@ def test_fit_tables(gmwm, recording):
     assert outcome.code == 0
     fits = [library.fit("WN + RW", read(recording)[axis]) for axis in AXES[:3]]
     for found in fits:
-        for value in found.parameters.values():
-            assert f"{value:.3e}" in outcome.out
+        for name, value in found.parameters.items():
+            assert (f"{value:.3e}" if value else f"≤ {found.confidence_intervals()[name][1]:.3e}") in outcome.out
+        assert found.goodness_of_fit().pvalue_in_words in outcome.out
         assert f"{found.objective:.5g}" in outcome.out
     assert "accel" not in outcome.out
 
@@ -244,11 +247,14 @@ def test_demo_compares_with_the_truth(demo):
     assert {(r["axis"], r["parameter"]) for r in rows} == {(a, p) for a, values in truth.items() for p in values}
     for row in rows:
         assert row["truth"] == truth[row["axis"]][row["parameter"]]
-        assert row["ratio"] == pytest.approx(row["estimate"] / row["truth"])
-        assert f"{row['truth']:.3e}   {row['estimate']:.3e}   {row['ratio']:.3f}" in words.out
+        low, high = row["interval"]
+        assert f"{row['truth']:.2e}   {row['estimate']:.2e}   {low:.2e} … {high:.2e}" in words.out
+        assert low < row["estimate"] < high
         if row["parameter"] in ("WN.sigma2", "QN.q2"):
             # Four standard errors at 10^5 samples, a little more where QN and WN share the first levels.
-            assert 0.9 < row["ratio"] < 1.1
+            assert 0.9 < row["estimate"] / row["truth"] < 1.1
+    inside = [row["interval"][0] <= row["truth"] <= row["interval"][1] for row in rows]
+    assert np.mean(inside) > 0.8
 
 
 def test_demo_estimates_come_from_its_file(demo, gmwm):

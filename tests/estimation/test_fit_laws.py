@@ -18,6 +18,7 @@ CHAIN = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW", "2*GM + WN + RW + QN
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 
 seeds = st.integers(0, 2**32 - 1)
+WEIGHTINGS = st.sampled_from(["diagonal", "optimal", "identity"])
 
 
 def observed(seed: int, samples: int = 50_000) -> WaveletVariance:
@@ -35,7 +36,9 @@ def observed(seed: int, samples: int = 50_000) -> WaveletVariance:
 @given(seeds)
 def test_a_model_that_contains_another_never_fits_worse(seed: int) -> None:
     wv = observed(seed)
-    fits = [gmwm.fit(text, wv) for text in CHAIN]
+    # With one and the same Ω: that of the largest model.
+    omega = gmwm.fit(CHAIN[-1], wv).weighting_matrix
+    fits = [gmwm.fit(text, wv, weighting=omega) for text in CHAIN]
     for smaller, larger in itertools.pairwise(fits):
         assert larger.objective <= smaller.objective * (1 + 1e-9)
         assert larger.relaxed_bound <= larger.lower_bound * (1 + 1e-9)
@@ -51,13 +54,13 @@ def test_the_order_of_terms_changes_nothing(seed: int) -> None:
     first = gmwm.fit(Model(tuple(terms)), wv)
     for order in np.random.default_rng(seed).permuted(np.tile(np.arange(5), (3, 1)), axis=1):
         again = gmwm.fit(Model(tuple(terms[k] for k in order)), wv)
-        assert again.objective == pytest.approx(first.objective, rel=1e-11)
+        assert again.objective == pytest.approx(first.objective, rel=1e-8)
         for name, value in first.parameters.items():
             assert again.parameters[name] == pytest.approx(value, rel=1e-6)
 
 
 @settings(max_examples=8, derandomize=True, deadline=None)
-@given(seeds, st.sampled_from([1e-12, 1e-5, 0.3, 17.0, 1e6, 1e12]), st.sampled_from(["diagonal", "identity"]))
+@given(seeds, st.sampled_from([1e-12, 1e-5, 0.3, 17.0, 1e6, 1e12]), WEIGHTINGS)
 def test_scaling_the_data_scales_the_estimates(seed: int, factor: float, weighting: str) -> None:
     wv = observed(seed)
     scaled = WaveletVariance.from_values(wv.variance * factor**2, samples=wv.samples, rate=RATE)
@@ -65,7 +68,7 @@ def test_scaling_the_data_scales_the_estimates(seed: int, factor: float, weighti
     for name, value in one.parameters.items():
         expected = value if name.endswith("beta") else value * factor**2
         assert other.parameters[name] == pytest.approx(expected, rel=1e-9 if name.endswith("beta") else 1e-8)
-    power = 0 if weighting == "diagonal" else 4
+    power = 4 if weighting == "identity" else 0
     assert other.objective == pytest.approx(one.objective * factor**power, rel=1e-9)
 
 
@@ -199,7 +202,7 @@ def test_no_correlation_time_however_long_beats_the_bound(seed: int, weighting: 
     x = (RW(1e-9) + WN(1e-8)).simulate(10_000, RATE, seed)
     fit = gmwm.fit("GM + WN", x, RATE, weighting=weighting)
     for beta in (1e-15, 1e-12, 1e-9, 1e-6, 1e4, 1e6):
-        held = gmwm.fit(GM(beta=gmwm.fixed(beta)) + WN(), x, RATE, weighting=weighting)
+        held = gmwm.fit(GM(beta=gmwm.fixed(beta)) + WN(), x, RATE, weighting=fit.weighting_matrix)
         assert held.objective >= fit.lower_bound * (1 - 1e-7)
 
 

@@ -19,6 +19,7 @@ EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
 RATE = 100.0
 SAMPLES = 720_000
+CONFIDENCE = 0.95
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Least significant bit of the demo's output (rad/s, m/s²): a hundredth of the noise, as a good unit has."""
 
@@ -35,9 +36,10 @@ def demo(
     The file goes the way of your own: read, inspect, wavelet variance, fit, pictures.
     """
     import gmwm
-    from gmwm.cli.fit import draw, fit_axes, write_fits
+    from gmwm.cli.fit import as_dict, draw, fit_axes, write_fits
     from gmwm.cli.output import made_directory, print_json, progress, tell, told_warnings
     from gmwm.cli.parallel import over_axes
+    from gmwm.inference.summary import Way
     from gmwm.inspection import inspect
     from gmwm.readers import read
     from gmwm.simulation import reference_imu, simulate
@@ -63,7 +65,9 @@ def demo(
 
         curves = over_axes(gmwm.wavelet_variance, imu.signals, "wavelet variance")
         fits = fit_axes({axis: gmwm.parse_model(model.structure) for axis, model in truth.items()}, imu.signals)
-        rows = _comparison(truth, fits)
+        with progress("intervals and tests"):
+            axes = {axis: as_dict(found, Way(CONFIDENCE)) for axis, found in fits.items()}
+            rows = _comparison(truth, fits)
         if not json:
             _print_comparison(rows, fits)
         for axis, found in fits.items():
@@ -71,7 +75,7 @@ def demo(
                 tell(told, f"{axis}: {note}")
         content = {
             "file": str(file), "seed": seed, "comparison": rows,
-            "axes": {axis: found.to_dict() for axis, found in fits.items()},
+            "axes": axes,
         }  # fmt: skip
         written = [file, write_fits(output / "fits.json", content), *_pictures(output, curves, fits)]
         written += [draw({axis: found}, output / f"fit_{axis}.png", "wavelet", False) for axis, found in fits.items()]
@@ -90,12 +94,13 @@ def _comparison(truth: Mapping[str, Model], fits: Mapping[str, Fit]) -> list[dic
     rows = []
     for axis, found in fits.items():
         units, values = found.units(), truth[axis].parameters
+        intervals = found.confidence_intervals(CONFIDENCE)
         for name, estimate in found.parameters.items():
             true = values[name]
             assert true is not None
             rows.append({
                 "axis": axis, "parameter": name, "unit": units[name],
-                "truth": true, "estimate": estimate, "ratio": estimate / true,
+                "truth": true, "estimate": estimate, "interval": list(intervals[name]),
             })  # fmt: skip
     return rows
 
@@ -108,17 +113,23 @@ def _print_comparison(rows: Sequence[Mapping[str, Any]], fits: Mapping[str, Fit]
         first = k == 0 or rows[k - 1]["axis"] != row["axis"]
         if first and k:
             rules.append(k - 1)
-        numbers = [f"{row['truth']:.3e}", f"{row['estimate']:.3e}", f"{row['ratio']:.3f}"]
-        table.append([row["axis"] if first else "", row["parameter"], row["unit"], *numbers])
+        low, high = row["interval"]
+        numbers = [f"{row['truth']:.2e}", f"{row['estimate']:.2e}", f"{low:.2e} … {high:.2e}"]
+        table.append([row["axis"] if first else "", row["parameter"], *numbers])
     print()
     print_table(
-        ["axis", "parameter", "unit", "truth", "estimate", "ratio"], table,
-        title="What was simulated, and what was found in the file", texts=3, rules=rules,
+        ["axis", "parameter", "truth", "estimate", "95 % interval"], table,
+        title="What was simulated, and what was found in the file", texts=2, rules=rules,
     )  # fmt: skip
+    inside = sum(low <= row["truth"] <= high for row in rows for low, high in [row["interval"]])
     print(
-        "\nWhite and quantization noise are known to a per cent; random walks and slow\n"
-        "Gauss-Markov processes to some 20 %: two hours hold few of their swings."
+        "\nVariances in (rad/s)² and (m/s²)², those of RW per sample; beta in 1/s.\n"
+        f"{inside} of {len(rows)} intervals hold the truth; 95 % should. White and quantization\n"
+        "noise are known to a per cent; random walks and slow Gauss-Markov processes\n"
+        "to some 20 %: two hours hold few of their swings."
     )
+    tests = [found.goodness_of_fit() for found in fits.values()]
+    print(f"Goodness of fit: p from {min(t.pvalue for t in tests):.2f} to {max(t.pvalue for t in tests):.2f}.")
     gaps = [found.gap for found in fits.values() if found.gap is not None]
     if gaps:
         print(f"Each fit is proven best: no other gains more than {100 * max(gaps):.2g} % of its objective.")

@@ -31,6 +31,7 @@ from gmwm.processes import registry
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
+    from gmwm.inference.summary import Way
     from gmwm.signals import Signal
 
 EXAMPLES = (
@@ -60,8 +61,11 @@ def fit(
     columns: Columns = None,
     gaps: Gaps = "keep",
     weighting: Annotated[
-        Literal["diagonal", "identity"],
-        typer.Option(help="Weigh each level by its own variance, or all alike.", rich_help_panel="Estimation"),
+        Literal["diagonal", "optimal", "identity"],
+        typer.Option(
+            help="Weigh each level by its own variance, or with all covariances, or all alike.",
+            rich_help_panel="Estimation",
+        ),
     ] = "diagonal",
     filter: Filter = "haar",
     transform: TransformName = "modwt",
@@ -71,6 +75,21 @@ def fit(
         bool,
         typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
     ] = True,
+    confidence: Annotated[
+        float,
+        typer.Option(help="Level of the parameters' confidence intervals.", metavar="LEVEL", rich_help_panel=RESULT),
+    ] = 0.95,
+    bootstrap: Annotated[
+        int | None,
+        typer.Option(
+            help="Intervals and test from so many simulated records, 500 say, in place of theory.",
+            metavar="DRAWS",
+            min=2,
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the bootstrap.", min=0, rich_help_panel=RESULT)] = 0,
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -83,16 +102,18 @@ def fit(
     datasheet: Datasheet = False,
     json: Json = False,
 ) -> None:
-    """Fit a model to each axis and print its parameters.
+    """Fit a model to each axis and print its parameters with confidence intervals, and a test of the fit.
 
     Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
     estimate is the best there is: no starting values are needed, and the certificate says by how many per cent
     of the objective a better one could gain at most.
     """
     from gmwm import parse_model
-    from gmwm.cli.output import made_directory, print_json, print_written, tell, tell_cautions, told_warnings
+    from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, tell_cautions, told_warnings
+    from gmwm.inference.summary import Way
 
     parsed = parse_model(model)
+    way = Way(confidence) if bootstrap is None else Way(confidence, "bootstrap", bootstrap, seed)
     with told_warnings() as told:
         imu = load(file, rate, units, columns, gaps)
         signals = chosen_axes(imu, axis)
@@ -110,11 +131,12 @@ def fit(
             for name, found in fits.items():
                 for note in found.diagnostics.notes():
                     tell(told, f"{name}: {note}")
-        content = {
-            "file": str(file),
-            "model": str(parsed),
-            "axes": {name: f.to_dict() for name, f in fits.items()},
-        }
+        with progress("intervals and tests", len(fits)) as advance:
+            axes = {}
+            for name, f in fits.items():
+                axes[name] = as_dict(f, way)
+                advance(f"intervals and tests: {name}")
+        content = {"file": str(file), "model": str(parsed), "axes": axes}
         written = []
         if output is not None:
             written.append(write_fits(output / "fits.json", content))
@@ -124,7 +146,7 @@ def fit(
         if json:
             print_json("fit", content, told)
             return
-        print_fits(fits)
+        print_fits(fits, way)
         print_written(written)
 
 
@@ -132,7 +154,7 @@ def fit_axes(
     models: Mapping[str, Any],
     signals: Mapping[str, Any],
     *,
-    weighting: Literal["diagonal", "identity"] = "diagonal",
+    weighting: Literal["diagonal", "optimal", "identity"] = "diagonal",
     robust: bool = False,
     efficiency: float = 0.6,
     certify: bool = True,
@@ -172,10 +194,17 @@ def write_fits(path: Path, content: Mapping[str, Any]) -> Path:
     return path
 
 
-def print_fits(fits: Mapping[str, Fit]) -> None:
+def as_dict(fit: Fit, way: Way) -> dict[str, Any]:
+    """A fit with its intervals and test as plain numbers, lists and texts."""
+    from gmwm.inference.summary import inference
+
+    return fit.to_dict() | inference(fit, way)
+
+
+def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     if len(fits) == 1:
-        print(next(iter(fits.values())).summary())
+        print(next(iter(fits.values())).summary(way.level, way.method, draws=way.draws, seed=way.seed))
         return
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
@@ -185,34 +214,36 @@ def print_fits(fits: Mapping[str, Fit]) -> None:
     for name, found in fits.items():
         sensors.setdefault(name.rpartition("_")[0], {})[name] = found
     for group in sensors.values():
-        _print_sensor(group)
+        _print_sensor(group, way)
+    print(
+        f"\n±: one relative standard error; ≤: upper limit at {100 * way.level:g} %; p: of a worse fit if the\n"
+        "model is right. Confidence intervals: one --axis alone, or --json."
+    )
     notes = [f"{name}: {note}" for name, found in fits.items() for note in found.diagnostics.notes()]
     if notes:
         print("\n".join(["", *notes]))
 
 
-def _print_sensor(group: Mapping[str, Fit]) -> None:
+def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:
     from gmwm.cli.output import print_table
+    from gmwm.inference.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
     units = first.units()
-    rows = [
-        [
-            name,
-            units[name],
-            *("—" if name in found.undetermined else _number(found.parameters[name]) for found in group.values()),
-        ]
-        for name in first.parameters
-    ]
+    values = [short_values(found, way) for found in group.values()]
+    rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
     last = len(rows) - 1
-    rows.append(["objective", "", *(f"{found.objective:.5g}" for found in group.values())])
-    rows.append(["gain at most", "", *_gains(list(group.values()))])
+    tests = [test_in_words(found, way)[0] for found in group.values()]
+    rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
+    rows.append(["objective", *(f"{found.objective:.5g}" for found in group.values())])
+    rows.append(["gain at most", *_gains(list(group.values()))])
     print()
-    print_table(["parameter", "unit", *group], rows, texts=2, rules=[last])
-
-
-def _number(value: float) -> str:
-    return f"{value:.3e}" if value else "0"
+    print_table(["parameter", *group], rows, rules=[last])
+    of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
+    # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
+    if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
+        of = units
+    print("in " + ", ".join(f"{unit} ({name})" for name, unit in of.items()))
 
 
 def _gains(fits: Sequence[Fit]) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli import allan, compare, demo, fit, info, simulate, wv
+from gmwm.cli import allan, compare, demo, fit, info, plan, simulate, wv
 from gmwm.cli.errors import OneLineErrors, one_line
 
 app = typer.Typer(
@@ -31,6 +31,7 @@ for _command, _examples in (
     (allan.allan, allan.EXAMPLES),
     (compare.compare, compare.EXAMPLES),
     (fit.fit, fit.EXAMPLES),
+    (plan.plan, plan.EXAMPLES),
     (simulate.simulate, simulate.EXAMPLES),
     (demo.demo, demo.EXAMPLES),
 ):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ class Problem:
         Places of those with one; all of one class.
     shapes : (n linear, J) array
         Wavelet variances of the linear processes at unit scale.
+    observed : (J,) array, in the signal's unit²
+        ν̂² less the wavelet variance of the processes that are held.
     root : (J, J) array
         L with LᵀL = Ω.
     """
@@ -40,6 +42,7 @@ class Problem:
     rate: float
     filter: WaveletFilter
     samples: int
+    observed: Vector
     matrix: Matrix
     root: Matrix
     unit: float
@@ -62,6 +65,16 @@ class Problem:
     def positive(self) -> Vector:
         """z whose inner product with every weighted wavelet variance is positive: L⁻ᵀ √diag Ω."""
         return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
+
+    def under(self, matrix: Matrix) -> Problem:
+        """The same problem under another weighting matrix Ω."""
+        root, unit, target = _weighed(self.observed, matrix)
+        return replace(self, matrix=matrix, root=root, unit=unit, target=target)
+
+    def observing(self, observed: Vector) -> Problem:
+        """The same problem for other data."""
+        _, unit, target = _weighed(observed, self.matrix)
+        return replace(self, observed=observed, unit=unit, target=target)
 
     def weighted(self, shapes: Matrix) -> Matrix:
         """L times each row, scaled to length one."""
@@ -97,14 +110,20 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     for place in held:
         known += model.processes[place].wavelet_variance(levels, rate, filter)
     shapes = [_shape(model.processes[place], levels, rate, filter) for place in linear]
-    root = square_root(matrix)
-    weighted = root @ (wv.variance - known)
-    largest = float(np.abs(weighted).max())
-    unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
+    observed = wv.variance - known
+    root, unit, target = _weighed(observed, matrix)
     return Problem(
-        model, levels, rate, filter, wv.samples, matrix, root, unit, weighted / unit,
+        model, levels, rate, filter, wv.samples, observed, matrix, root, unit, target,
         linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
     )  # fmt: skip
+
+
+def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
+    root = square_root(matrix)
+    weighted = root @ observed
+    largest = float(np.abs(weighted).max())
+    unit = 2.0 ** np.floor(np.log2(largest)) if largest > 0 else 1.0
+    return root, unit, weighted / unit
 
 
 def _shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:

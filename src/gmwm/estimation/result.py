@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm._late import LateMethod
+from gmwm._late import LateMethod, LateProperty
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from gmwm.inference.asymptotic import Sandwich
+    from gmwm.inference.bootstrap import Bootstrap
+    from gmwm.inference.goodness import GoodnessOfFit
+    from gmwm.inference.intervals import Interval
 
 
 @dataclass(frozen=True)
@@ -30,11 +34,14 @@ class Diagnostics:
         Terms estimated as zero: these data do not show them.
     nodes : int
         Nodes of the search tree that the certificate took.
+    weights : tuple of str
+        What is to be known of the weights, in words; empty where they are what was asked for.
     """
 
     acts_as: Mapping[str, str]
     not_supported: tuple[str, ...]
     nodes: int
+    weights: tuple[str, ...] = ()
 
     def notes(self) -> list[str]:
         """The same in words."""
@@ -42,7 +49,8 @@ class Diagnostics:
             f"{term} acts as {name}: its correlation time cannot be told from these data"
             for term, name in self.acts_as.items()
         ]
-        return notes + [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
+        notes += [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
+        return [*notes, *self.weights]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,6 +93,38 @@ class Fit:
     plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
         "gmwm.plots.fit:plot_fit",
         "Draw the observed and the implied curve with every process; view='allan' shows the Allan deviation.",
+    )
+    sandwich: ClassVar[LateProperty[Sandwich]] = LateProperty(
+        "gmwm.inference.asymptotic:sandwich",
+        "Covariance of the estimates: the parameters it is of, relative errors, and V of the wavelet variance.",
+    )
+    covariance: ClassVar[LateProperty[Matrix]] = LateProperty(
+        "gmwm.inference.asymptotic:parameter_covariance",
+        "Cov θ̂ = B V Bᵀ (p, p), B = (DᵀΩD)⁻¹DᵀΩ; its rows are the parameters of `standard_errors`, in order.",
+    )
+    standard_errors: ClassVar[LateProperty[dict[str, float]]] = LateProperty(
+        "gmwm.inference.asymptotic:standard_errors",
+        "Standard error of each parameter that is neither held, nor zero, nor at an end of its domain.",
+    )
+    confidence_intervals: ClassVar[LateMethod[..., dict[str, Interval]]] = LateMethod(
+        "gmwm.inference.intervals:confidence_intervals",
+        "Interval (low, high) of each estimated parameter, by name: level=0.95, method='asymptotic' or 'bootstrap'.",
+    )
+    goodness_of_fit: ClassVar[LateMethod[..., GoodnessOfFit]] = LateMethod(
+        "gmwm.inference.goodness:goodness_of_fit",
+        "Test whether the data could come from the fitted model: method='asymptotic' or 'bootstrap'.",
+    )
+    bootstrap: ClassVar[LateMethod[..., Bootstrap]] = LateMethod(
+        "gmwm.inference.bootstrap:bootstrap",
+        "Estimates from records simulated from the fitted model: draws=500, seed=0.",
+    )
+    summary: ClassVar[LateMethod[..., str]] = LateMethod(
+        "gmwm.inference.summary:summary",
+        "Model, data, criterion with its bounds, estimates with intervals and units, test, and what to be warned of.",
+    )
+
+    _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(
+        "gmwm.inference.summary:as_html", "The summary with its parameters as a table, for notebooks."
     )
 
     def __post_init__(self) -> None:
@@ -131,6 +171,7 @@ class Fit:
             "implied": self.implied.tolist(),
             "decomposition": {term: part.tolist() for term, part in self.decomposition.items()},
             "weighting": self.weighting,
+            "weighting_matrix": self.weighting_matrix.tolist(),
             "acts_as": dict(self.diagnostics.acts_as),
             "not_supported": list(self.diagnostics.not_supported),
             "undetermined": list(self.undetermined),
@@ -138,32 +179,5 @@ class Fit:
             "wavelet_variance": self.wavelet_variance.to_dict(),
         }
 
-    def summary(self) -> str:
-        """Model, data, criterion with its bounds, and the estimates with their units."""
-        wv = self.wavelet_variance
-        units = self.units()
-        width = max(len(name) for name in self.parameters)
-        certificate = "not certified (certify=False)"
-        if self.gap is not None:
-            claim = "global optimum, no better fit" if self.gap <= 1e-3 else "best found, not proven: none better"
-            certificate = f"{claim} by more than {100 * self.gap:.2g} %"
-        lines = [
-            f"{self.model.structure}{' of ' + wv.axis if wv.axis else ''}",
-            f"{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, "
-            f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {self.weighting}",
-            f"objective {self.objective:.6g}: {certificate}",
-            f"any number of terms: at least {self.relaxed_bound:.6g}",
-            "",
-        ]
-        for name, value in self.parameters.items():
-            shown = "undetermined" if name in self.undetermined else f"{value:.6e}"
-            held = "  (held)" if name in self.model.fixed else ""
-            lines.append(f"  {name:<{width}}  {shown:>14}  {units[name]}{held}")
-        notes = self.diagnostics.notes()
-        return "\n".join([*lines, "", *notes] if notes else lines)
-
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"

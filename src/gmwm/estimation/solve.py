@@ -17,6 +17,7 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
 from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
+from gmwm.processes.model import Model
 from gmwm.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
@@ -33,6 +34,11 @@ SETTLED = 1e-12
 """A polish ends when it lowers the objective by less (relative)."""
 POLISHES = 8
 """A polish follows an optimum that wants to leave its piece of curve so many times."""
+NEWTON_STEPS = 5
+SHARP = 1e-12
+"""Newton steps end when they move the search coordinate by less."""
+CURVATURE_STEP = 1e-3
+"""Distance of the slopes whose difference is the second derivative; any error of it only slows the steps."""
 FLAT = 1e-10
 """Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
 ACTS_AS = 1e-6
@@ -50,13 +56,14 @@ class Term:
 
 @dataclass(frozen=True)
 class Solution:
-    """The optimum: scales of the linear processes, the curved terms, criterion and bounds."""
+    """The optimum: scales of the linear processes, the curved terms and where they are, criterion and bounds."""
 
     objective: float
     lower_bound: float | None
     relaxed_bound: float
     scales: Vector
     terms: tuple[Term, ...]
+    places: tuple[Place, ...]
     nodes: int
 
 
@@ -67,20 +74,55 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
-        return Solution(value, value if certify else None, value, problem.scales(problem.shapes, weights), (), 0)
+        return Solution(value, value if certify else None, value, problem.scales(problem.shapes, weights), (), (), 0)
     search = _Search(problem, problem.family)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-    best = search.settled(min((search.polished(p) for p in near), key=lambda optimum: optimum.objective))
+    best = search.settled(min((search.polished(search.located(p)) for p in near), key=lambda found: found.objective))
     return Solution(
         best.objective * square,
         min(bound, best.objective) * square if certify else None,
         min(relaxed, best.objective) * square,
         problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
         search.terms(best),
+        tuple(best.places),
         nodes,
     )
+
+
+def resume(problem: Problem, solution: Solution) -> Solution:
+    """The local optimum next to the solution of a problem that differs by its weights."""
+    if problem.family is None:
+        return solve(problem, certify=False)
+    search = _Search(problem, problem.family)
+    best = search.polished(list(solution.places))
+    scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
+    return Solution(
+        best.objective * problem.unit**2, None, 0.0, scales, search.terms(best, ends=False), tuple(best.places), 0
+    )
+
+
+def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
+    """The problem's model with the values of its solution, in the same order of terms.
+
+    A signed parameter takes its sign from the data's `slope`, where that is known.
+    """
+    processes = list(problem.model.processes)
+    for place, scale in zip(problem.linear, solution.scales, strict=True):
+        processes[place] = _with_scale(processes[place], float(scale), slope)
+    for place, term in zip(problem.curved, solution.terms, strict=True):
+        name = processes[place].nonlinear_parameters()[0].name
+        processes[place] = _with_scale(processes[place].with_values(**{name: term.value}), term.scale, slope)
+    return Model(tuple(processes))
+
+
+def _with_scale(process: Process, scale: float, slope: float | None) -> Process:
+    parameter = process.scale_parameter()
+    value = process.value_from(scale)
+    if parameter.domain == "real" and slope is not None and slope < 0:
+        value = -value
+    return process.with_values(**{parameter.name: value})
 
 
 @dataclass(frozen=True)
@@ -99,15 +141,14 @@ class _Search:
         self.problem = problem
         self.family = family
         self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
-        self.curve = table(self.grid, problem.root)
         self.fixed = problem.fixed
         self.positive = problem.positive
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
         """Local optima on the tabulated curve, best first; lower bound; that of the relaxation; nodes."""
+        curve = table(self.grid, self.problem.root)
         return _core.cone_search(
-            self.problem.target, self.fixed, self.positive,
-            self.curve.values, self.curve.slopes, self.curve.margins,
+            self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
             len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
         )  # fmt: skip
 
@@ -123,14 +164,19 @@ class _Search:
                     positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
         return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
 
-    def polished(self, positions: Vector) -> _Optimum:
-        """The local optimum on the exact curve next to `positions` on the tabulated one."""
-        problem = self.problem
+    def located(self, positions: Vector) -> list[Place]:
+        """Positions on the tabulated curve as places."""
         found = [self.grid.place(float(position)) for position in positions]
-        places = [(self.grid.branches[index], u) for index, u in found]
+        return [(self.grid.branches[index], u) for index, u in found]
+
+    def polished(self, places: list[Place]) -> _Optimum:
+        """The local optimum on the exact curve next to `places`."""
+        problem = self.problem
         for width in WIDTHS if places else ():
             before = np.inf
             for _ in range(POLISHES):
+                if not places:
+                    break
                 piece, ends = close_up(
                     self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
                 )
@@ -146,7 +192,64 @@ class _Search:
                 if not any(leaving) or objective >= (1 - SETTLED) * before:
                     break
                 before = objective
-        return self._at(places)
+        return self._sharpened(self._at(places))
+
+    def _sharpened(self, best: _Optimum) -> _Optimum:
+        """The same optimum to all digits: Newton's method on where the derivatives vanish, not on the criterion.
+
+        A criterion that is least tells where to half the digits only. Points at an end of their branch stay there.
+        """
+        problem, count = self.problem, len(best.places)
+        linear = len(problem.linear)
+        held = np.array([not b.low < u < b.high for b, u in best.places], dtype=bool)
+        if count == 0 or held.all() or np.any(best.weights[linear:] <= 0):
+            return best
+        active = best.weights[:linear] > 0
+        fixed = self.fixed[active]
+        length = np.linalg.norm(self._curved(best.places)[0], axis=1)
+        x = np.concatenate([best.weights[:linear][active], best.weights[linear:]])
+        places = best.places
+        for _ in range(NEWTON_STEPS):
+            value, slope = (part / length[:, None] for part in self._curved(places))
+            above, below = (
+                self._curved([(b, u + sign * CURVATURE_STEP) for b, u in places])[1] / length[:, None]
+                for sign in (1, -1)
+            )
+            rows = np.concatenate([fixed, value])
+            residual = problem.target - x @ rows
+            weight = x[fixed.shape[0] :]
+            moving = (weight[:, None] * slope)[~held]
+            jacobian = np.concatenate([rows, moving])
+            hessian = jacobian @ jacobian.T
+            at = rows.shape[0] + np.arange(moving.shape[0])
+            which = fixed.shape[0] + np.flatnonzero(~held)
+            hessian[at, at] -= (weight[:, None] * (above - below))[~held] @ residual / (2 * CURVATURE_STEP)
+            hessian[which, at] -= slope[~held] @ residual
+            hessian[at, which] = hessian[which, at]
+            try:
+                step = np.linalg.solve(hessian, jacobian @ residual)
+            except np.linalg.LinAlgError:
+                return best
+            x = x + step[: x.size]
+            moves = np.zeros(count)
+            moves[~held] = step[x.size :]
+            places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
+            if np.any(np.abs(moves) > WIDTHS[-1]) or any(not b.low <= u <= b.high for b, u in places):
+                return best
+            if np.all(np.abs(moves) < SHARP):
+                break
+        sharp = self._at(places)
+        return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
+
+    def _curved(self, places: list[Place]) -> tuple[Matrix, Matrix]:
+        """The curved processes at exact places, weighted by Ω, and their slopes by the search coordinate (n, J)."""
+        problem, root = self.problem, self.problem.root
+        points = [(b, np.array([u])) for b, u in places]
+        parameters = np.concatenate([b.values(u) for b, u in points])
+        by_u = np.concatenate([b.slope(u) for b, u in points])
+        values = self.family.shape(parameters, problem.levels, problem.rate, problem.filter)
+        slopes = self.family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+        return values @ root.T, slopes @ root.T
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
@@ -167,13 +270,13 @@ class _Search:
                     break
         return best
 
-    def terms(self, best: _Optimum) -> tuple[Term, ...]:
-        """The curved processes of an optimum in the words of their parameters."""
+    def terms(self, best: _Optimum, *, ends: bool = True) -> tuple[Term, ...]:
+        """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
         problem, places = self.problem, best.places
         curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
-            Term(self._value(branch, u), float(scale), self._acts_as(best, i))
+            Term(self._value(branch, u), float(scale), self._acts_as(best, i) if ends else None)
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
         # Terms that the data do not show have no place; they are put where they are whitest, and have no weight there.

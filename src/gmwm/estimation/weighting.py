@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, require_finite
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.estimation.smooth import smoothed
 from gmwm.variance.result import WaveletVariance
 
-Weighting = Literal["diagonal", "identity"] | ArrayLike
-"""How levels are weighted: "diagonal", "identity", a (J,) diagonal or a (J, J) matrix."""
+Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
+"""How levels are weighted: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
@@ -25,7 +25,7 @@ def sampling_variance(wv: WaveletVariance) -> Vector:
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Ω as a (J, J) matrix, in unit⁻⁴.
+    """Ω as a (J, J) matrix, in unit⁻⁴, from the data alone.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
         if weighting == "identity":
             return np.eye(size)
         if weighting != "diagonal":
-            raise OptionError(f"weighting must be 'diagonal', 'identity' or a matrix, got {weighting!r}")
+            raise OptionError(f"weighting must be 'diagonal', 'optimal', 'identity' or a matrix, got {weighting!r}")
         if not np.all(wv.variance > 0):
             zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
             raise DataError(
@@ -70,6 +70,25 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * float(largest)):
         raise OptionError("weighting must be a symmetric matrix, this one differs from its transpose")
     return (matrix + matrix.T) / 2
+
+
+def precision(covariance: Matrix) -> Matrix:
+    """V⁻¹ (J, J), from V scaled to unit diagonal: levels differ by many powers of ten, their correlations do not.
+
+    A direction whose share of the scatter is below rounding is taken to have that of rounding.
+
+    Raises
+    ------
+    ModelError
+        If a level has no variance at all.
+    """
+    scale = np.sqrt(np.diag(covariance))
+    if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
+        raise ModelError("the model as estimated has no noise at some level: its covariance cannot be inverted")
+    share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
+    share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
+    inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]
+    return np.asarray((inverse + inverse.T) / 2)
 
 
 def square_root(matrix: Matrix) -> Matrix:

@@ -10,6 +10,7 @@ from gmwm.plots.comparison import compare
 from gmwm.plots.fit import plot_fit
 from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
+from gmwm.plots.plan import plot_plan
 from gmwm.plots.variance import plot_wavelet_variance
 
 __all__ = [
@@ -20,5 +21,6 @@ __all__ = [
     "plot_comparison",
     "plot_fit",
     "plot_imu",
+    "plot_plan",
     "plot_wavelet_variance",
 ]

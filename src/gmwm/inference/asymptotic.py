@@ -1,0 +1,139 @@
+"""The covariance of the estimates: Cov θ̂ = B V Bᵀ, B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ.
+
+V is the exact covariance of ν̂² at the estimate, in full, whatever the weights Ω are. Everything is done in relative
+coordinates (D_θ = θ ∂ν²/∂θ): parameters differ by many powers of ten, their relative errors do not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector, freeze
+from gmwm.covariance import Setting, covariance
+from gmwm.estimation.weighting import square_root
+from gmwm.processes.model import Model
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+
+COLLINEAR = 1e-9
+"""A direction of the parameters that moves the curve by less than this share of the others is not determined."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sandwich:
+    """Covariance of the estimates that are neither held, nor zero, nor at an end of their domain.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The p parameters.
+    values : (p,) array
+        Their estimates.
+    relative : (p, p) array
+        Covariance of θ̂_i/θ_i; infinite where the data do not determine a parameter.
+    wavelet : (J, J) array, in unit⁴
+        V, covariance of the wavelet variance under the fitted model.
+    """
+
+    names: tuple[str, ...]
+    values: Vector
+    relative: Matrix
+    wavelet: Matrix
+
+    def __post_init__(self) -> None:
+        for array in (self.values, self.relative, self.wavelet):
+            freeze(array)
+
+    @property
+    def covariance(self) -> Matrix:
+        """Cov θ̂ (p, p)."""
+        return freeze(self.relative * np.outer(self.values, self.values))
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard error of each parameter."""
+        errors = np.sqrt(np.diag(self.relative)) * np.abs(self.values)
+        return dict(zip(self.names, errors.tolist(), strict=True))
+
+
+def sandwich(fit: Fit) -> Sandwich:
+    """The covariance of a fit's estimates."""
+    wv = fit.wavelet_variance
+    return sandwich_of(
+        fit.model, Setting.of(wv), fit.weighting_matrix, covariance(fit.model, Setting.of(wv)), fit.diagnostics.acts_as
+    )
+
+
+def sandwich_of(
+    model: Model, setting: Setting, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
+) -> Sandwich:
+    """The covariance of estimates with the weighting matrix Ω (J, J) where ν̂² has the covariance V (J, J).
+
+    Terms that act as another process have a scale and no shape: the shape is left out, and neither is reported.
+    """
+    columns, reported = columns_of(model, acts_as or {})
+    values = np.array([model.parameters[name] for name in columns], dtype=np.float64)
+    slopes = relative_jacobian(model, setting, columns)
+    relative = relative_covariance(slopes, matrix, wavelet)
+    kept = [k for k, name in enumerate(columns) if name in reported]
+    return Sandwich(tuple(columns[k] for k in kept), values[kept], relative[np.ix_(kept, kept)], wavelet)
+
+
+def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
+    """Parameters that are free to move, and those of them that mean something by themselves."""
+    columns, reported = [], set()
+    for term, process in zip(model.terms, model.processes, strict=True):
+        if process.scale == 0:
+            continue
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if process.is_fixed(parameter.name) or (term in acts_as and parameter.scale_power is None):
+                continue
+            columns.append(name)
+            if term not in acts_as:
+                reported.add(name)
+    return columns, reported
+
+
+def relative_jacobian(model: Model, setting: Setting, names: list[str] | tuple[str, ...]) -> Matrix:
+    """θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
+    jacobian = model.jacobian(setting.levels, setting.rate, setting.filter)
+    place = {name: k for k, name in enumerate(model.names)}
+    values = np.array([model.parameters[name] for name in names], dtype=np.float64)
+    return np.asarray(jacobian[:, [place[name] for name in names]] * values)
+
+
+def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
+    """B V Bᵀ (p, p) for slopes D (J, p); infinite for what the slopes do not tell apart."""
+    size = slopes.shape[1]
+    if size == 0:
+        return np.zeros((0, 0))
+    root = square_root(matrix)
+    weighted = root @ slopes
+    length = np.linalg.norm(weighted, axis=0)
+    seen = length > 0
+    left, strength, right = np.linalg.svd(weighted[:, seen] / length[seen], full_matrices=False)
+    clear = strength > COLLINEAR * strength.max(initial=0.0)
+    gain = np.zeros((size, slopes.shape[0]))
+    gain[seen] = (right[clear].T / strength[clear]) @ left[:, clear].T @ root / length[seen, None]
+    result = np.asarray(gain @ wavelet @ gain.T)
+    lost = ~seen
+    lost[seen] = np.any(np.abs(right[~clear]) > 1e-6, axis=0) if np.any(~clear) else False
+    result[lost] = result[:, lost] = 0.0
+    result[lost, lost] = np.inf
+    return (result + result.T) / 2
+
+
+def parameter_covariance(fit: Fit) -> Matrix:
+    """Cov θ̂ of a fit (p, p)."""
+    return fit.sandwich.covariance
+
+
+def standard_errors(fit: Fit) -> dict[str, float]:
+    """Standard error of each parameter of a fit."""
+    return fit.sandwich.errors

@@ -1,0 +1,203 @@
+"""A fit in words: estimates with their intervals and units, the test, and what to be warned of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.inference.bootstrap import DRAWS, bootstrap
+from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
+from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+
+
+@dataclass(frozen=True)
+class Way:
+    """How intervals and tests are made: confidence level, by theory or by `draws` simulated records of `seed`."""
+
+    level: float = 0.95
+    method: Method = "asymptotic"
+    draws: int = DRAWS
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        as_level(self.level)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One parameter as it is shown."""
+
+    name: str
+    estimate: str
+    interval: str
+    error: str
+    unit: str
+
+
+def intervals_if_known(fit: Fit, way: Way) -> tuple[dict[str, Interval], str | None]:
+    """The intervals, or none and the reason why."""
+    try:
+        return confidence_intervals(fit, way.level, way.method, draws=way.draws, seed=way.seed), None
+    except MissingTheoryError as error:
+        return {}, f"no intervals: {error}"
+
+
+def test_in_words(fit: Fit, way: Way) -> tuple[GoodnessOfFit | None, str]:
+    """The test and its words, or none and the reason why."""
+    try:
+        test = goodness_of_fit(fit, way.method, draws=way.draws, seed=way.seed)
+    except (MissingTheoryError, ModelError) as error:
+        return None, f"not tested: {error}"
+    return test, test.summary()
+
+
+def inference(fit: Fit, way: Way) -> dict[str, Any]:
+    """Intervals, standard errors and test as plain numbers and texts, ready for JSON; None where there is no number."""
+    intervals, _ = intervals_if_known(fit, way)
+    test, _ = test_in_words(fit, way)
+    return {
+        "confidence": way.level,
+        "method": way.method,
+        "confidence_intervals": {
+            name: [low if math.isfinite(low) else None, high if math.isfinite(high) else None]
+            for name, (low, high) in intervals.items()
+        },
+        "standard_errors": {
+            name: error if math.isfinite(error) else None
+            for name, error in (standard_errors(fit, way) if intervals else {}).items()
+        },
+        "goodness_of_fit": None if test is None else test.to_dict(),
+    }
+
+
+def standard_errors(fit: Fit, way: Way) -> dict[str, float]:
+    """Standard error of each parameter, by theory or from the bootstrap."""
+    return bootstrap(fit, way.draws, way.seed).errors if way.method == "bootstrap" else fit.standard_errors
+
+
+def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
+    """Every parameter of a fit with its interval, in the order of the terms."""
+    units = fit.units()
+    errors = standard_errors(fit, way) if intervals else {}
+    shown = []
+    for name, value in fit.parameters.items():
+        if name in fit.undetermined:
+            shown.append(Row(name, "undetermined", "", "", units[name]))
+            continue
+        interval, error = "", ""
+        if name in fit.model.fixed:
+            interval = "held"
+        elif name in intervals:
+            interval = _interval(*intervals[name])
+            if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
+                error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+        shown.append(Row(name, _estimate(value), interval, error, units[name]))
+    return shown
+
+
+def short_values(fit: Fit, way: Way) -> dict[str, str]:
+    """Each parameter in one word: estimate and relative standard error, or upper limit."""
+    intervals, _ = intervals_if_known(fit, way)
+    shown = {}
+    for row in rows(fit, intervals, way):
+        low, high = intervals.get(row.name, (0.0, math.inf))
+        if row.name in fit.undetermined:
+            shown[row.name] = "—"
+        elif math.isfinite(high) and low in (0.0, -high):
+            shown[row.name] = f"≤ {high:.3e}"
+        else:
+            shown[row.name] = _estimate(fit.parameters[row.name]) + (f" ± {row.error}" if row.error else "")
+    return shown
+
+
+def _estimate(value: float) -> str:
+    return f"{value:.3e}" if value else "0"
+
+
+def _interval(low: float, high: float) -> str:
+    if not math.isfinite(high):
+        return "not determined"
+    if low == 0:
+        return f"at most {high:.3e}"
+    if low == -high:
+        return f"at most ±{high:.3e}"
+    return f"{low:.3e} … {high:.3e}"
+
+
+def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
+    """The fit in words.
+
+    Parameters
+    ----------
+    level : float
+        Confidence level of the intervals.
+    method : "asymptotic" or "bootstrap"
+        Intervals and test from theory, or from `draws` simulated records.
+    draws, seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    str
+        Model, N, rate, levels and weighting; the criterion with its bounds; the test; each parameter with estimate,
+        interval, relative standard error and unit; and what to be warned of.
+    """
+    way = Way(level, method, draws, seed)
+    intervals, reason = intervals_if_known(fit, way)
+    table = rows(fit, intervals, way)
+    heads = Row("parameter", "estimate", f"{100 * level:g} % interval", "error", "unit")
+    widths = [
+        max(len(getattr(row, k)) for row in (heads, *table)) for k in ("name", "estimate", "interval", "error", "unit")
+    ]
+    lines = [*head(fit, way), ""]
+    for row in (heads, *table):
+        cells = [
+            row.name.ljust(widths[0]), row.estimate.rjust(widths[1]), row.interval.rjust(widths[2]),
+            row.error.rjust(widths[3]), row.unit,
+        ]  # fmt: skip
+        lines.append("  " + "  ".join(cells).rstrip())
+    notes = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    return "\n".join([*lines, "", *notes] if notes else lines)
+
+
+def head(fit: Fit, way: Way) -> list[str]:
+    """Model, data, criterion with its bounds, and the test."""
+    wv = fit.wavelet_variance
+    certificate = "not certified (certify=False)"
+    if fit.gap is not None:
+        claim = "global optimum, no better fit" if fit.gap <= 1e-3 else "best found, not proven: none better"
+        certificate = f"{claim} by more than {100 * fit.gap:.2g} %"
+    _, words = test_in_words(fit, way)
+    return [
+        f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
+        f"{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, "
+        f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
+        f"objective {fit.objective:.6g}: {certificate}",
+        f"any number of terms: at least {fit.relaxed_bound:.6g}",
+        f"goodness of fit: {words}",
+    ]
+
+
+def as_html(fit: Fit) -> str:
+    """The summary with its parameters as a table, for notebooks."""
+    way = Way()
+    intervals, reason = intervals_if_known(fit, way)
+    cells = "".join(
+        f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
+        f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
+        for row in rows(fit, intervals, way)
+    )
+    names = ("parameter", "estimate", "95 % interval", "error", "unit")
+    title, *facts = head(fit, way)
+    notes = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    return (
+        f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
+        f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"
+        f"{''.join(f'<p>{escape(note)}</p>' for note in notes)}</div>"
+    )

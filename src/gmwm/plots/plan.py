@@ -1,0 +1,133 @@
+"""Relative standard errors over the length of the recording: how long one must record."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.inference.plan import SEEN, Plan, as_accuracy, length_text
+from gmwm.plots.axes import limits_of, time_axis, value_axis
+from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.plots.labels import model_text
+from gmwm.plots.style import BLACK, DOTTED, GREY, term_strokes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+HIGHEST = 2.0
+"""Largest relative error that is drawn."""
+FURTHER = (2.0, 100.0)
+"""The curves run on to where all have the accuracy wanted, at least and at most so many times the duration."""
+PER_DECADE = 8
+SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross")
+
+
+def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
+    """What `plot_plan` draws, as data: a curve a parameter, and where it comes down to the accuracy."""
+    wanted, needed = as_accuracy(accuracy), plan.needed(accuracy)
+    times, curves = _curves(plan, needed)
+    strokes = _strokes(plan)
+    heights = np.concatenate([100 * curve for curve in curves.values()])
+    y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * wanted])), _LABEL)
+    x = time_axis(times, "Length of the recording (s)")
+    across, along = np.array(x.limits), np.array(y.limits)
+    length = f"{length_text(plan.duration)}, as planned"
+    unseen = f"above {100 * SEEN:g} %: not to be seen"
+    marks: list[Mark] = []
+    for name, curve in curves.items():
+        label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
+        marks.append(Line(times, np.where(curve <= HIGHEST, 100 * curve, np.nan), strokes[name], label, MIDDLE))
+    reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
+    dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
+    marks += [
+        Line(reached, np.full(reached.shape, 100 * wanted), dots, "", FRONT),
+        Line(across, np.full(2, 100 * wanted), Stroke(BLACK, 0.7), f"{100 * wanted:g} %, as wanted", BEHIND),
+        Line(np.full(2, plan.duration), along, Stroke(GREY, 1.1, DOTTED), length, BEHIND),
+        Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, 0.16, unseen, BAND),
+    ]
+    return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
+
+
+_LABEL = "Relative standard error (%)"
+
+
+def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
+    """Errors from where the first parameter is known to a factor, to beyond where the last is known well enough."""
+    furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
+    least, most = (plan.duration * factor for factor in FURTHER)
+    end = min(max(1.5 * furthest, least), most, plan.horizon)
+    count = max(1, math.ceil(PER_DECADE * math.log10(end / plan.duration)))
+    beyond = np.geomspace(plan.duration, end, count + 1)[1:]
+    further = [plan.at(t) for t in beyond.tolist()]
+    times = np.concatenate([plan.durations, beyond])
+    curves = {name: np.append(curve, [at[name] for at in further]) for name, curve in plan.errors.items()}
+    shown = np.min(np.array(list(curves.values())), axis=0) <= HIGHEST
+    first = int(np.argmax(shown)) if np.any(shown) else 0
+    return times[first:], {name: curve[first:] for name, curve in curves.items()}
+
+
+def _strokes(plan: Plan) -> dict[str, Stroke]:
+    """Every parameter in the stroke of its term; those of its shape solid, in the colour of the term, with symbols."""
+    strokes = {}
+    symbols = cycle(SYMBOLS)
+    by_term = term_strokes(plan.model.terms, plan.model.processes)
+    for term, process in zip(plan.model.terms, plan.model.processes, strict=True):
+        for parameter in process.parameters:
+            stroke = replace(by_term[term], width=1.3)
+            if parameter.scale_power is None:
+                stroke = Stroke(stroke.colour, 0.8, symbol=next(symbols))
+            strokes[f"{term}.{parameter.name}"] = stroke
+    return strokes
+
+
+def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
+    if math.isfinite(seconds):
+        return f"{100 * accuracy:g} % in {length_text(seconds)}"
+    if math.isinf(plan.errors[name][-1]):
+        return "not determined"
+    return f"more than {100 * accuracy:g} % in {length_text(plan.horizon)}"
+
+
+def plot_plan(
+    plan: Plan,
+    *,
+    accuracy: float = 0.1,
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the relative standard error of each parameter over the length of the recording.
+
+    Parameters
+    ----------
+    plan : Plan
+        What was planned; curves run on beyond its duration, which is marked.
+    accuracy : float
+        The relative standard error that is wanted, a line across; a ring shows where each parameter has it.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn there.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    panel = plan_panel(plan, accuracy=accuracy)
+    rows = (len(panel.labels) + 1) // 2
+    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)

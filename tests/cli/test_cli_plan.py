@@ -1,0 +1,108 @@
+"""`gmwm plan`: from a model in words, and from what a pilot recording gave."""
+
+import json
+
+import pytest
+
+import gmwm as library
+
+MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
+
+
+@pytest.fixture(scope="module")
+def fits(gmwm, recording, tmp_path_factory):
+    """The fits.json of a pilot recording of two axes."""
+    folder = tmp_path_factory.mktemp("pilot")
+    options = ("--model", "WN + RW", "--axis", "gyro_x,gyro_y", "--no-certify", "--output", folder)
+    assert gmwm("fit", recording, *options).code == 0
+    return folder / "fits.json"
+
+
+def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
+    target = tmp_path / "plan.png"
+    outcome = gmwm("plan", MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.2, "--plot", target)
+    assert outcome.code == 0
+    assert library.plan(MODEL, 7200.0, 100.0).summary(0.2) in outcome.out
+    assert "for 20 %" in outcome.out
+    assert str(target) in outcome.out
+    assert target.read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_is_the_library_s(gmwm):
+    content = gmwm("plan", MODEL, "--rate", 100, "--duration", "1min", "--weighting", "optimal", "--json").json
+    plan = library.plan(MODEL, 60.0, 100.0, weighting="optimal")
+    assert content["command"] == "plan"
+    assert content["needed"] == plan.needed(0.1)
+    assert content["accuracy"] == 0.1
+    assert {name: content[name] for name in plan.to_dict()} == plan.to_dict()
+    assert content["warnings"] == plan.notes()
+    assert any("not to be seen in 60 s: GM.beta" in warning for warning in content["warnings"])
+
+
+def test_what_is_infinite_is_null(gmwm):
+    content = gmwm(
+        "plan", "GM(beta=1e6, sigma2=1.0) + WN(sigma2=1.0)", "--rate", 100, "--duration", "60", "--json"
+    ).json
+    assert content["needed"]["WN.sigma2"] is None
+    assert content["planned"]["WN.sigma2"] is None
+
+
+def test_from_a_pilot_recording(gmwm, fits):
+    found = json.loads(fits.read_text(encoding="utf-8"))["axes"]["gyro_y"]
+    content = gmwm("plan", "--from-fits", fits, "--axis", "gyro_y", "--duration", "1d", "--json").json
+    assert content["axis"] == "gyro_y"
+    assert content["parameters"] == found["parameters"]
+    assert content["rate"] == found["wavelet_variance"]["rate"]
+    assert content["units"]["WN.sigma2"] == "(rad/s)²"
+
+
+def test_terms_that_the_pilot_does_not_show_are_told(gmwm, fits, tmp_path):
+    content = json.loads(fits.read_text(encoding="utf-8"))
+    one = content["axes"]["gyro_x"]
+    one["model"] = "GM(beta=1e4, sigma2=1e-9) + WN(sigma2=4e-7) + QN(q2=0.0) + RW(gamma2=1e-11)"
+    one["acts_as"] = {"GM": "WN"}
+    content["axes"] = {"gyro_x": one}
+    path = tmp_path / "fits.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
+    assert outcome.code == 0
+    assert "warning: left out, as the pilot recording does not show it: QN" in outcome.err
+    assert "warning: GM acts as WN in the pilot recording" in outcome.err
+    assert "QN" not in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((MODEL, "--rate", 100, "--duration", "2x"), "--duration takes a length as 90s, 30min, 2h or 1d, got '2x'"),
+        ((MODEL, "--rate", 100, "--duration", "0"), "duration must be positive"),
+        ((MODEL, "--duration", "2h"), "pass --rate"),
+        (("--duration", "2h"), "one of them"),
+        ((MODEL, "--from-fits", "FITS", "--duration", "2h"), "one of them"),
+        (("--from-fits", "FITS", "--duration", "2h"), "--axis must be one of gyro_x, gyro_y"),
+        (("--from-fits", "FITS", "--axis", "gyro_z", "--duration", "2h"), "got gyro_z"),
+        (("--from-fits", "FITS", "--axis", "gyro_x", "--rate", 50, "--duration", "2h"), "leave --rate out"),
+        ((MODEL, "--axis", "gyro_x", "--rate", 100, "--duration", "2h"), "--axis belongs to --from-fits"),
+        ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.7), "accuracy must be above 0"),
+        (("GM + WN", "--rate", 100, "--duration", "2h"), "needs a value"),
+    ],
+)
+def test_what_is_refused(gmwm, fits, arguments, words):
+    outcome = gmwm("plan", *(fits if word == "FITS" else word for word in arguments))
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert words in outcome.err
+
+
+def test_files_that_hold_no_fits(gmwm, tmp_path):
+    for name, text in {
+        "no.json": "no",
+        "list.json": "[]",
+        "wv.json": '{"command": "wv", "axes": {"gyro_x": {}}}',
+    }.items():
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
+        assert outcome.code == 2
+        assert "is not a fits.json of gmwm fit" in outcome.err
+    assert gmwm("plan", "--from-fits", tmp_path / "none.json", "--duration", "1h").code == 2

@@ -1,0 +1,178 @@
+"""`gmwm.plan`: errors before a recording is made, and the length that a wanted error takes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import DR, GM, QN, RW, WN
+from gmwm.covariance import Setting, covariance
+from gmwm.errors import ModelError, OptionError
+from gmwm.inference.asymptotic import sandwich
+from gmwm.inference.plan import length_text
+
+RATE = 100.0
+MODELS = {
+    "walk": WN(sigma2=4e-6) + RW(gamma2=1e-10),
+    "markov": GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10),
+    "drift": DR(omega=2e-8) + WN(sigma2=4e-6) + RW(gamma2=1e-12),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("weighting", ["diagonal", "optimal"])
+def test_the_length_needed_is_the_shortest_from_which_on_the_error_is_small_enough(name, weighting):
+    plan = gmwm.plan(MODELS[name], 600.0, RATE, weighting=weighting)
+    for accuracy in (0.03, 0.3):
+        for parameter, seconds in plan.needed(accuracy).items():
+            assert plan.at(1.01 * seconds)[parameter] <= accuracy
+            beyond = [plan.at(factor * seconds)[parameter] for factor in np.geomspace(1.02, 8.0, 25)]
+            assert max(beyond) <= 1.01 * accuracy
+            if 0.98 * seconds > plan.durations[0]:
+                assert plan.at(0.98 * seconds)[parameter] > accuracy
+
+
+def test_a_fit_of_that_length_has_these_errors():
+    truth, samples = MODELS["markov"], 50_000
+    variance = truth.wavelet_variance(15, RATE)
+    for weighting in ("diagonal", "optimal"):
+        fit = gmwm.fit(truth.structure, gmwm.WaveletVariance.from_values(variance, samples, RATE), weighting=weighting)
+        found = sandwich(fit)
+        planned = gmwm.plan(truth, samples / RATE, RATE, weighting=weighting).at(samples / RATE)
+        assert found.names == tuple(planned)
+        np.testing.assert_allclose(np.sqrt(np.diag(found.relative)), list(planned.values()), rtol=1e-3)
+
+
+def test_white_noise_alone_has_the_textbook_error():
+    # Of any weights Ω: D = ν²/σ², so that Var σ̂²/σ⁴ = νᵀΩVΩν / (νᵀΩν)², and optimal ones reach 2/N nearly.
+    samples = 4096
+    setting = Setting(np.arange(1, 13), samples, RATE)
+    wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), setting), 3.0 / 2.0 ** np.arange(1, 13)
+    weights = nu / np.diag(wavelet)
+    expected = math.sqrt(weights @ wavelet @ weights) / (weights @ nu)
+    plan = gmwm.plan(WN(sigma2=3.0), samples / RATE, RATE)
+    assert plan.at(samples / RATE)["WN.sigma2"] == pytest.approx(expected, rel=1e-9)
+    best = gmwm.plan(WN(sigma2=3.0), samples / RATE, RATE, weighting="optimal").at(samples / RATE)["WN.sigma2"]
+    assert math.sqrt(2 / samples) <= best <= 1.01 * math.sqrt(2 / samples)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_errors_do_not_know_the_unit(scale):
+    model = GM(beta=8.0, sigma2=scale) + WN(sigma2=4 * scale)
+    plain = gmwm.plan(GM(beta=8.0, sigma2=1.0) + WN(sigma2=4.0), 60.0, RATE)
+    scaled = gmwm.plan(model, 60.0, RATE)
+    for name, curve in plain.errors.items():
+        np.testing.assert_allclose(scaled.errors[name], curve, rtol=1e-9)
+
+
+def test_the_curve_runs_from_the_shortest_record_to_the_planned_one():
+    plan = gmwm.plan(MODELS["markov"], 7200.0, RATE)
+    assert list(plan.errors) == ["GM.beta", "GM.sigma2", "WN.sigma2", "RW.gamma2"]
+    assert plan.durations[0] == 32 / RATE
+    assert plan.durations[-1] == plan.duration == 7200.0
+    assert np.all(np.diff(plan.durations) > 0)
+    assert np.all(plan.durations[1:] / plan.durations[:-1] < 1.4)
+    for name, curve in plan.errors.items():
+        assert curve.shape == plan.durations.shape
+        assert curve[-1] == plan.at(7200.0)[name]
+        assert not curve.flags.writeable
+    with pytest.raises(TypeError):
+        plan.errors["GM.beta"] = plan.durations
+
+
+def test_held_parameters_are_known():
+    free = gmwm.plan(MODELS["markov"], 600.0, RATE).at(600.0)
+    held = gmwm.plan("GM(beta=fixed(8.0), sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", 600.0, RATE).at(600.0)
+    assert list(held) == ["GM.sigma2", "WN.sigma2", "RW.gamma2"]
+    assert held["GM.sigma2"] < free["GM.sigma2"]
+
+
+def test_optimal_weights_lose_nothing():
+    for model in MODELS.values():
+        diagonal, optimal = (gmwm.plan(model, 600.0, RATE, weighting=w).errors for w in ("diagonal", "optimal"))
+        for name, curve in optimal.items():
+            assert np.all(curve <= diagonal[name] * (1 + 1e-6))
+
+
+def test_what_cannot_be_seen_is_said():
+    plan = gmwm.plan(MODELS["walk"], 60.0, RATE, unit="rad/s")
+    assert 0.5 < plan.at(60.0)["RW.gamma2"] < math.inf
+    text = plan.summary(0.2)
+    assert "not to be seen in 60 s: RW.gamma2" in text
+    assert "(rad/s)² per sample" in text
+    row = next(line for line in text.splitlines() if "RW.gamma2" in line)
+    assert row.split("  ")[-1].strip() == length_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
+    long = gmwm.plan(MODELS["walk"], 7200.0, RATE).summary()
+    assert "not" not in long
+    assert "5.2 %" in long
+
+
+def test_what_the_record_cannot_tell_apart_is_said():
+    plan = gmwm.plan(GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-10), 600.0, RATE)
+    errors = plan.at(600.0)
+    assert math.isinf(errors["WN.sigma2"])
+    assert math.isinf(errors["GM.sigma2"])
+    assert math.isfinite(errors["RW.gamma2"])
+    assert math.isinf(plan.needed()["WN.sigma2"])
+    text = plan.summary()
+    assert "not determined by 10 min: GM.beta, GM.sigma2, WN.sigma2; what they do" in text
+    assert "> 69 d" in text
+
+
+def test_a_plan_that_is_out_of_reach_is_infinite():
+    plan = gmwm.plan(WN(sigma2=1.0), 1.0, RATE)
+    assert math.isinf(plan.needed(1e-6)["WN.sigma2"])
+    assert plan.needed(0.5)["WN.sigma2"] >= plan.durations[0]
+
+
+def test_as_plain_numbers_and_in_a_notebook():
+    plan = gmwm.plan(MODELS["walk"], 60.0, RATE)
+    content = json.loads(json.dumps(plan.to_dict()))
+    assert content["errors"]["RW.gamma2"] == plan.errors["RW.gamma2"].tolist()
+    assert content["planned"] == plan.at(60.0)
+    assert gmwm.parse_model(content["model"]) == plan.model
+    assert content["parameters"] == plan.model.parameters
+    assert "<pre>Relative standard errors of WN + RW" in plan._repr_html_()
+    assert repr(plan) == "Plan(WN + RW, 60 s at 100 Hz)"
+
+
+@pytest.mark.parametrize(
+    ("model", "error", "words"),
+    [
+        ("WN(sigma2=1.0) + RW", ModelError, "needs a value for RW.gamma2"),
+        (WN(sigma2=1.0) + RW(gamma2=0.0), ModelError, "RW is zero"),
+        (2 * GM(beta=1.0, sigma2=0.0) + WN(sigma2=1.0), ModelError, r"GM\[1\], GM\[2\] is zero"),
+        ("WN(sigma2=fixed(1.0))", ModelError, "nothing to estimate"),
+        ("GM(beta=1.0, sigma2=fixed(1.0)) + WN(sigma2=1.0)", ModelError, "sigma2 is held while beta"),
+        (DR(omega=1.0), ModelError, "no noise at some level"),
+        (WN, ModelError, "write WN()"),
+    ],
+)
+def test_models_that_cannot_be_planned(model, error, words):
+    with pytest.raises(error, match=words):
+        gmwm.plan(model, 60.0, RATE)
+
+
+@pytest.mark.parametrize(
+    ("duration", "words"),
+    [(0.0, "positive"), (math.nan, "positive"), ("1h", "a number"), (True, "a number"), (0.07, "takes 8, 0.08 s"),
+     (1e12, "more than 2")],
+)  # fmt: skip
+def test_durations_that_cannot_be_planned(duration, words):
+    with pytest.raises(OptionError, match=words):
+        gmwm.plan(MODELS["walk"], duration, RATE)
+    with pytest.raises(OptionError, match=words):
+        gmwm.plan(MODELS["walk"], 60.0, RATE).at(duration)
+
+
+def test_options_that_are_none():
+    plan = gmwm.plan(QN(q2=1.0) + WN(sigma2=1.0), 60.0, RATE)
+    for accuracy in (0.0, -0.1, 0.51, math.nan, "10 %", True):
+        with pytest.raises(OptionError, match=r"at most 0\.5"):
+            plan.needed(accuracy)
+    with pytest.raises(OptionError, match="weighting must be"):
+        gmwm.plan(WN(sigma2=1.0), 60.0, RATE, weighting="identity")
+    with pytest.raises(OptionError, match="rate"):
+        gmwm.plan(WN(sigma2=1.0), 60.0, -1.0)
