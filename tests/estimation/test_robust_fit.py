@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
-from gmwm.estimation.smooth import smoothed
+from gmwm.covariance.mixture import smoothed
 from gmwm.estimation.weighting import sampling_variance
 
 RATE = 100.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.estimation.smooth import smoothed
+from gmwm.covariance.mixture import smoothed
 from gmwm.estimation.weighting import weighting_matrix
 
 TRUTH = gmwm.parse_model("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")

@@ -20,11 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import covariance
+from gmwm.covariance.mixture import drawn, mixture
 from gmwm.covariance.setting import Setting
 from gmwm.errors import DataError
 from gmwm.filters import WaveletFilter
-from gmwm.processes.base import Process, registry
-from gmwm.processes.model import Model
 from gmwm.signals import Signal
 from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
@@ -36,10 +35,6 @@ BANDWIDTH = 0.125
 MOST_TAPERS = 128
 _CELLS = 2048
 """Cells that the record is summed into: tapers hardly change in one."""
-_PLACES = 48
-_ROUNDS = 20
-_SURE = 30.0
-"""Degrees of freedom that the curve of the mixture counts for beside those of a level."""
 
 
 def empirical_covariance(
@@ -114,13 +109,14 @@ def empirical_covariance(
     unit = 2.0 ** np.floor(0.5 * np.log2(wv.variance.max()))
     variance = wv.variance / unit**2
     values = (x.whole() if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
-    curve, theory = _gaussian(variance, wv.degrees_of_freedom, setting)
+    curve, model = mixture(variance, wv.degrees_of_freedom, setting)
+    theory = covariance(model, setting)
     variance_share, correlation, tapers = _measured(values, variance, setting)
 
     own = np.diag(theory)
     prior = theory / np.sqrt(np.outer(own, own))
     relative = (tapers * variance_share + PRIOR * own / curve**2) / (tapers + PRIOR)
-    level = (wv.degrees_of_freedom * variance + _SURE * curve) / (wv.degrees_of_freedom + _SURE)
+    level = drawn(variance, wv.degrees_of_freedom, curve)
     coarser = np.minimum.outer(tapers, tapers)
     mixed = (coarser * correlation + PRIOR * prior) / (coarser + PRIOR)
     np.fill_diagonal(mixed, 1.0)
@@ -132,10 +128,10 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
     """The correlations, drawn towards the prior ones as far as they must be to be those of anything."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
-        drawn = np.asarray((1.0 - share) * correlation + share * prior)
-        if np.linalg.eigvalsh(drawn)[0] >= least:
+        mixed = np.asarray((1.0 - share) * correlation + share * prior)
+        if np.linalg.eigvalsh(mixed)[0] >= least:
             break
-    return drawn
+    return mixed
 
 
 # --- from the data ------------------------------------------------------------------------------------
@@ -187,48 +183,3 @@ def _sine_tapers(size: int, count: int) -> Matrix:
     """v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1, orthonormal: (count, n)."""
     angle = np.pi * np.outer(np.arange(1, count + 1), np.arange(1, size + 1)) / (size + 1)
     return np.asarray(np.sqrt(2.0 / (size + 1)) * np.sin(angle))
-
-
-# --- from the likeliest mixture -----------------------------------------------------------------------
-
-
-def _gaussian(variance: Vector, freedom: Vector, setting: Setting) -> tuple[Vector, Matrix]:
-    """Curve (J,) and covariance (J, J) of the Gaussian mixture of all processes that is likeliest."""
-    processes, shapes = _candidates(setting)
-    curve = variance.copy()
-    # No wavelet variance falls much faster than quantization noise, by four from level to level.
-    for k in range(1, curve.size):
-        curve[k] = max(curve[k], curve[k - 1] / 4)
-    for _ in range(_ROUNDS):
-        # Fisher scoring of the gamma likelihood: least squares with the weights of the last curve.
-        root = np.sqrt(freedom / 2) / curve
-        rows = shapes * root
-        length = np.linalg.norm(rows, axis=1)
-        found, _ = _core.nonnegative_least_squares(root * variance, np.ascontiguousarray(rows / length[:, None]))
-        weights = found / length
-        curve = weights @ shapes
-    model = Model(
-        tuple(
-            p.with_values(**{p.scale_parameter().name: p.value_from(float(weight))})
-            for p, weight in zip(processes, weights, strict=True)
-            if weight > 0
-        )
-    )
-    return curve, covariance(model, setting)
-
-
-def _candidates(setting: Setting) -> tuple[list[Process], Matrix]:
-    """Every process at unit scale, one of each family, those with a search at some places; their wavelet variances."""
-    kinds: dict[str, type[Process]] = {}
-    for kind in registry.values():
-        if kind.has("generalised_covariance"):
-            kinds.setdefault(kind.family or kind.name, kind)
-    processes: list[Process] = []
-    for kind in kinds.values():
-        if not kind.nonlinear_parameters():
-            processes.append(kind.standard())
-        for branch in kind.search(setting.samples, setting.rate):
-            processes += map(kind.standard, branch.values(np.linspace(branch.low, branch.high, _PLACES)))
-    shapes = np.array([p.wavelet_variance(setting.levels, setting.rate, setting.filter) for p in processes])
-    seen = np.any(shapes > 0, axis=1)
-    return [p for p, here in zip(processes, seen, strict=True) if here], shapes[seen]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, require_finite
+from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.estimation.smooth import smoothed
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike

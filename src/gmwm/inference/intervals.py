@@ -18,6 +18,7 @@ from gmwm.inference.bootstrap import DRAWS, bootstrap
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
+from gmwm.variance.limits import chi_square_limits
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -42,9 +43,10 @@ def confidence_intervals(
 
     Variances and correlation times have θ̂ exp(±z SE/θ̂), on the scale of their logarithm, so that they stay positive;
     φ the same on the scale of artanh φ; a drift, which may have either sign, ω̂ ± z SE. A white noise, walk or drift
-    that is zero, or so weak that zero cannot be excluded, has the interval from 0 to an upper limit at the same
-    level, one-sided; a drift from −limit to limit. What these data do not determine has (0, inf): the correlation time
-    and scale of a repeated term that is estimated as zero, or acts as another process.
+    that is zero, or so weak that zero cannot be excluded, has the interval from 0 to an upper limit, a drift from −
+    limit to limit: as nothing lies below zero, the limit of an interval of 95 % holds at 97.5 %. What these data do not
+    determine has (0, inf): the correlation time and scale of a repeated term that is estimated as zero, or acts as
+    another process.
 
     Parameters
     ----------
@@ -170,33 +172,39 @@ def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """The value of a scale parameter at which an estimate as small as this one would have probability 1 − level.
+    """The value of a scale parameter at which an estimate as small as this one would have probability (1 − level)/2.
 
     Its scale coefficient c solves c = ĉ + z SE(c). The scatter grows with c, so it is that of a model with this value
-    and not of the fitted one. Infinite where no value, however large, would stand out.
+    and not of the fitted one. Whatever it is, no process is stronger than all there is: c times its wavelet variance is
+    at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
     """
     wv = fit.wavelet_variance
-    setting = Setting.of(wv)
     process = fit.model.processes[fit.model.terms.index(term)]
-    name, power = f"{term}.{parameter.name}", parameter.scale_power or 1.0
-    z = NormalDist().inv_cdf(level)
+    name = f"{term}.{parameter.name}"
+    z = NormalDist().inv_cdf((1 + level) / 2)
     shape = process.with_values(**{parameter.name: process.value_from(1.0)}).wavelet_variance(
         wv.levels, wv.rate, wv.filter
     )
-    seen = shape > 0
+    seen = (shape > 0) & (wv.variance > 0)
+    _, ceiling = chi_square_limits(wv.variance, wv.degrees_of_freedom, 1 - (1 - level) / len(wv))
+    largest = float(np.min(ceiling[seen] / shape[seen]))
     estimate = process.scale
-    # From so small that it does not matter, up to where it is all there is.
+    # From so small that it does not matter.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
-    largest = 1e6 * float(np.max(np.maximum(fit.implied, wv.variance)[seen] / shape[seen]))
     for _ in range(_ROUNDS):
-        model = fit.model.with_values({name: process.value_from(scale)})
-        wavelet = covariance_of(model, setting)
-        matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
-        found = sandwich_of(model, setting, matrix, wavelet, fit.diagnostics.acts_as)
-        place = found.names.index(name)
-        before, scale = scale, estimate + z * power * math.sqrt(found.relative[place, place]) * scale
+        relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
+        before, scale = scale, estimate + z * (parameter.scale_power or 1.0) * relative * scale
         if not scale < largest:
-            return math.inf
-        if abs(scale - before) <= _SETTLED * scale:
             break
-    return process.value_from(scale)
+        if abs(scale - before) <= _SETTLED * scale:
+            return process.value_from(scale)
+    return process.value_from(largest)
+
+
+def _relative_error(fit: Fit, model: Model, name: str) -> float:
+    """Relative standard error of a parameter if `model` were true."""
+    setting = Setting.of(fit.wavelet_variance)
+    matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    found = sandwich_of(model, setting, matrix, covariance_of(model, setting), fit.diagnostics.acts_as)
+    place = found.names.index(name)
+    return math.sqrt(found.relative[place, place])

@@ -1,0 +1,103 @@
+"""The likeliest mixture under a wavelet variance: a smooth curve where the data alone scatter.
+
+A level with one degree of freedom is now and then a thousand times smaller than it should be: a weight 1/ν̂⁴ would let
+it decide a whole fit. The curve here is the mixture of all processes there are, at many correlation times, that is
+likeliest under the chi-square law of the levels; no model is asked for, so that all are judged by the same one.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.setting import Setting
+from gmwm.filters import WaveletFilter
+from gmwm.processes.base import Process, registry
+from gmwm.processes.model import Model
+from gmwm.variance.result import WaveletVariance
+
+PRIOR = 30.0
+"""Degrees of freedom that the smooth curve counts for beside those of a level."""
+_PLACES = 48
+_ROUNDS = 30
+_SETTLED = 1e-3
+
+
+def smoothed(wv: WaveletVariance) -> Vector:
+    """ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), ν̃² the smooth curve: the data where they are many, the curve where few.
+
+    A curve with a level of zero variance is left as it is.
+    """
+    if not np.all(wv.variance > 0):
+        return wv.variance
+    unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
+    observed, freedom = wv.variance / unit, wv.degrees_of_freedom
+    setting = Setting.of(wv)
+    _, shapes = _candidates(tuple(wv.levels.tolist()), wv.samples, wv.rate, setting.filter)
+    curve, _ = _likeliest(observed, freedom, shapes)
+    return drawn(unit * observed, freedom, unit * curve)
+
+
+def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
+    """Each level drawn towards the curve, which counts for `PRIOR` degrees of freedom."""
+    return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
+
+
+def mixture(variance: Vector, freedom: Vector, setting: Setting) -> tuple[Vector, Model]:
+    """The smooth curve (J,) of positive variances (J,) with these degrees of freedom (J,), and the model behind it.
+
+    Of processes whose covariance is known alone.
+    """
+    processes, shapes = _candidates(tuple(setting.levels.tolist()), setting.samples, setting.rate, setting.filter)
+    known = [k for k, process in enumerate(processes) if process.has("generalised_covariance")]
+    curve, weights = _likeliest(variance, freedom, shapes[known])
+    chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
+    parts = [p.with_values(**{p.scale_parameter().name: p.value_from(weight)}) for p, weight in chosen]
+    return curve, Model(tuple(parts))
+
+
+def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:
+    """The curve (J,), and the weights of the shapes (n, J) that it is the sum of."""
+    # No wavelet variance falls much faster than quantization noise, by four from level to level.
+    curve = observed.copy()
+    for k in range(1, curve.size):
+        curve[k] = max(curve[k], curve[k - 1] / 4)
+    weights = np.zeros(len(shapes))
+    for _ in range(_ROUNDS):
+        # Fisher scoring of the gamma likelihood: least squares with the weights of the last curve.
+        root = np.sqrt(freedom / 2) / curve
+        rows = shapes * root
+        length = np.linalg.norm(rows, axis=1, keepdims=True)
+        found, _ = _core.nonnegative_least_squares(root * observed, np.ascontiguousarray(rows / length))
+        weights = found / length[:, 0]
+        before, curve = curve, weights @ shapes
+        if np.all(np.abs(curve - before) <= _SETTLED * before):
+            break
+    return curve, weights
+
+
+@lru_cache(maxsize=16)
+def _candidates(
+    levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
+) -> tuple[tuple[Process, ...], Matrix]:
+    """Every process at unit scale, one of each family, those with a search at many places; their wavelet variances."""
+    number = np.asarray(levels, dtype=np.int64)
+    kinds: dict[str, type[Process]] = {}
+    for kind in registry.values():
+        kinds.setdefault(kind.family or kind.name, kind)
+    processes: list[Process] = []
+    rows = []
+    for kind in kinds.values():
+        if not kind.nonlinear_parameters():
+            processes.append(kind.standard())
+            rows.append(kind.shape(np.empty((1, 0)), number, rate, filter))
+        for branch in kind.search(samples, rate):
+            places = branch.values(np.linspace(branch.low, branch.high, _PLACES))
+            processes += map(kind.standard, places)
+            rows.append(kind.shape(places, number, rate, filter))
+    shapes = np.concatenate(rows)
+    seen = np.any(shapes > 0, axis=1)
+    return tuple(p for p, here in zip(processes, seen, strict=True) if here), np.asarray(shapes[seen])
