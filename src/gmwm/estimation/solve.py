@@ -15,6 +15,7 @@ import numpy as np
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
+from gmwm.estimation.newton import sharpened
 from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -35,10 +36,8 @@ SETTLED = 1e-12
 POLISHES = 8
 """A polish follows an optimum that wants to leave its piece of curve so many times."""
 NEWTON_STEPS = 5
-SHARP = 1e-12
-"""Newton steps end when they move the search coordinate by less."""
-CURVATURE_STEP = 1e-3
-"""Distance of the slopes whose difference is the second derivative; any error of it only slows the steps."""
+FOLLOWED = 0.05
+"""Way in the search coordinate that an optimum is followed by one step of Newton's when the weights change."""
 FLAT = 1e-10
 """Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
 ACTS_AS = 1e-6
@@ -92,11 +91,11 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution) -> Solution:
-    """The local optimum next to the solution of a problem that differs by its weights."""
+    """The local optimum next to the solution of a problem that differs by its weights; to first order if near."""
     if problem.family is None:
         return solve(problem, certify=False)
     search = _Search(problem, problem.family)
-    best = search.polished(list(solution.places))
+    best = search.followed(list(solution.places))
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return Solution(
         best.objective * problem.unit**2, None, 0.0, scales, search.terms(best, ends=False), tuple(best.places), 0
@@ -194,62 +193,19 @@ class _Search:
                 before = objective
         return self._sharpened(self._at(places))
 
-    def _sharpened(self, best: _Optimum) -> _Optimum:
-        """The same optimum to all digits: Newton's method on where the derivatives vanish, not on the criterion.
-
-        A criterion that is least tells where to half the digits only. Points at an end of their branch stay there.
-        """
-        problem, count = self.problem, len(best.places)
-        linear = len(problem.linear)
-        held = np.array([not b.low < u < b.high for b, u in best.places], dtype=bool)
-        if count == 0 or held.all() or np.any(best.weights[linear:] <= 0):
+    def _sharpened(self, best: _Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> _Optimum:
+        """The same optimum to all digits, where Newton's method leads to one that is as good."""
+        places = sharpened(self.problem, self.family, best.places, best.weights, steps, reach)
+        if places is None:
             return best
-        active = best.weights[:linear] > 0
-        fixed = self.fixed[active]
-        length = np.linalg.norm(self._curved(best.places)[0], axis=1)
-        x = np.concatenate([best.weights[:linear][active], best.weights[linear:]])
-        places = best.places
-        for _ in range(NEWTON_STEPS):
-            value, slope = (part / length[:, None] for part in self._curved(places))
-            above, below = (
-                self._curved([(b, u + sign * CURVATURE_STEP) for b, u in places])[1] / length[:, None]
-                for sign in (1, -1)
-            )
-            rows = np.concatenate([fixed, value])
-            residual = problem.target - x @ rows
-            weight = x[fixed.shape[0] :]
-            moving = (weight[:, None] * slope)[~held]
-            jacobian = np.concatenate([rows, moving])
-            hessian = jacobian @ jacobian.T
-            at = rows.shape[0] + np.arange(moving.shape[0])
-            which = fixed.shape[0] + np.flatnonzero(~held)
-            hessian[at, at] -= (weight[:, None] * (above - below))[~held] @ residual / (2 * CURVATURE_STEP)
-            hessian[which, at] -= slope[~held] @ residual
-            hessian[at, which] = hessian[which, at]
-            try:
-                step = np.linalg.solve(hessian, jacobian @ residual)
-            except np.linalg.LinAlgError:
-                return best
-            x = x + step[: x.size]
-            moves = np.zeros(count)
-            moves[~held] = step[x.size :]
-            places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
-            if np.any(np.abs(moves) > WIDTHS[-1]) or any(not b.low <= u <= b.high for b, u in places):
-                return best
-            if np.all(np.abs(moves) < SHARP):
-                break
         sharp = self._at(places)
         return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
 
-    def _curved(self, places: list[Place]) -> tuple[Matrix, Matrix]:
-        """The curved processes at exact places, weighted by Ω, and their slopes by the search coordinate (n, J)."""
-        problem, root = self.problem, self.problem.root
-        points = [(b, np.array([u])) for b, u in places]
-        parameters = np.concatenate([b.values(u) for b, u in points])
-        by_u = np.concatenate([b.slope(u) for b, u in points])
-        values = self.family.shape(parameters, problem.levels, problem.rate, problem.filter)
-        slopes = self.family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
-        return values @ root.T, slopes @ root.T
+    def followed(self, places: list[Place]) -> _Optimum:
+        """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
+        start = self._at(places)
+        there = self._sharpened(start, 1, FOLLOWED)
+        return self.polished(places) if there is start and places else there
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)

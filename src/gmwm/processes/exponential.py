@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm import _core
+
 Array = NDArray[np.float64]
 
 WHITE = 700.0
@@ -108,9 +110,16 @@ def _negative_slope(phi: Array, h: Array) -> Array:
 # --- the functions that need care ---------------------------------------------------------------------
 
 
-def _series(term: Callable[[int], float], first: int, last: int) -> list[float]:
+def _series(term: Callable[[int], float], first: int, last: int) -> Array:
     """Coefficients term(first) … term(last), highest power first."""
-    return [term(n) for n in range(last, first - 1, -1)]
+    return np.array([term(n) for n in range(last, first - 1, -1)], dtype=np.float64)
+
+
+def _polynomial(coefficients: Array, x: Array) -> Array:
+    """The polynomial at x (n,), as `numpy.polyval` has it; many small ones are what a fit asks for."""
+    out = np.empty_like(x)
+    _core.polynomial(coefficients, x, out)
+    return out
 
 
 def _piecewise(x: Array, series: Callable[[Array], Any], direct: Callable[[Array], Any]) -> Array:
@@ -147,7 +156,7 @@ def _f(x: Array, y: Array) -> Array:
     """f(x)/x³."""
     result = (2.0 * (x - y) - y * y) / np.maximum(x, 1.0) ** 3
     small = x < 1.0
-    result[small] = np.polyval(_F, x[small])
+    result[small] = _polynomial(_F, x[small])
     return np.asarray(result)
 
 
@@ -155,7 +164,7 @@ def _g(x: Array, y: Array, f: Array) -> Array:
     """(3f(x)/x − f′(x))/x³, with f = f(x)/x³ given."""
     result = 3.0 * f / x - 2.0 * y * y / np.maximum(x, 1.0) ** 3
     small = x < 1.0
-    result[small] = np.polyval(_G, x[small])
+    result[small] = _polynomial(_G, x[small])
     return np.asarray(result)
 
 
@@ -166,14 +175,14 @@ def _k(x: Array) -> Array:
         q = np.exp(-x)
         return np.asarray((3.0 - (4.0 + 4.0 * x) * q + (1.0 + 2.0 * x) * q * q) / x**3)
 
-    return _piecewise(x, lambda x: np.polyval(_K, x), direct)
+    return _piecewise(x, lambda x: _polynomial(_K, x), direct)
 
 
 def _s(lam: Array) -> Array:
     """2e^(−λ)(sinh λ − λ)/λ³."""
     return _piecewise(
         lam,
-        lambda v: 2.0 * np.exp(-v) * np.polyval(_EXCESS, v * v),
+        lambda v: 2.0 * np.exp(-v) * _polynomial(_EXCESS, v * v),
         lambda v: (-np.expm1(-2.0 * v) - 2.0 * v * np.exp(-v)) / v**3,
     )
 
@@ -182,7 +191,7 @@ def _z(v: Array) -> Array:
     """(v coth v − 1)/v²."""
     return _piecewise(
         v,
-        lambda v: np.polyval(_COTH, v * v) / np.polyval(_ODD, v * v),
+        lambda v: _polynomial(_COTH, v * v) / _polynomial(_ODD, v * v),
         lambda v: (v / np.tanh(v) - 1.0) / (v * v),
     )
 
@@ -191,7 +200,7 @@ def _r(lam: Array) -> Array:
     """coth(λ/2) + coth λ − 3/λ."""
     return _piecewise(
         lam,
-        lambda v: v * np.polyval(_RATIO, v * v) / np.polyval(_ODD, v * v),
+        lambda v: v * _polynomial(_RATIO, v * v) / _polynomial(_ODD, v * v),
         lambda v: 1.0 / np.tanh(0.5 * v) + 1.0 / np.tanh(v) - 3.0 / v,
     )
 
@@ -200,7 +209,7 @@ def _t(lam: Array) -> Array:
     """[e^(−λ) + λ + 2 − λ(coth λ + coth(λ/2))]/λ³."""
     return _piecewise(
         lam,
-        lambda v: np.polyval(_REST, v) / np.polyval(_ODD, v * v),
+        lambda v: _polynomial(_REST, v) / _polynomial(_ODD, v * v),
         lambda v: (np.exp(-v) + v + 2.0 - v * (1.0 / np.tanh(v) + 1.0 / np.tanh(0.5 * v))) / v**3,
     )
 
@@ -210,7 +219,7 @@ def block_variance(lam: float, m: Array) -> Array:
     v = np.array([min(lam, WHITE)])
     # Divided through by e^λ and λ², so that neither end overflows or cancels.
     x = np.asarray(m, dtype=np.float64) * v
-    curve = _piecewise(x, lambda x: np.polyval(_CURVE, x), lambda x: np.asarray((np.expm1(-x) + x) / (x * x)))
+    curve = _piecewise(x, lambda x: _polynomial(_CURVE, x), lambda x: np.asarray((np.expm1(-x) + x) / (x * x)))
     return np.asarray((2.0 * np.exp(-v) * m * m * curve + v * m * _s(v)) / _decay(v) ** 2)
 
 

@@ -1,0 +1,30 @@
+#include "gmwm/polynomial.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "gmwm/clones.hpp"
+
+namespace gmwm {
+
+namespace {
+
+constexpr std::size_t batch = 64;
+
+// Coefficient by coefficient over a batch: the compiler sees independent lanes.
+GMWM_CLONES void horner(const double* c, std::size_t n, const double* x, std::size_t m, double* out) {
+  std::array<double, batch> value;
+  for (std::size_t i = 0; i < m; ++i) value[i] = c[0];
+  for (std::size_t k = 1; k < n; ++k)
+    for (std::size_t i = 0; i < m; ++i) value[i] = value[i] * x[i] + c[k];
+  std::copy_n(value.begin(), m, out);
+}
+
+}  // namespace
+
+void polynomial(std::span<const double> coefficients, std::span<const double> x, std::span<double> out) {
+  for (std::size_t i = 0; i < x.size(); i += batch)
+    horner(coefficients.data(), coefficients.size(), x.data() + i, std::min(batch, x.size() - i), out.data() + i);
+}
+
+}  // namespace gmwm

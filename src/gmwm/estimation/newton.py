@@ -1,0 +1,85 @@
+"""A local optimum to all digits: Newton's method on where the derivatives vanish.
+
+A criterion that is least tells where to half the digits only: it hardly changes there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.estimation.atoms import Place
+from gmwm.estimation.problem import Problem
+from gmwm.processes.base import Process
+
+SHARP = 1e-12
+"""Steps end when they move the search coordinate by less."""
+CURVATURE_STEP = 1e-3
+"""Distance of the slopes whose difference is the second derivative; any error of it only slows the steps."""
+
+
+def sharpened(
+    problem: Problem, family: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
+) -> list[Place] | None:
+    """The places to which at most so many steps lead from a local optimum; None where they lead away.
+
+    Minimises |target − Σ w a − Σ x g(u)|² over the weights and the places u together. Linear processes without weight
+    stay without, and places at an end of their branch stay there; no step may be longer than `reach`.
+    """
+    linear = len(problem.linear)
+    moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
+    if not moving.any() or np.any(weights[linear:] <= 0):
+        return None
+    fixed = problem.fixed[weights[:linear] > 0]
+    x = np.concatenate([weights[:linear][weights[:linear] > 0], weights[linear:]])
+    length: Matrix | None = None
+    for _ in range(steps):
+        value, slope, bend = _curved(problem, family, places)
+        if length is None:
+            length = np.linalg.norm(value, axis=1, keepdims=True)
+        value, slope, bend = value / length, slope / length, bend / length
+        step = _step(problem.target, fixed, value, slope, bend, x, moving)
+        if step is None:
+            return None
+        x = x + step[: x.size]
+        moves = np.zeros(len(places))
+        moves[moving] = step[x.size :]
+        places = [(b, float(u + d)) for (b, u), d in zip(places, moves, strict=True)]
+        if not np.all(np.abs(moves) <= reach) or any(not b.low <= u <= b.high for b, u in places):
+            return None
+        if np.all(np.abs(moves) < SHARP):
+            break
+    return places
+
+
+def _step(
+    target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
+) -> Vector | None:
+    """Newton's step of all weights, then of the places that move."""
+    rows = np.concatenate([fixed, value])
+    residual = target - x @ rows
+    weight = x[fixed.shape[0] :, None]
+    jacobian = np.concatenate([rows, (weight * slope)[moving]])
+    hessian = jacobian @ jacobian.T
+    at = rows.shape[0] + np.arange(int(np.count_nonzero(moving)))
+    which = fixed.shape[0] + np.flatnonzero(moving)
+    hessian[at, at] -= (weight * bend)[moving] @ residual
+    hessian[which, at] -= slope[moving] @ residual
+    hessian[at, which] = hessian[which, at]
+    try:
+        return np.asarray(np.linalg.solve(hessian, jacobian @ residual))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _curved(problem: Problem, family: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
+    """The curved processes at exact places, weighted by Ω, with both derivatives by the search coordinate (n, J)."""
+    count, d = len(places), CURVATURE_STEP
+    points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
+    parameters = np.concatenate([b.values(u) for b, u in points])
+    by_u = np.concatenate([b.slope(u) for b, u in points])
+    values = family.shape(parameters[:count], problem.levels, problem.rate, problem.filter)
+    slopes = family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+    bends = (slopes[count : 2 * count] - slopes[2 * count :]) / (2 * d)
+    root = problem.root.T
+    return values @ root, slopes[:count] @ root, bends @ root
