@@ -2,7 +2,18 @@
 
 import pytest
 
-from validation import study_contamination, study_optimum, study_recovery
+from validation import (
+    study_contamination,
+    study_covariance,
+    study_coverage,
+    study_efficiency,
+    study_goodness,
+    study_optimum,
+    study_plan,
+    study_recovery,
+    study_weak,
+    study_weighting,
+)
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 
@@ -37,3 +48,87 @@ def test_robust_fits_recover_from_knocks():
         elif row["parameter"] == "WN.sigma2" and row["estimator"] == "classical":
             assert row["recovered"] == 0, row
             assert row["median"] > 2, row
+
+
+def test_fits_scatter_as_planned():
+    result = study_plan.run(reduced=True)
+    seen = [row for row in result["rows"] if row["plan"] <= 0.3]
+    assert len(seen) == len(result["rows"]) == 9
+    # The standard deviation of n normal numbers is known to 1 / √(2 n).
+    for row in seen:
+        assert abs(row["standard_deviation_over_plan"] - 1) < 4 / (2 * result["recordings"]) ** 0.5, row
+    assert study_plan.table(result).count("\n|") == 11
+
+
+def test_the_covariance_is_what_recordings_scatter_by():
+    result = study_covariance.run(reduced=True)
+    assert study_covariance.table(result).count("\n|") == 64
+    for row in result["rows"]:
+        if row["estimator"] == "classical":
+            assert abs(row["deviation"]) < 4, row
+    for row in result["covariances"]:
+        if row["estimator"] == "classical":
+            assert row["largest"] < 4, row
+
+
+def test_optimal_weights_come_near_the_likelihood():
+    result = study_efficiency.run(reduced=True)
+    for row in result["theory"]:
+        if row["moments"].startswith("haar"):
+            # No unbiased estimate beats the bound, and optimal weights stay within a tenth of it.
+            assert all(row[name] > 0.999 for name in ("GM.beta", "GM.sigma2", "WN.sigma2")), row
+            assert "optimal" not in row["moments"] or row["GM.beta"] < 1.1, row
+    for row in result["rows"]:
+        assert abs(row["optimal_over_likelihood"] - 1) < 0.1 + 4 * row["optimal_uncertain"], row
+    assert study_efficiency.table(result).count("\n|") == 11 + 26 + 8
+
+
+def test_weightings_differ_where_the_record_of_them_says_so():
+    result = study_weighting.run(reduced=True)
+    assert all(row["diagonal"] > 0.999 and row["identity"] > 0.999 for row in result["theory"])
+    for row in result["rows"]:
+        if row["parameter"] == "WN.sigma2" and row["case"] in ("right", "rounding left out"):
+            for weighting in ("diagonal", "optimal"):
+                # The white noise is known to 0.5 %; rounding left out goes into it.
+                off = abs(row[f"{weighting}_median"] - 1)
+                assert off < 0.03 if row["case"] == "right" else off > 0.1, row
+    assert study_weighting.table(result).count("\n|") == 34 + 30
+
+
+def test_intervals_hold_the_truth():
+    result = study_coverage.run(reduced=True)
+    assert len(result["rows"]) == 10
+    noise = 1 / result["recordings"] ** 0.5
+    for row in result["rows"]:
+        # A share of 95 % in n recordings scatters by 0.22 / √n.
+        assert row["covered"] > 0.95 - 4 * 0.22 * noise, row
+        assert row["one_sided"] == 0, row
+        assert abs(row["spread"] / row["standard_error"] - 1) < 4 * noise / 2**0.5, row
+        assert abs(row["mean"] - 1) < 4 * row["standard_error"] * noise, row
+    assert study_coverage.table(result).count("\n|") == 12
+
+
+def test_the_test_of_a_model_has_its_size_and_power():
+    result = study_goodness.run(reduced=True)
+    size = [row for row in result["rows"] if row["kind"] == "size"]
+    assert {row["method"] for row in size} == {"asymptotic", "bootstrap"}
+    for row in size:
+        assert row["median"] > 0.05, row
+        if row["method"] == "asymptotic":
+            assert row["at_5"] < 0.05 + 4 * 0.22 / row["recordings"] ** 0.5, row
+    strong, weak = (row for row in result["rows"] if row["kind"] == "power")
+    assert strong["at_1"] > 0.9, strong
+    assert weak["at_1"] < 0.5, weak
+    assert study_goodness.table(result).count("\n|") == 2 + 5 + 2 + 2
+
+
+def test_limits_of_what_is_barely_seen_are_not_too_low():
+    result = study_weak.run(reduced=True)
+    assert len(result["rows"]) == 6
+    for row in result["rows"]:
+        assert row["limit_covers"] >= 0.75, row
+        assert row["median_limit"] > row["truth"], row
+        assert row["unlimited"] == 0, row
+        # A walk or drift of which the error is larger than itself must not be said to be seen.
+        assert row["relative_error"] < 1 or row["one_sided"] > 0.5, row
+    assert study_weak.table(result).count("\n|") == 8

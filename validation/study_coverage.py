@@ -1,0 +1,68 @@
+"""Do 95 % intervals hold the truth in 95 of 100 recordings?
+
+Recordings of known models are simulated and fitted, with diagonal and with optimal weights; for each parameter, the
+share of intervals that hold the truth, and the standard errors that the fits report beside the spread of the estimates.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import gmwm
+from validation import recordings
+
+NAME = "coverage"
+SEED = recordings.SEED
+
+
+def run(reduced: bool = False) -> dict[str, Any]:
+    """Share of intervals that hold the truth, lie below it and above it; estimates and standard errors / truth."""
+    count = recordings.count(reduced)
+    rows = []
+    for text in recordings.truths(reduced):
+        model = gmwm.parse_model(text).sorted(recordings.RATE)
+        for weighting in recordings.WEIGHTINGS:
+            found = recordings.outcomes(text, weighting, count)
+            for k, (name, truth) in enumerate(model.parameters.items()):
+                assert truth is not None
+                estimate, error, low, high, _ = found[:, :, k].T
+                reported = error[np.isfinite(error)]
+                rows.append({
+                    "model": model.structure,
+                    "weighting": weighting,
+                    "parameter": name,
+                    "truth": truth,
+                    "covered": float(np.mean((low <= truth) & (truth <= high))),
+                    "below": float(np.mean(high < truth)),
+                    "above": float(np.mean(low > truth)),
+                    "one_sided": float(np.mean((low <= 0) | ~np.isfinite(high))),
+                    "mean": float(estimate.mean() / truth),
+                    "median": float(np.median(estimate) / truth),
+                    "spread": float(estimate.std(ddof=1) / truth),
+                    "standard_error": float(np.median(reported) / truth),
+                })  # fmt: skip
+    return {"recordings": count, "samples": recordings.SAMPLES, "rate": recordings.RATE, "rows": rows}
+
+
+def table(result: dict[str, Any]) -> str:
+    """Markdown: one line for each parameter of each model and weighting."""
+    noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
+    worst = min(r["covered"] for r in result["rows"]), max(r["covered"] for r in result["rows"])
+    lines = [
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, the "
+        "same ones for both weightings. Asymptotic intervals at 95 %. Covered: the interval holds the truth; by chance "
+        f"alone the share scatters by {noise:.1f} %. Low, high: all of the interval lies below or above the truth. "
+        "Spread: the standard deviation of the estimates. Standard error: the median of those that the fits report. "
+        f"These and the median are over the truth. Coverage runs from {worst[0]:.1%} to {worst[1]:.1%}.",
+        "",
+        "| model | weighting | parameter | truth | covered | low | high | median | spread | standard error |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['model']} | {r['weighting']} | {r['parameter']} | {r['truth']:g} | {r['covered']:.1%} "
+        f"| {r['below']:.1%} | {r['above']:.1%} | {r['median']:.4f} | {r['spread']:.4f} | {r['standard_error']:.4f} |"
+        for r in result["rows"]
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,182 @@
+"""How near do the wavelet moments come to maximum likelihood?
+
+Gauss-Markov and white noise have an exact likelihood that is cheap (`validation/likelihood.py`). Recordings are
+simulated and fitted by both; beside them stands what theory says, without simulation: standard errors of the wavelet
+moments under several filters and weightings over the Cramér-Rao bound.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gmwm
+from gmwm.covariance import as_setting, covariance
+from gmwm.estimation.weighting import precision
+from gmwm.inference.asymptotic import sandwich_of
+from validation.likelihood import fisher_errors, haar_gains, moment_errors, most_likely, octave_gains
+
+NAME = "efficiency"
+SEED = 20261126
+RATE = 100.0
+SAMPLES = 10_000
+WEIGHTINGS = ("diagonal", "optimal")
+
+TRUTHS = {
+    "slow": "GM(beta=1.0, sigma2=2e-6) + WN(sigma2=4e-6)",
+    "fast": "GM(beta=10.0, sigma2=2e-6) + WN(sigma2=4e-6)",
+    "strong": "GM(beta=20.0, sigma2=2e-5) + WN(sigma2=4e-6)",
+}
+BETAS = (0.25, 0.5, 1.0, 2.0, 4.0, 10.0)
+"""In 1/s: from 25 correlation times in the record to a thousand."""
+
+
+def run(reduced: bool = False) -> dict[str, Any]:
+    """Root mean square errors of each estimator, their ratios to maximum likelihood, and the ratios of theory."""
+    recordings = 10 if reduced else 600
+    rows, theory = [], []
+    for (case, text), seed in zip(TRUTHS.items(), np.random.SeedSequence(SEED).spawn(len(TRUTHS)), strict=True):
+        truth = gmwm.parse_model(text).sorted(RATE)
+        at = {name: value for name, value in truth.parameters.items() if value is not None}
+        bound = fisher_errors(*_shape(truth), SAMPLES)
+        estimates = _estimates(truth, tuple(at.values()), seed, recordings)
+        expected = _theory(truth, bound)
+        theory += [{"case": case, "moments": moments, **dict(zip(at, r, strict=True))} for moments, r in expected]
+        ratios = {name: estimates[name] / np.array(list(at.values())) for name in estimates}
+        for k, parameter in enumerate(at):
+            likely = ratios["likelihood"][:, k]
+            row: dict[str, Any] = {"case": case, "parameter": parameter, "truth": at[parameter]}
+            row |= {"bound": bound[k], "likelihood": _rms(likely - 1), "likelihood_log": _rms(np.log(likely))}
+            for weighting in WEIGHTINGS:
+                found = ratios[weighting][:, k]
+                row[weighting] = _rms(found - 1)
+                row[f"{weighting}_log"] = _rms(np.log(found))
+                row[f"{weighting}_over_likelihood"], row[f"{weighting}_uncertain"] = _over(found - 1, likely - 1)
+                row[f"{weighting}_over_likelihood_log"], _ = _over(np.log(found), np.log(likely))
+            rows.append(row)
+    settings = {"recordings": recordings, "samples": SAMPLES, "rate": RATE, "truths": TRUTHS}
+    return settings | {"rows": rows, "theory": theory, "lengths": [_length(beta) for beta in BETAS]}
+
+
+def _estimates(
+    truth: gmwm.Model, values: tuple[float, ...], seed: np.random.SeedSequence, recordings: int
+) -> dict[str, NDArray[np.float64]]:
+    """β, σ²_GM and σ², one row for each recording, by estimator."""
+    found: dict[str, list[list[float]]] = {name: [] for name in ("likelihood", *WEIGHTINGS)}
+    beta, marginal, noise = values
+    for child in seed.spawn(recordings):
+        x = truth.simulate(SAMPLES, RATE, np.random.default_rng(child))
+        found["likelihood"].append(list(most_likely(x, RATE, (beta, marginal, noise))))
+        wv = gmwm.wavelet_variance(x, RATE)
+        for weighting in WEIGHTINGS:
+            fit = gmwm.fit(truth.structure, wv, weighting=weighting, certify=False)
+            found[weighting].append([fit.parameters[name] for name in truth.parameters])
+    return {name: np.array(rows) for name, rows in found.items()}
+
+
+def _shape(truth: gmwm.Model) -> tuple[float, float, float]:
+    """λ = βΔt, σ²_GM and σ²."""
+    beta, marginal, noise = (value for value in truth.parameters.values() if value is not None)
+    return beta / RATE, marginal, noise
+
+
+def _theory(truth: gmwm.Model, bound: NDArray[np.float64]) -> list[tuple[str, list[float]]]:
+    """Relative standard errors over the bound, of moments from the ideal to those that a record has."""
+    levels = int(np.log2(SAMPLES))
+    shape = _shape(truth)
+    ratios = [
+        ("ideal octave bands, no ends", moment_errors(*shape, SAMPLES, octave_gains(levels))),
+        ("Haar, no ends", moment_errors(*shape, SAMPLES, haar_gains(2 ** np.arange(levels)))),
+    ]
+    for name in ("haar", "d4", "la8"):
+        setting = as_setting(SAMPLES, RATE, None, name, "modwt", None)
+        wavelet = covariance(truth, setting)
+        weights = {"optimal": precision(wavelet), "diagonal": np.diag(1 / np.diag(wavelet))}
+        for weighting, matrix in weights.items():
+            found = sandwich_of(truth, setting, matrix, wavelet)
+            ratios.append((f"{name}, {len(wavelet)} levels, {weighting}", np.sqrt(np.diag(found.relative))))
+    return [(moments, (errors / bound).tolist()) for moments, errors in ratios]
+
+
+def _length(beta: float) -> dict[str, float]:
+    """Standard errors of optimal weights over the bound, and how many correlation times the record holds."""
+    truth = gmwm.parse_model(TRUTHS["slow"]).with_values({"GM.beta": beta}).sorted(RATE)
+    bound = fisher_errors(*_shape(truth), SAMPLES)
+    wavelet = covariance(truth, setting := as_setting(SAMPLES, RATE, None, "haar", "modwt", None))
+    found = sandwich_of(truth, setting, precision(wavelet), wavelet)
+    ratios = dict(zip(found.names, (np.sqrt(np.diag(found.relative)) / bound).tolist(), strict=True))
+    return {"correlation_times": beta * SAMPLES / RATE, "bound": float(bound[0]), **ratios}
+
+
+def _rms(errors: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def _over(errors: NDArray[np.float64], yardstick: NDArray[np.float64]) -> tuple[float, float]:
+    """Ratio of two root mean square errors on the same recordings, and its standard error."""
+    ratio = _rms(errors) / _rms(yardstick)
+    scatter = (errors / _rms(errors)) ** 2 - (yardstick / _rms(yardstick)) ** 2
+    return ratio, float(ratio * scatter.std(ddof=1) / 2 / np.sqrt(scatter.size))
+
+
+def table(result: dict[str, Any]) -> str:
+    """Markdown: errors and ratios of each parameter; the ratios of theory."""
+    lines = [
+        "How near do the wavelet moments come to maximum likelihood? "
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of "
+        + "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
+        + ". Root mean square errors, relative to the truth, and their ratios to those of maximum likelihood on the "
+        "same recordings, with the ratio's own standard error; then the ratio of the errors of the logarithm. The "
+        "bound is that of Cramér and Rao for a long record.",
+        "",
+        "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
+        "| logarithm: optimal / ML | diagonal / ML |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['case']} | {r['parameter']} | {r['bound']:.4f} | {r['likelihood']:.4f} | {r['optimal']:.4f} "
+        f"| {r['diagonal']:.4f} | {r['optimal_over_likelihood']:.3f} ± {r['optimal_uncertain']:.3f} "
+        f"| {r['diagonal_over_likelihood']:.3f} ± {r['diagonal_uncertain']:.3f} "
+        f"| {r['optimal_over_likelihood_log']:.3f} | {r['diagonal_over_likelihood_log']:.3f} |"
+        for r in result["rows"]
+    ]
+    lines += [
+        "",
+        'From theory, without simulation: standard error over the bound. "No ends" is the limit of a long record, '
+        "where every level has as many coefficients as there are samples; the others have the exact covariance.",
+        "",
+        "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['case']} | {r['moments']} | {r['GM.beta']:.3f} | {r['GM.sigma2']:.3f} | {r['WN.sigma2']:.3f} |"
+        for r in result["theory"]
+    ]
+    lines += [
+        "",
+        "Haar, optimal weights, of the slow case with other β:",
+        "",
+        "| correlation times in the record | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r['correlation_times']:g} | {r['bound']:.3f} | {r['GM.beta']:.3f} | {r['GM.sigma2']:.3f} "
+        f"| {r['WN.sigma2']:.3f} |"
+        for r in result["lengths"]
+    ]
+    return "\n".join([*lines, "", _WORDS])
+
+
+_WORDS = (
+    "Octaves lose next to nothing here: in a long record the Haar variances with optimal weights hold nearly all that "
+    "the likelihood knows. Ideal bands lose a little more, as a band has one weight where the spectrum bends within "
+    "it; the Haar bands overlap, and what leaks into the neighbour tells of the bend. What is lost is lost at the "
+    "ends of the record: level j has only the N − 2^j + 1 coefficients that do not reach beyond them, and nothing "
+    "below the last level is seen. That costs the more the fewer correlation times the record holds: 1 % at a "
+    "thousand, 6 % at a hundred, and beyond 10 % from some fifty down, where β is known to a quarter at best. Longer "
+    "filters have fewer coefficients at every level and fewer levels, and lose more: for a Gauss-Markov process in "
+    "white noise d4 and la8 are no better. Diagonal weights know nothing of the correlation of neighbouring levels; "
+    "they cost most where the white noise shows in the first level or two only."
+)
