@@ -25,8 +25,8 @@ def cases() -> Iterable[Case]:
     cumsum = partial(np.cumsum, x, out=buffer)
     model = TRUTH.structure
     for name, target, run in (
-        ("fit from a wavelet variance, no certificate", 5.0, partial(gmwm.fit, model, wv, certify=False)),
+        ("fit from a wavelet variance, no certificate", 25.0, partial(gmwm.fit, model, wv, certify=False)),
         ("fit from a wavelet variance, certified", 30.0, partial(gmwm.fit, model, wv)),
-        ("from 10^6 samples to a certified fit", 8.0, partial(gmwm.fit, model, x, RATE)),
+        ("from 10^6 samples to a certified fit", 30.0, partial(gmwm.fit, model, x, RATE)),
     ):
         yield Case(name, run, "np.cumsum of 10^6", cumsum, 31, target)

@@ -50,7 +50,8 @@ def fit(
         Ω: 1 / V_jj or V⁻¹ with the exact covariance V of ν̂² under the fitted model (the estimate and its weights
         are iterated until they agree), the identity, or your own. "optimal" has the smallest errors if the model
         is right; those of "diagonal", which takes less time, are 3 % larger, 18 % at worst. Where the model is
-        wrong, neither is the safer (docs/validation/weighting.md).
+        wrong, neither is the safer (docs/validation/weighting.md). "identity" sees the largest levels alone: errors
+        are many times larger, and intervals do not cover; for comparison only.
     robust, efficiency : bool, float
         Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
         a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error.
