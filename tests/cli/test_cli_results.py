@@ -144,7 +144,7 @@ def test_fit_tables(gmwm, recording):
     fits = [library.fit("WN + RW", read(recording)[axis]) for axis in AXES[:3]]
     for found in fits:
         for name, value in found.parameters.items():
-            assert (f"{value:.3e}" if value else f"≤ {found.confidence_intervals()[name][1]:.3e}") in outcome.out
+            assert (f"{value:.2e}" if value else f"≤ {found.confidence_intervals()[name][1]:.2e}") in outcome.out
         assert found.goodness_of_fit().pvalue_in_words in outcome.out
         assert f"{found.objective:.5g}" in outcome.out
     assert "accel" not in outcome.out

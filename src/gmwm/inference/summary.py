@@ -110,9 +110,10 @@ def short_values(fit: Fit, way: Way) -> dict[str, str]:
         if row.name in fit.undetermined:
             shown[row.name] = "—"
         elif math.isfinite(high) and low in (0.0, -high):
-            shown[row.name] = f"≤ {high:.3e}"
+            shown[row.name] = f"≤ {high:.2e}"
         else:
-            shown[row.name] = _estimate(fit.parameters[row.name]) + (f" ± {row.error}" if row.error else "")
+            value = fit.parameters[row.name]
+            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
     return shown
 
 
