@@ -216,8 +216,8 @@ def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
     for group in sensors.values():
         _print_sensor(group, way)
     print(
-        f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * way.level:g} %; p: of a worse fit if the\n"
-        "model is right. Confidence intervals: one --axis alone, or --json."
+        f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * way.level:g} %; p: of a worse fit\n"
+        "if the model is right. Confidence intervals: one --axis alone, or --json."
     )
     notes = [f"{name}: {note}" for name, found in fits.items() for note in found.diagnostics.notes()]
     if notes:
