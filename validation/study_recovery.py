@@ -54,9 +54,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "diagonal weighting from the data, smoothed where coefficients are few. Weights that know only the data still "
-        "count what came out low for more: random walks come out low and slow decay rates high by a part of their "
-        "scatter. "
+        "diagonal weighting, iterated to the weights of the estimate. Random walks and slow decay rates have a skewed "
+        "law, with a median nearer to the truth than the mean, or the other way round. "
         "Estimate / truth:",
         "",
         "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",

@@ -113,10 +113,10 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
 
 def _fitted(model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool) -> Fit:
     if isinstance(weighting, str) and weighting in REWEIGHTED:
-        return _result(settle(model, wv, weighting, certify=certify), wv, weighting)
+        return as_fit(settle(model, wv, weighting, certify=certify), wv, weighting)
     problem = pose(model, wv, weighting_matrix(weighting, wv))
     settled = Settled(problem, solve(problem, certify=certify))
-    return _result(settled, wv, weighting if isinstance(weighting, str) else "matrix")
+    return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
 def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
@@ -134,7 +134,8 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
     return wv
 
 
-def _result(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
+def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
+    """A solved problem in the words of its model."""
     problem, solution = settled.problem, settled.solution
     processes = estimated(problem, solution, wv.slope).processes
     model = Model(processes).sorted(wv.rate)

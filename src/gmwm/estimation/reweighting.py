@@ -14,6 +14,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Setting, covariance, variances
+from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solve import Solution, estimated, resume, solve
@@ -51,7 +52,9 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
     """The estimate that is optimal under the weights that it implies.
 
     Rounds begin with weights from the data. The last weights are held for the global search and its certificate,
-    so that the estimate is the proven optimum of the criterion with the Ω that is recorded.
+    so that the estimate is the proven optimum of the criterion with the Ω that is recorded. Where estimate and weights
+    do not come to agree, as when each of two answers makes weights that lead to the other, the weights are those of
+    the likeliest mixture of all processes.
 
     Parameters
     ----------
@@ -90,13 +93,21 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
         solution, implied = final, _implied(problem, final, wv)
         if moved <= max(1e-6, change):
             break
-    notes = []
-    if change > 1e-6 or moved > 1e-6:
-        notes.append(
-            f"the weights did not settle: the last round moved the curve by {max(change, moved):.1g}; "
-            "the model may be wrong for these data"
-        )
-    return Settled(problem, solution, tuple(notes))
+    if change <= 1e-6 and moved <= 1e-6:
+        return Settled(problem, solution)
+    # Each of two answers may make weights that lead to the other. A curve that no model of the user's shapes decides.
+    problem = problem.under(_weights_of_the_data(weighting, wv, setting))
+    note = (
+        "the estimate and the weights that it implies did not agree; the weights are those of a smooth curve through "
+        "the data, and the model may be wrong for these"
+    )
+    return Settled(problem, solve(problem, certify=certify), (note,))
+
+
+def _weights_of_the_data(weighting: str, wv: WaveletVariance, setting: Setting) -> Matrix:
+    """Ω of the likeliest mixture of all processes: no model is asked for."""
+    _, model = mixture(wv.variance, wv.degrees_of_freedom, setting)
+    return implied_weights(weighting, model, setting, wv.variance)
 
 
 class _Ahead:
@@ -140,20 +151,31 @@ def implied_weights(weighting: str, model: Model, setting: Setting, observed: Ve
     MissingTheoryError
         If the covariance of a process is not known.
     """
-    scale = np.ones(setting.levels.size)
-    if observed is not None:
-        curve = model.wavelet_variance(setting.levels, setting.rate, setting.filter)
-        freedom = degrees_of_freedom(setting.counts, setting.levels, setting.transform)
-        if np.all(curve > 0):
-            scale = (freedom * observed / curve + PRIOR) / (freedom + PRIOR)
     if weighting == "optimal":
-        return precision(covariance(model, setting) * np.outer(scale, scale))
+        return precision(drawn_covariance(model, setting, observed))
+    scale = _drawn_scale(model, setting, observed)
     variance = variances(model, setting) * scale**2
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
         raise ModelError(f"{model.structure} as estimated has no noise at some level")
     return np.diag(weights)
+
+
+def drawn_covariance(model: Model, setting: Setting, observed: Vector | None = None) -> Matrix:
+    """V (J, J) of a model, scaled to ν̄² where there are data (see `implied_weights`)."""
+    scale = _drawn_scale(model, setting, observed)
+    return covariance(model, setting) * np.outer(scale, scale)
+
+
+def _drawn_scale(model: Model, setting: Setting, observed: Vector | None) -> Vector:
+    """ν̄² / ν²."""
+    if observed is not None:
+        curve = model.wavelet_variance(setting.levels, setting.rate, setting.filter)
+        freedom = degrees_of_freedom(setting.counts, setting.levels, setting.transform)
+        if np.all(curve > 0):
+            return np.asarray((freedom * observed / curve + PRIOR) / (freedom + PRIOR))
+    return np.ones(setting.levels.size)
 
 
 def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:

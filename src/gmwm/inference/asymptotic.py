@@ -14,6 +14,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Setting, covariance
+from gmwm.errors import ModelError
 from gmwm.estimation.weighting import square_root
 from gmwm.processes.model import Model
 
@@ -24,7 +25,7 @@ COLLINEAR = 1e-9
 """A direction of the parameters that moves the curve by less than this share of the others is not determined."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sandwich:
     """Covariance of the estimates that are neither held, nor zero, nor at an end of their domain.
 
@@ -49,6 +50,9 @@ class Sandwich:
         for array in (self.values, self.relative, self.wavelet):
             freeze(array)
 
+    def __repr__(self) -> str:
+        return f"Sandwich({', '.join(self.names)}, {len(self.wavelet)} levels)"
+
     @property
     def covariance(self) -> Matrix:
         """Cov θ̂ (p, p)."""
@@ -62,10 +66,27 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """The covariance of a fit's estimates."""
-    wv = fit.wavelet_variance
-    return sandwich_of(
-        fit.model, Setting.of(wv), fit.weighting_matrix, covariance(fit.model, Setting.of(wv)), fit.diagnostics.acts_as
+    """The covariance of a fit's estimates.
+
+    Raises
+    ------
+    ModelError
+        If the model has no noise at some level: its estimates would be exact, which those of no recording are.
+    MissingTheoryError
+        If the covariance of a process is not known.
+    """
+    setting = Setting.of(fit.wavelet_variance)
+    wavelet = covariance(fit.model, setting)
+    if not np.all(np.diag(wavelet) > 0):
+        raise no_noise(fit.model)
+    return sandwich_of(fit.model, setting, fit.weighting_matrix, wavelet, fit.diagnostics.acts_as)
+
+
+def no_noise(model: Model) -> ModelError:
+    """The error that says that V is zero at a level."""
+    return ModelError(
+        f"{model.structure} as estimated has no noise at some level, so that its estimates would be exact; take a "
+        "model with noise at every level, or see whether the data have any"
     )
 
 
@@ -75,13 +96,26 @@ def sandwich_of(
     """The covariance of estimates with the weighting matrix Ω (J, J) where ν̂² has the covariance V (J, J).
 
     Terms that act as another process have a scale and no shape: the shape is left out, and neither is reported.
+    A term that is zero may be there for all that the data say, and its neighbours be smaller by as much: their errors
+    are those that they would have if it were free, which are safe.
     """
     columns, reported = columns_of(model, acts_as or {})
     values = np.array([model.parameters[name] for name in columns], dtype=np.float64)
-    slopes = relative_jacobian(model, setting, columns)
-    relative = relative_covariance(slopes, matrix, wavelet)
+    slopes = np.column_stack([relative_jacobian(model, setting, columns), *_unseen(model, setting)])
+    relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     kept = [k for k, name in enumerate(columns) if name in reported]
     return Sandwich(tuple(columns[k] for k in kept), values[kept], relative[np.ix_(kept, kept)], wavelet)
+
+
+def _unseen(model: Model, setting: Setting) -> list[Vector]:
+    """Wavelet variances (J,), at unit scale, of terms that are zero and have no shape to find."""
+    return [
+        process.shape(process.nonlinear.reshape(1, -1), setting.levels, setting.rate, setting.filter)[0]
+        for process in model.processes
+        if process.scale == 0
+        and not process.is_fixed(process.scale_parameter().name)
+        and all(process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
+    ]
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
