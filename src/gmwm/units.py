@@ -1,4 +1,4 @@
-"""Units of the two quantities an IMU measures, and the one table of factors to SI.
+"""Units of the two quantities an IMU measures and of what is told of their noise, with their factors to SI.
 
 Everything inside the package is SI (rad/s, m/s²) and per sample; units appear in signals, labels,
 readers and writers only.
@@ -79,3 +79,59 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
         came = f"{text!r}" if unit is None else f"{text!r}, a unit of the other sensor"
         raise UnitError(f"the {quantity} unit must be one of {known}; got {came}")
     return unit
+
+
+# --- units of noise coefficients ----------------------------------------------------------------------
+
+_DEGREE = math.pi / 180
+
+# Unit of a coefficient by the power of the second beside the signal's unit, and what datasheets and filters print it
+# in: the usual unit first. Each with its size in SI.
+_COEFFICIENTS: dict[Quantity, dict[float, tuple[str, tuple[tuple[str, float], ...]]]] = {
+    "gyro": {
+        1.0: ("rad", (("arcsec", _DEGREE / 3600), ("µrad", 1e-6))),
+        0.5: ("rad/s/√Hz", (("deg/√h", _DEGREE / 60), ("deg/s/√Hz", _DEGREE))),
+        0.0: ("rad/s", (("deg/h", _DEGREE / 3600), ("deg/s", _DEGREE))),
+        -0.5: ("rad/s/√s", (("deg/h/√h", _DEGREE / 3600 / 60), ("deg/s/√s", _DEGREE), ("rad/s²/√Hz", 1.0))),
+        -1.0: ("rad/s²", (("deg/h/h", _DEGREE / 3600 / 3600), ("deg/s²", _DEGREE))),
+    },
+    "accel": {
+        1.0: ("m/s", (("m/s", 1.0), ("mm/s", 1e-3))),
+        0.5: ("m/s²/√Hz", (("m/s/√h", 1 / 60), ("µg/√Hz", STANDARD_GRAVITY / 1e6))),
+        0.0: ("m/s²", (("mg", STANDARD_GRAVITY / 1e3), ("µg", STANDARD_GRAVITY / 1e6))),
+        -0.5: ("m/s²/√s", (("mg/√h", STANDARD_GRAVITY / 60e3), ("m/s²/√h", 1 / 60), ("m/s³/√Hz", 1.0))),
+        -1.0: ("m/s³", (("mg/h", STANDARD_GRAVITY / 3600e3), ("m/s²/h", 1 / 3600))),
+    },
+}
+_PRINTED = {si: printed for table in _COEFFICIENTS.values() for si, printed in table.values()}
+_SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
+
+
+def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
+    """SI unit of a coefficient in (signal unit) · s^`time_power`, and the factor to it; an unknown unit stays as it is.
+
+    Parameters
+    ----------
+    time_power : float
+        1, ½, 0, −½ or −1: quantization noise, white noise, bias instability, random walk, ramp.
+    unit : str
+        Unit of the signal; "" where it has none, written as `empty`.
+
+    >>> noise_unit(0.5, "rad/s")
+    ('rad/s/√Hz', 1.0)
+    """
+    known = find_unit(unit)
+    if known is None:
+        return f"{unit or empty}{_SECONDS[time_power]}", 1.0
+    return _COEFFICIENTS[known.quantity][time_power][0], known.factor
+
+
+def datasheet_units(si: str) -> dict[str, float]:
+    """Units in which datasheets and filters tell a coefficient in the SI unit `si`, each with its factor from SI.
+
+    The usual one is first. Empty where there is none, as for seconds.
+
+    >>> list(datasheet_units("m/s²/√Hz"))
+    ['m/s/√h', 'µg/√Hz']
+    """
+    return {name: 1 / size for name, size in _PRINTED.get(si, ())}

@@ -9,14 +9,14 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
-from gmwm.units import SI_UNIT, Quantity, Unit, find_unit, parse_unit
+from gmwm.units import SI_UNIT, Quantity, Unit, datasheet_units, find_unit, parse_unit
 
 ViewName: TypeAlias = Literal["wavelet", "allan"]
 """The wavelet variance ν² over the scale τ, or the Allan deviation √(2ν²) over the averaging time τ/2."""
 UnitSystem: TypeAlias = Literal["si", "datasheet"]
 """rad/s and m/s², or deg/h and mg."""
 
-DATASHEET_UNIT: dict[Quantity, str] = {"gyro": "deg/h", "accel": "mg"}
+DATASHEET_UNIT: dict[Quantity, str] = {quantity: next(iter(datasheet_units(si))) for quantity, si in SI_UNIT.items()}
 """The unit in which a deviation of each quantity is quoted on a datasheet."""
 
 _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg": "mg²"}

@@ -17,3 +17,4 @@ from gmwm.processes.parameter import Fixed as Fixed
 from gmwm.processes.parameter import Parameter as Parameter
 from gmwm.processes.parameter import fixed as fixed
 from gmwm.processes.parse import parse_model as parse_model
+from gmwm.processes.physical import Physical as Physical

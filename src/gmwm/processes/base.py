@@ -21,8 +21,9 @@ from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes import filtered
 from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
+from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ Theory = Literal[
     "simulate",
     "coefficient_covariance",
     "generalised_covariance",
+    "allan_variance",
 ]
 
 # What each piece of theory can be derived from; the first that the process has is taken.
@@ -52,6 +54,7 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "state_space": (),
     "coefficient_covariance": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
+    "allan_variance": ("running_sum_covariance",),
 }
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
 _WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
@@ -261,6 +264,16 @@ class Process(ABC):
         before, here, after = (self.running_sum_covariance(m + shift, rate) for shift in (-1, 0, 1))
         return np.asarray((here - before) - (after - here))
 
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Allan variance (u²) of means over `clusters` of n samples, any whole n ≥ 1: twice ν² at scale 2n.
+
+        σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², K the covariance of the running sum.
+        """
+        n = as_clusters(clusters)
+        self._require("allan_variance")
+        k0, k1, k2 = (self.running_sum_covariance(factor * n, rate) for factor in (0, 1, 2))
+        return np.asarray((3.0 * k0 - 4.0 * k1 + k2) / np.square(n, dtype=np.float64))
+
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Two-sided power spectral density (u²/Hz) of the sampled process at |f| ≤ rate/2 (Hz).
 
@@ -306,6 +319,13 @@ class Process(ABC):
     def correlation_time(self, rate: float) -> float | None:
         """Correlation time (s): 0 for white, inf for wandering processes, None where it is not known."""
         return None
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """What the process is in continuous time, in the terms of datasheets; by default nothing.
+
+        Each number with its derivatives by the logarithms of the parameters, from which its interval follows.
+        """
+        return ()
 
     # --- which theory there is ------------------------------------------------------------------------
 

@@ -19,6 +19,17 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     return array.astype(np.int64)
 
 
+def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
+    """Sizes of clusters of samples, whole numbers from 1."""
+    array = np.asarray(clusters)
+    if array.dtype.kind not in "iu" or np.any(array < 1):
+        raise OptionError(
+            f"clusters must be whole numbers of samples from 1, got {clusters!r}; for a time in s, take "
+            "round(time * rate)"
+        )
+    return array.astype(np.int64)
+
+
 def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
     """Frequencies in Hz, within ±rate/2."""
     f = np.asarray(frequencies, dtype=np.float64)

@@ -13,8 +13,9 @@ from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
 
 
@@ -76,3 +77,11 @@ class DR(Process):
     def correlation_time(self, rate: float) -> float:
         """Infinite."""
         return math.inf
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """ω²n²/2, from the mean."""
+        return np.asarray(0.5 * self.scale * np.square(as_clusters(clusters), dtype=np.float64))
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """R = ωf, with the sign of ω."""
+        return (Physical("R", "ramp", self.value("omega") * as_rate(rate), -1.0, slopes={"omega": 1.0}),)

@@ -15,9 +15,10 @@ from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import differences, exponential, filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.noise import WN
 from gmwm.processes.parameter import Branch, Parameter, Value
+from gmwm.processes.physical import Physical
 from gmwm.processes.walk import RW
 from gmwm.statespace import StateSpace
 
@@ -118,6 +119,15 @@ class _Markov(Process, abstract=True):
         _, sign, lam = self._pole(as_rate(rate))
         return (sign * lam,)
 
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Twice the closed form at half-scale n; from block sums where φ is negative."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        if sign < 0:
+            return super().allan_variance(clusters, rate)
+        n = as_clusters(clusters)
+        shape = exponential.gm_shape(np.array([lam]), n.ravel().astype(np.float64))
+        return np.asarray(2.0 * s2 * shape.reshape(n.shape))
+
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = s²(1 − φ²)Δt/(1 − 2φ cos 2πfΔt + φ²)."""
         s2, sign, lam = self._pole(as_rate(rate))
@@ -206,6 +216,16 @@ class AR1(_Markov):
             return None
         return 0.0 if phi == 0 else float(1.0 / (rate * exponential.log_decay(np.array([phi]))[0]))
 
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0, which none has."""
+        s2, _, lam = self._pole(as_rate(rate))
+        if not self.value("phi") > 0:
+            return ()
+        # ln T_c = −ln λ + …, ln q_c = ½ ln λ − ½ ln(1 − φ²) + …, with dλ/d ln φ = −1.
+        return _bias(
+            s2, lam * rate, {"phi": 1.0 / lam}, {"phi": 1.0 / math.expm1(2.0 * lam) - 0.5 / lam, "sigma2": 0.5}
+        )
+
 
 @dataclass(frozen=True, repr=False)
 class GM(_Markov):
@@ -276,6 +296,19 @@ class GM(_Markov):
         """1/β in s; None where β has no value."""
         beta = self.values["beta"]
         return None if beta is None else 1.0 / beta
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """T_c = 1/β and q_c = √(2βσ²)."""
+        as_rate(rate)
+        return _bias(self.scale, self.value("beta"), {"beta": -1.0}, {"beta": 0.5, "sigma2": 0.5})
+
+
+def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
+    """Correlation time, and the density of the noise that drives the process: for τ ≪ T_c it is a walk with K = q_c."""
+    return (
+        Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
+        Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),
+    )
 
 
 def _half_scales(levels: int | ArrayLike) -> Vector:

@@ -187,6 +187,15 @@ class Model:
         """Generalised covariance K(m) of the running sum, up to what second differences remove."""
         return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
 
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """Allan variance (u²) of means over `clusters` of n samples, any whole n ≥ 1.
+
+        >>> from gmwm.processes import RW, WN
+        >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).allan_variance([1, 2, 3], rate=100.0).round(4)
+        array([4.5   , 2.75  , 2.3889])
+        """
+        return self._sum("allan_variance", lambda p: p.allan_variance(clusters, rate))
+
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """Autocovariance r(k) in u² at integer `lags`."""
         return self._sum("autocovariance", lambda p: p.autocovariance(lags, rate))

@@ -4,7 +4,8 @@ To add a process of your own, write a class like the ones below, in this file or
 `processes/__init__.py` imports. It needs
 
 - `name`, `title` and `parameters`, with a field for each parameter; exactly one has a `scale_power`;
-- one piece of theory: `state_space`, `running_sum_covariance`, `autocovariance` or `shape`.
+- one piece of theory: `state_space`, `running_sum_covariance`, `autocovariance` or `shape`;
+- `physical`, if its parameters mean something in continuous time that a datasheet could tell.
 
 Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find
 the class by themselves. Define a further method only where it is more exact or faster than the default; the
@@ -26,6 +27,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
 
 
@@ -87,6 +89,11 @@ class WN(Process):
     def correlation_time(self, rate: float) -> float:
         """0: successive samples are uncorrelated."""
         return 0.0
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """N = √(σ²Δt)."""
+        density = math.sqrt(self.scale / as_rate(rate))
+        return (Physical("N", "white noise density", density, 0.5, slopes={"sigma2": 0.5}),)
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,3 +172,8 @@ class QN(Process):
     def correlation_time(self, rate: float) -> float:
         """0: samples more than one step apart are uncorrelated."""
         return 0.0
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Q of the standard, of the accumulated quantity: Q Δt."""
+        error = math.sqrt(self.scale) / as_rate(rate)
+        return (Physical("Q", "quantization noise", error, 1.0, slopes={"q2": 0.5}),)

@@ -16,6 +16,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
 
 
@@ -90,3 +91,8 @@ class RW(Process):
     def correlation_time(self, rate: float) -> float:
         """Infinite."""
         return math.inf
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """K = √(γ²f)."""
+        walk = math.sqrt(self.scale * as_rate(rate))
+        return (Physical("K", "random walk", walk, -0.5, slopes={"gamma2": 0.5}),)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
-from gmwm.units import STANDARD_GRAVITY, find_unit
+from gmwm.units import datasheet_units, find_unit, noise_unit
 
 Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
 """Quantization noise, angle or velocity random walk, bias instability, rate random walk, rate ramp."""
@@ -35,47 +35,23 @@ LAWS: dict[Term, _Law] = {
 }
 """The terms of an Allan deviation, by ascending slope."""
 
-_DEGREE = 180 / math.pi
-_SI_UNITS: dict[str, dict[Term, str]] = {
-    "gyro": {"Q": "rad", "N": "rad/s/√Hz", "B": "rad/s", "K": "rad/s/√s", "R": "rad/s²"},
-    "accel": {"Q": "m/s", "N": "m/s²/√Hz", "B": "m/s²", "K": "m/s²/√s", "R": "m/s³"},
-}
-_DATASHEET: dict[str, dict[Term, tuple[str, float]]] = {
-    "gyro": {
-        "Q": ("arcsec", _DEGREE * 3600),
-        "N": ("deg/√h", _DEGREE * 60),
-        "B": ("deg/h", _DEGREE * 3600),
-        "K": ("deg/h/√h", _DEGREE * 3600 * 60),
-        "R": ("deg/h/h", _DEGREE * 3600 * 3600),
-    },
-    "accel": {
-        "Q": ("m/s", 1.0),
-        "N": ("m/s/√h", 60.0),
-        "B": ("mg", 1e3 / STANDARD_GRAVITY),
-        "K": ("mg/√h", 60e3 / STANDARD_GRAVITY),
-        "R": ("mg/h", 3600e3 / STANDARD_GRAVITY),
-    },
-}
-
 
 def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = "si") -> tuple[str, float]:
     """The unit of a coefficient of data in `unit`, and the factor to it from the unit of the data and seconds.
 
-    >>> coefficient_unit("N", "rad/s", "datasheet")
-    ('deg/√h', 3437.746770784939)
+    >>> name, factor = coefficient_unit("N", "rad/s", "datasheet")
+    >>> name, round(factor, 3)
+    ('deg/√h', 3437.747)
     """
     if units not in ("si", "datasheet"):
         raise OptionError(f"units must be 'si' or 'datasheet', got {units!r}")
-    known = find_unit(unit)
-    if known is None:
-        if units == "datasheet":
-            raise OptionError(f'units="datasheet" needs an angular rate or an acceleration, got {unit or "no unit"!r}')
-        name = unit or "unit"
-        return {"Q": f"{name}·s", "N": f"{name}/√Hz", "B": name, "K": f"{name}/√s", "R": f"{name}/s"}[term], 1.0
+    if units == "datasheet" and find_unit(unit) is None:
+        raise OptionError(f'units="datasheet" needs an angular rate or an acceleration, got {unit or "no unit"!r}')
+    si, factor = noise_unit(-LAWS[term].slope, unit, empty="unit")
     if units == "si":
-        return _SI_UNITS[known.quantity][term], known.factor
-    name, factor = _DATASHEET[known.quantity][term]
-    return name, known.factor * factor
+        return si, factor
+    name, size = next(iter(datasheet_units(si).items()))
+    return name, size * factor
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,100 @@
+"""Bias instability: the lowest point of the model's Allan deviation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.datasheets.curve import ENDLESS, Curve
+from gmwm.datasheets.entry import Entry
+from gmwm.estimation.result import Fit
+from gmwm.processes.model import Model
+from gmwm.units import noise_unit
+from gmwm.variance.slope_line import LAWS
+
+_PER_OCTAVE = 24
+_ZOOM = 32
+
+SYMBOL: Literal["B"] = "B"
+
+
+def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | None]:
+    """B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all averaging times that the record shows.
+
+    At the minimum a change of τ matters to second order only, so that with A = σ²(τ)
+
+        ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
+
+    and the interval is B exp(±z SE(ln B)). The errors are those in which terms that are zero are free. Where the curve
+    still falls at the last τ, or nowhere after its minimum is above it by z standard errors of the difference, or rises
+    from the first τ on, B is only bounded, by the upper end of that interval.
+
+    Parameters
+    ----------
+    fit : Fit
+        Without terms that act as others.
+    z : float or None
+        Reach of the interval in standard errors; None if these are not known.
+
+    Returns
+    -------
+    Entry or None, and a note or None
+    """
+    wv, model = fit.wavelet_variance, fit.model
+    last = 2 ** (int(wv.levels[-1]) - 1)
+    unit, factor = noise_unit(0.0, wv.unit)
+    factor /= LAWS[SYMBOL].factor
+    n = lowest(lambda sizes: model.allan_variance(sizes, wv.rate), last)
+    least = float(model.allan_variance([n], wv.rate)[0])
+    if least == 0:
+        return None, "no bias instability: the model is zero"
+    curve = None if z is None else Curve.of(fit)
+    note = _bounded(model, n, last, wv.rate, curve, z)
+    value = factor * math.sqrt(least)
+    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
+    if set(fit.parameters) <= model.fixed:
+        return replace(entry, low=value, high=value, held=True), note
+    if z is None or curve is None:
+        return entry, note
+    factor = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, ENDLESS))
+    return replace(entry, low=value / factor if note is None else 0.0, high=value * factor), note
+
+
+def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
+    """The whole number of samples from 1 to `last` at which a curve is lowest; exact where it has few turns an octave.
+
+    >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
+    1000
+    """
+    count = 2 + math.ceil(_PER_OCTAVE * math.log2(last))
+    sizes = np.unique(np.round(np.geomspace(1, last, count)).astype(np.int64))
+    while True:
+        k = int(np.argmin(curve(sizes)))
+        low, high = int(sizes[max(k - 1, 0)]), int(sizes[min(k + 1, sizes.size - 1)])
+        if high - low <= 2:
+            return int(sizes[k])
+        # Whole numbers between the neighbours; where there are few enough, all of them.
+        sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
+
+
+def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
+    """Why the minimum is only a bound, or None."""
+    end = f"the longest averaging time, {last / rate:.4g} s"
+    if n == last:
+        return f"{SYMBOL}: the model's Allan deviation still falls at {end}"
+    if n == 1:
+        return f"{SYMBOL}: the model's Allan deviation rises from the first averaging time, {1 / rate:.4g} s"
+    if z is None or curve is None:
+        return None
+    later = [2**k for k in range(n.bit_length(), last.bit_length())]
+    rises = model.allan_variance(later, rate) - model.allan_variance([n], rate)
+    here = curve.slopes(n)
+    if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
+        return f"{SYMBOL}: whether the model's Allan deviation rises again before {end}, is not sure"
+    return None

@@ -1,0 +1,87 @@
+"""How the Allan deviation of a fitted model moves with the data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance import Setting
+from gmwm.estimation.result import Fit
+from gmwm.estimation.weighting import square_root
+from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
+from gmwm.inference.intervals import free_shape
+from gmwm.processes.base import Process
+
+_STEP = 0.01
+"""Relative step of the differences by which the curve's derivatives are taken."""
+ENDLESS = 300.0
+"""Most powers of e that an interval reaches over."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How the curve of a fit moves with the data: its parameters, and how they do.
+
+    Parameters
+    ----------
+    moving : tuple of (process, parameter name or None)
+        What its derivatives are taken by: the logarithm of a parameter; the scale coefficient of a term that is zero.
+    scatter : (p, p) array
+        Covariance of what the data make of these.
+    rate : float
+    """
+
+    moving: tuple[tuple[Process, str | None], ...]
+    scatter: Matrix
+    rate: float
+
+    @classmethod
+    def of(cls, fit: Fit) -> Curve:
+        """The curve of a fit without terms that act as others."""
+        setting, model = Setting.of(fit.wavelet_variance), fit.model
+        processes = dict(zip(model.terms, model.processes, strict=True))
+        names, _ = columns_of(model, {})
+        unseen = [
+            p.with_values(**{p.scale_parameter().name: p.value_from(1.0)})
+            for p in model.processes
+            if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and not free_shape(p)
+        ]
+        columns = [p.wavelet_variance(setting.levels, setting.rate, setting.filter) for p in unseen]
+        root = square_root(fit.weighting_matrix)
+        weighted = root @ np.column_stack([relative_jacobian(model, setting, names), *columns])
+        length = np.linalg.norm(weighted, axis=0)
+        length[length == 0] = 1.0
+        # Directions that do not move the curve are left out: they do not matter to it.
+        gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR) / length[:, None]) @ root
+        split = (name.rpartition(".") for name in names)
+        moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
+        moving += [(process, None) for process in unseen]
+        return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, setting.rate)
+
+    def slopes(self, n: int) -> Vector:
+        """Derivatives of σ²(n) (p,)."""
+        return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
+
+    def error(self, slopes: Vector) -> float:
+        """Standard error of what has these derivatives."""
+        return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
+
+
+def slope(process: Process, name: str | None, n: int, rate: float) -> float:
+    """∂σ²(n)/∂ ln θ of one process: exact for the scale, by differences of order 6 for the shape."""
+    if name is None:
+        return float(process.allan_variance([n], rate)[0])
+    parameter = next(p for p in process.parameters if p.name == name)
+    if parameter.scale_power is not None:
+        return parameter.scale_power * float(process.allan_variance([n], rate)[0])
+    at = process.value(name)
+    room = {"positive": at, "unit": 1.0 - abs(at), "real": at or 1.0}[parameter.domain]
+    total = 0.0
+    for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+        for sign in (1, -1):
+            moved = process.with_values(**{name: at + sign * distance * _STEP * room})
+            total += sign * weight * float(moved.allan_variance([n], rate)[0])
+    return at * total / (60.0 * _STEP * room)

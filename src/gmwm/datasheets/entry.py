@@ -1,0 +1,152 @@
+"""One number of a datasheet: value, interval, unit, and how they are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from gmwm.errors import OptionError
+from gmwm.units import datasheet_units
+
+_DIGITS = 2
+"""Significant digits of half an interval that are shown."""
+_MOST_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of a sensor's noise, in the terms of datasheets.
+
+    Parameters
+    ----------
+    symbol : str
+        "N", "Q", "K", "R", "B"; "T_c" and "q_c" of a Gauss-Markov term, "T_c[2]" where there are several.
+    title : str
+        What it is, "white noise density".
+    value : float
+        In `unit`. A ramp has its sign.
+    low, high : float or None
+        Confidence limits in `unit`; high is infinite where the data do not determine the number, both are None where
+        no interval is known.
+    unit : str
+        SI unit; "u" stands for the unit of a signal that has none.
+    term : str or None
+        The term of the model that it comes from; None for what the whole model gives.
+    upper_only : bool
+        The data only bound it: its size is at most `high`.
+    held : bool
+        It was not estimated.
+    tau : float or None
+        Averaging time (s) at which it is read from the curve.
+
+    Examples
+    --------
+    >>> entry = Entry("N", "white noise density", 1.0e-4, 0.9e-4, 1.1e-4, "rad/s/√Hz", term="WN")
+    >>> entry.text()
+    '0.344 (0.309 … 0.378) deg/√h'
+    >>> entry.text("si")
+    '1.00e-04 (9.00e-05 … 1.10e-04) rad/s/√Hz'
+    """
+
+    symbol: str
+    title: str
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+    term: str | None = None
+    upper_only: bool = False
+    held: bool = False
+    tau: float | None = None
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units in which it can be had: those of datasheets, the usual one first, and SI."""
+        return tuple(dict.fromkeys((*datasheet_units(self.unit), self.unit)))
+
+    def in_units(self, units: str = "datasheet") -> tuple[float, float | None, float | None, str]:
+        """Value, low, high and unit.
+
+        Parameters
+        ----------
+        units : str
+            "si", "datasheet" (the usual unit of datasheets; SI where there is none, as for seconds and for signals
+            of no known unit), or one of `units`, such as "µg/√Hz".
+
+        Raises
+        ------
+        OptionError
+            If this number has no such unit.
+        """
+        factors = {self.unit: 1.0, **datasheet_units(self.unit)}
+        name = {"si": self.unit, "datasheet": self.units[0]}.get(units, units.replace("°", "deg"))
+        if name not in factors:
+            raise OptionError(f"units must be 'si', 'datasheet' or one of {', '.join(self.units)}; got {units!r}")
+        factor = factors[name]
+        return (
+            factor * self.value,
+            None if self.low is None else factor * self.low,
+            None if self.high is None else factor * self.high,
+            name,
+        )
+
+    def text(self, units: str = "datasheet") -> str:
+        """Value, interval and unit: "0.21 (0.20 … 0.22) deg/√h", "≤ 0.03 deg/h"."""
+        value, low, high, unit = self.in_units(units)
+        if self.held:
+            return f"{significant(value, 4)} {unit} (held)"
+        if low is None or high is None:
+            return f"{significant(value, 4)} {unit}"
+        if not math.isfinite(high):
+            return "not determined"
+        if self.upper_only:
+            return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)} {unit}".replace("± ", "±")
+        shown = _alike(value, low, high)
+        return f"{shown[0]} ({shown[1]} … {shown[2]}) {unit}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The number as plain numbers and texts, ready for JSON: None for a limit that is infinite."""
+        values = asdict(self)
+        if self.high is not None and not math.isfinite(self.high):
+            values["high"] = None
+        return values
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Entry:
+        """The number whose `to_dict` gave `values`."""
+        given = dict(values)
+        if given["low"] is not None and given["high"] is None:
+            given["high"] = math.inf
+        return cls(**given)
+
+    def __str__(self) -> str:
+        return f"{self.symbol} = {self.text()}".replace("= ≤", "≤")
+
+
+def significant(x: float, digits: int) -> str:
+    """A number with so many significant digits, with a power of ten only where it is very small or large.
+
+    >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
+    ('0.0123', '1.5e-07', '1234')
+    """
+    if x == 0 or not math.isfinite(x):
+        return f"{x:g}"
+    if not 1e-3 <= abs(x) < 1e5:
+        return f"{x:.{digits - 1}e}"
+    return f"{x:.{max(0, digits - 1 - math.floor(math.log10(abs(x))))}f}"
+
+
+def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """The three with as many decimals as half the interval deserves; each with its own where they differ much."""
+    size, half = max(abs(low), abs(high)), (high - low) / 2
+    if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
+        return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)
+    digits = _MOST_DIGITS
+    if half > 0:
+        digits = min(_MOST_DIGITS, _DIGITS + math.floor(math.log10(size)) - math.floor(math.log10(half)))
+    if not 1e-3 <= size < 1e5:
+        return f"{value:.{digits - 1}e}", f"{low:.{digits - 1}e}", f"{high:.{digits - 1}e}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(size)))
+    return f"{value:.{decimals}f}", f"{low:.{decimals}f}", f"{high:.{decimals}f}"

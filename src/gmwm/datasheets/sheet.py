@@ -1,0 +1,162 @@
+"""The datasheet of one axis: its numbers, in words, as rows, and as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gmwm._arrays import Vector, freeze
+from gmwm.datasheets.entry import Entry, significant
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Datasheet(Mapping[str, Entry]):
+    """The noise of one axis in the terms of datasheets: a mapping of symbol to `Entry`, in SI with other units to hand.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        What the model gives, in the order Q, N, B, K, R, T_c, q_c.
+    axis : str
+        Name of the axis, or "".
+    unit : str
+        SI unit of the signal; "u" where it is not known.
+    model : str
+        The model in short, "2*GM + WN".
+    samples, rate : int, float
+        Length of the record and its sampling rate (Hz).
+    level : float
+        Confidence level of the intervals.
+    averaging_time : (J,) array, in s
+        Times at which `allan_deviation` is given; the last is the longest that the record shows.
+    allan_deviation : (J,) array, in `unit`
+        Allan deviation of the model.
+    notes : tuple of str
+        What is to be known of the numbers, in words.
+    """
+
+    entries: tuple[Entry, ...]
+    axis: str
+    unit: str
+    model: str
+    samples: int
+    rate: float
+    level: float
+    averaging_time: Vector
+    allan_deviation: Vector
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self.averaging_time)
+        freeze(self.allan_deviation)
+
+    def __getitem__(self, symbol: str) -> Entry:
+        for entry in self.entries:
+            if entry.symbol == symbol:
+                return entry
+        raise KeyError(f"the model {self.model} gives no {symbol}; it gives {', '.join(self)}")
+
+    def __iter__(self) -> Iterator[str]:
+        return (entry.symbol for entry in self.entries)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    @property
+    def horizon(self) -> float:
+        """Longest averaging time (s) that the record shows."""
+        return float(self.averaging_time[-1])
+
+    def table(self, units: str = "datasheet") -> list[dict[str, Any]]:
+        """One row for each number: symbol, title, value, low, high, unit, upper_only, term, text.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            See `Entry.in_units`.
+        """
+        rows = []
+        for entry in self.entries:
+            value, low, high, unit = entry.in_units(units)
+            rows.append(
+                {"symbol": entry.symbol, "title": entry.title, "value": value, "low": low, "high": high, "unit": unit,
+                 "upper_only": entry.upper_only, "term": entry.term, "text": entry.text(units)}
+            )  # fmt: skip
+        return rows
+
+    def summary(self, units: str = "datasheet") -> str:
+        """The numbers with their intervals, each also in another unit that is in use, and what is to be known of them.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            See `Entry.in_units`.
+        """
+        rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
+        widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+        lines = ["  ".join([row[k].ljust(widths[k]) for k in range(3)] + [row[3]]).rstrip() for row in rows]
+        return "\n".join([self._head(), *(f"  {line}" for line in lines), *self.notes])
+
+    def _head(self) -> str:
+        axis = f"{self.axis}: " if self.axis else ""
+        return f"{axis}{self.model}, {self.samples} samples at {self.rate:g} Hz, {100 * self.level:g} % intervals"
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain numbers, lists and texts, ready for JSON."""
+        return {
+            "axis": self.axis,
+            "unit": self.unit,
+            "model": self.model,
+            "samples": self.samples,
+            "rate": self.rate,
+            "level": self.level,
+            "entries": [entry.to_dict() for entry in self.entries],
+            "averaging_time": self.averaging_time.tolist(),
+            "allan_deviation": self.allan_deviation.tolist(),
+            "notes": list(self.notes),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
+        """The datasheet whose `to_dict` gave `values`."""
+        given = dict(values)
+        given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
+        given["notes"] = tuple(values["notes"])
+        for name in ("averaging_time", "allan_deviation"):
+            given[name] = np.array(values[name], dtype=np.float64)
+        return cls(**given)
+
+    def __repr__(self) -> str:
+        return f"Datasheet({self.axis or 'unnamed'}: {'; '.join(str(entry) for entry in self.entries)})"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{escape(entry.symbol)}</td><td>{escape(_title(entry))}</td><td>{escape(entry.text())}</td>"
+            f"<td>{escape(entry.text('si'))}</td></tr>"
+            for entry in self.entries
+        )
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        return (
+            f"<div><b>{escape(self._head())}</b><table><thead><tr><th></th><th>quantity</th><th>datasheet</th>"
+            f"<th>SI</th></tr></thead><tbody>{rows}</tbody></table>{notes}</div>"
+        )
+
+
+def _title(entry: Entry) -> str:
+    return entry.title if entry.tau is None else f"{entry.title} at {significant(entry.tau, 2)} s"
+
+
+def _also(entry: Entry, units: str) -> str:
+    """The value, or its limit, in the next unit."""
+    shown = entry.in_units(units)[3]
+    other = next((name for name in entry.units if name != shown), None)
+    if other is None or (entry.high is not None and not np.isfinite(entry.high)):
+        return ""
+    value, low, high, unit = entry.in_units(other)
+    if entry.upper_only and high is not None and low is not None:
+        return f"{'≤ ' if low >= 0 else '±'}{significant(high, 3)} {unit}"
+    return f"{significant(value, 3)} {unit}"

@@ -1,0 +1,66 @@
+"""A process in the words of another one that the data cannot tell it from."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes.base import Process, registry
+
+
+def likeness(
+    process: Process,
+    name: str,
+    levels: NDArray[np.int64],
+    rate: float,
+    filter: WaveletFilter = HAAR,
+    matrix: Matrix | None = None,
+) -> Process | None:
+    """The process called `name` whose wavelet variance is nearest to that of `process`: c = sᵀΩν² / sᵀΩs.
+
+    Where `process` acts as that one, both curves are the same to the data.
+
+    Parameters
+    ----------
+    process : Process
+        With all its values: a Gauss-Markov process with a correlation time beyond the record, say.
+    name : str
+        Of a registered process that has no shape to find.
+    levels : (J,) int array
+        Wavelet levels.
+    rate : float
+        Samples per second (Hz).
+    filter : WaveletFilter
+    matrix : (J, J) array, optional
+        Ω; by default all levels count alike, each by its own size.
+
+    Returns
+    -------
+    Process or None
+        None where there is no such process.
+
+    Examples
+    --------
+    >>> from gmwm.processes import GM
+    >>> walk = likeness(GM(beta=1e-9, sigma2=1.0), "RW", np.arange(1, 13), rate=100.0)
+    >>> f"{walk.name} {walk.scale:.3g}"
+    'RW 2e-11'
+    """
+    kind = registry.get(name)
+    if kind is None or kind.nonlinear_parameters():
+        return None
+    variance = process.wavelet_variance(levels, rate, filter)
+    shape = kind.standard().wavelet_variance(levels, rate, filter)
+    if not np.any(shape > 0):
+        return None
+    if matrix is None:
+        scale = float(np.mean(variance[shape > 0] / shape[shape > 0]))
+    else:
+        # The root of Ω's diagonal is taken out: Ω may be of the order of 1e300.
+        root = np.sqrt(np.diag(matrix))
+        share = matrix / np.outer(root, root)
+        seen, wanted = root * shape, root * variance
+        scale = float(seen @ share @ wanted / (seen @ share @ seen))
+    return kind(**{kind.scale_parameter().name: kind.value_from(max(scale, 0.0))})
