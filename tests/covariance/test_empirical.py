@@ -75,6 +75,10 @@ def test_a_signal_is_as_its_samples():
     ("x", "how", "error", "words"),
     [
         (np.ones(100), {}, gmwm.DataError, "zero at level 1, 2"),
+        (np.arange(1000.0), {"levels": 3}, gmwm.DataError, "level 1, 2, 3 do not vary"),
+        (9.81 + 0.1 * np.arange(1000.0), {"levels": 3}, gmwm.DataError, "level 1, 2, 3 do not vary"),
+        (np.arange(1000.0), {"levels": 3, "transform": "dwt"}, gmwm.DataError, "do not vary"),
+        ((-1.0) ** np.arange(1000), {"levels": 1}, gmwm.DataError, "level 1 do not vary"),
         (np.arange(4.0), {}, gmwm.DataError, "at least 8 samples"),
         (np.random.default_rng(1).normal(size=100), {"transform": "fft"}, gmwm.OptionError, "transform"),
         (np.random.default_rng(1).normal(size=100), {"levels": 9}, gmwm.OptionError, "levels"),

@@ -11,7 +11,7 @@ from gmwm.covariance.setting import Setting as Setting
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.model import Model, ModelLike, as_model
-from gmwm.variance.biweight import biweight
+from gmwm.variance.biweight import biweight, require_robust
 from gmwm.variance.transform import Transform, deepest_level
 
 
@@ -27,6 +27,17 @@ def variances(model: Model, setting: Setting) -> Vector:
     if gaussian.knows(model, setting):
         return gaussian.variances(model, setting)
     return filtered.variances(model, setting)
+
+
+def ratio_variances(model: Model, setting: Setting) -> Vector:
+    """Var log(ν̂_j²/ν̃_j²) (J,) of the classical over the robust estimate of a Gaussian signal, if it has no drift.
+
+    The classical one is the first term of the Hermite expansion of the robust one. So Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
+    ν̂_k²), and of the ratio is left what the robust one has beyond: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
+    """
+    if gaussian.knows(model, setting):
+        return gaussian.ratio_variances(model, setting)
+    return filtered.ratio_variances(model, setting)
 
 
 def wavelet_covariance(
@@ -89,6 +100,7 @@ def wavelet_covariance(
     >>> wavelet_covariance(WN(sigma2=1.0), samples=1000, rate=1.0, levels=1, robust=True).round(7)
     array([[0.0011196]])
     """
+    require_robust(robust, efficiency)
     setting = as_setting(samples, rate, levels, filter, transform, efficiency if robust else None)
     return covariance(as_model(model), setting)
 

@@ -77,7 +77,7 @@ def empirical_covariance(
     Raises
     ------
     DataError
-        If the signal cannot have a wavelet variance, or that is zero at a level.
+        If the signal cannot have a wavelet variance, or that is zero at a level, or its coefficients do not vary.
     OptionError
         If an option is not one of those it may be.
 
@@ -141,13 +141,22 @@ def _measured(values: Vector, variance: Vector, setting: Setting) -> tuple[Vecto
     """Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), which may be 0."""
     size, cell = setting.levels.size, -(-setting.samples // _CELLS)
     count = -(-setting.samples // cell)
-    sums, numbers = np.zeros((size, count)), np.zeros((size, count))
-    for a, (places, squares) in enumerate(_squares(values, setting)):
-        sums[a] = np.bincount(places // cell, squares, count)
-        numbers[a] = np.bincount(places // cell, minlength=count)
     apart = np.ones(size) if setting.transform == "dwt" else np.ldexp(1.0, setting.levels)
     tapers = np.minimum(np.floor(2 * BANDWIDTH * setting.counts / apart), MOST_TAPERS)
     tapers[tapers < 2] = 0.0
+    sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
+    # Of a coefficient, a sum of as many products as the filter is long: its square by twice the root times that.
+    rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * setting.filter.length
+    for a, (places, squares) in enumerate(_squares(values, setting)):
+        sums[a] = np.bincount(places // cell, squares, count)
+        numbers[a] = np.bincount(places // cell, minlength=count)
+        moving[a] = tapers[a] == 0 or np.ptp(squares) > 2 * rounding * np.sqrt(squares.max())
+    if still := [str(j) for j, moved in zip(setting.levels, moving, strict=True) if not moved]:
+        raise DataError(
+            f"the wavelet coefficients of level {', '.join(still)} do not vary: a ramp or an alternating signal "
+            "without noise, whose covariance cannot be had from the data; take it from a model, "
+            "wavelet_covariance(model, samples, rate)"
+        )
     share, correlation = np.zeros(size), np.eye(size)
     for b in np.flatnonzero(tapers):
         begin = int(np.argmax(numbers[b] > 0))

@@ -58,11 +58,18 @@ def variances(model: Model, setting: Setting) -> Vector:
     return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
 
 
-class _Lags:
-    """The sums over lags of a model in a setting."""
+def ratio_variances(model: Model, setting: Setting) -> Vector:
+    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: what V_jj of the robust one has beyond that of the other."""
+    lags = _Lags(model, setting, beyond=True)
+    excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
+    return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
 
-    def __init__(self, model: Model, setting: Setting) -> None:
-        self.setting = setting
+
+class _Lags:
+    """The sums over lags of a model in a setting; `beyond`: of what a robust estimate has beyond the classical one."""
+
+    def __init__(self, model: Model, setting: Setting, *, beyond: bool = False) -> None:
+        self.setting, self.beyond = setting, beyond
         self.known = [_signal_covariance(model, setting)]
         self.smooth: dict[int, tuple[int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
@@ -124,6 +131,8 @@ class _Lags:
             terms *= 2.0
         else:
             terms = _robust(terms, float(self.own[a] * self.own[b]), self.setting.efficiency)
+        if self.beyond:
+            return np.asarray(terms - 2.0 * values * values)
         if self.mean[a] * self.mean[b] != 0:
             terms += 4.0 * self.mean[a] * self.mean[b] * values
         return terms

@@ -40,6 +40,20 @@ def variances(model: Model, setting: Setting) -> Vector:
     return _entries(model, setting, diagonal=True)
 
 
+def ratio_variances(model: Model, setting: Setting) -> Vector:
+    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
+    assert setting.efficiency is not None
+    present = [process for process in model.processes if process.scale > 0]
+    at, weight, starts = _lags(present, setting, diagonal=True)
+    half = np.ldexp(1.0, setting.levels - 1)
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), setting.rate)
+    # A model without noise has no correlations.
+    unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
+    squares = (_coefficient_covariance(present, at, setting.rate) / unit) ** 2
+    terms = weight * squares**2 * np.polyval(hermite_weights(setting.efficiency)[:0:-1], squares)
+    return np.asarray(np.add.reduceat(terms, starts) / setting.counts.astype(np.float64) ** 2)
+
+
 @dataclass(frozen=True, eq=False)
 class _Pairs:
     """Places of pairs of levels in the setting, in the order of the kernel; all half-scales h and counts M."""
