@@ -96,11 +96,13 @@ def outcomes(text: str, weighting: str, count: int) -> Array:
     return np.array(everywhere(partial(outcome, structure, weighting), drawn))
 
 
-def everywhere(task: Callable[[Item], Result], items: Sequence[Item] | NDArray[Any]) -> list[Result]:
-    """What `task` makes of each item, in order; many are shared among the processors."""
-    if len(items) < LEAST_SHARED:
+def everywhere(
+    task: Callable[[Item], Result], items: Sequence[Item] | NDArray[Any], least: int = LEAST_SHARED
+) -> list[Result]:
+    """What `task` makes of each item, in order; `least` or more are shared among the processors."""
+    if len(items) < least:
         return [task(item) for item in items]
-    return list(_processes().map(task, items, chunksize=10))
+    return list(_processes().map(task, items, chunksize=10 if len(items) >= LEAST_SHARED else 1))
 
 
 @cache

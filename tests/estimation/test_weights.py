@@ -39,6 +39,20 @@ def test_smoothing_scales_and_leaves_what_is_smooth(factor):
     np.testing.assert_array_equal(smoothed(scaled), smoothed(wv) * factor)
 
 
+@pytest.mark.parametrize("samples", [500, 20_000])
+def test_a_covariance_that_is_not_inverted_is_noticed(samples):
+    wv = gmwm.wavelet_variance(TRUTH.simulate(samples, 10.0, 1), 10.0)
+    v = gmwm.wavelet_covariance(TRUTH, samples, 10.0)
+    scale = np.sqrt(np.diag(v))
+    inverse = np.linalg.inv(v / np.outer(scale, scale)) / np.outer(scale, scale)
+    for matrix in (v, np.diag(v)):
+        with pytest.warns(gmwm.FitWarning, match="are they a covariance, not its inverse"):
+            found = gmwm.fit("WN", wv, weighting=matrix)
+        assert any("covariance" in note for note in found.diagnostics.notes())
+    for matrix in (inverse, 1 / np.diag(v), np.ones(len(wv)), wv.degrees_of_freedom):
+        assert not gmwm.fit("WN", wv, weighting=matrix).diagnostics.notes()
+
+
 @pytest.mark.parametrize("name", ["d4", "mb16"])
 def test_under_other_filters(name):
     wv = gmwm.wavelet_variance(TRUTH.simulate(40_000, 10.0, 3), 10.0, filter=name)

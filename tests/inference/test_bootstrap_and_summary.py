@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm import GM, RW, WN
 from gmwm.filters import HAAR
-from gmwm.inference.summary import Way, inference
+from gmwm.inference.summary import Way, inference, notes, short_values
 from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter
 
@@ -48,12 +48,95 @@ def test_options_are_checked(fit):
         fit.confidence_intervals(95)
     with pytest.raises(gmwm.OptionError, match="'asymptotic'"):
         fit.confidence_intervals(method="exact")
-    with pytest.raises(gmwm.OptionError, match="draws"):
-        fit.bootstrap(draws=0)
+    for draws in (0, 1, 2.5, True):
+        with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 2"):
+            fit.bootstrap(draws=draws)
     with pytest.raises(gmwm.OptionError, match="belongs to"):
         fit.confidence_intervals(method="bootstrap", covariance=fit.sandwich.wavelet)
-    with pytest.raises(gmwm.OptionError, match="finite numbers"):
-        fit.confidence_intervals(covariance=np.eye(3))
+
+
+def test_too_few_records_are_refused(fit):
+    for level, least in ((0.8, 9), (0.95, 39), (0.99, 199)):
+        with pytest.raises(gmwm.OptionError, match=f"at least {least}, which an interval of"):
+            fit.confidence_intervals(level, method="bootstrap", draws=least - 1)
+    assert set(fit.confidence_intervals(0.8, method="bootstrap", draws=9)) == set(fit.parameters)
+    with pytest.raises(gmwm.OptionError, match="at least 39"):
+        fit.summary(method="bootstrap", draws=38)
+    # A test of so wide an interval needs more than the interval.
+    with pytest.raises(gmwm.OptionError, match="at least 19"):
+        fit.summary(0.5, method="bootstrap", draws=18)
+
+
+def test_results_are_shown_short(fit):
+    assert repr(fit.bootstrap(draws=20, seed=3)) == "Bootstrap(20 draws of GM.beta, GM.sigma2, WN.sigma2, seed 3)"
+    assert repr(fit.sandwich) == "Sandwich(GM.beta, GM.sigma2, WN.sigma2, 15 levels)"
+
+
+def refused(what):
+    return pytest.raises(gmwm.OptionError, match=what)
+
+
+def test_a_covariance_must_be_one(fit):
+    good = fit.sandwich.wavelet
+    for matrix, words in (
+        (np.eye(3), "15 x 15 matrix of finite numbers, .*shape \\(3, 3\\)"),
+        (np.diag(good), "15 x 15 matrix"),
+        (np.full((15, 15), np.nan), "NaN"),
+        ([["a"] * 15] * 15, "matrix of numbers"),
+        (-good, "variances on its diagonal"),
+        (good + np.triu(good, 1), "symmetric"),
+        (2 * good * (np.ones((15, 15)) - np.eye(15)) + np.diag(np.diag(good)), "positive semidefinite"),
+    ):
+        with refused(words):
+            fit.confidence_intervals(covariance=matrix)
+
+
+def test_a_covariance_may_be_of_fewer_directions_and_in_any_unit(fit):
+    # Of rank one, so that its least eigenvalues are rounding errors of either sign.
+    size = np.sqrt(np.diag(fit.sandwich.wavelet))
+    assert set(fit.confidence_intervals(covariance=np.outer(size, size))) == set(fit.parameters)
+    x = 1e-9 * WN(sigma2=4.0).simulate(5000, RATE, 1)
+    tiny = gmwm.fit("WN", x, RATE)
+    low, high = tiny.confidence_intervals(covariance=gmwm.empirical_covariance(x, RATE))["WN.sigma2"]
+    assert low < 4e-18 < high
+
+
+def test_a_fit_without_noise_has_no_intervals():
+    fit = gmwm.fit("DR", 1e-3 * np.arange(1000.0), RATE)
+    assert fit.parameters["DR.omega"] == pytest.approx(1e-3)
+    for ask in (
+        lambda: fit.covariance,
+        lambda: fit.standard_errors,
+        fit.confidence_intervals,
+        lambda: fit.confidence_intervals(method="bootstrap", draws=39),
+    ):
+        with pytest.raises(gmwm.ModelError, match="DR as estimated has no noise at some level"):
+            ask()
+    for text in (fit.summary(), fit.summary(method="bootstrap", draws=39), fit._repr_html_()):
+        assert "no intervals: DR as estimated has no noise at some level" in text
+    assert "not tested" in fit.summary()
+    assert inference(fit, Way())["confidence_intervals"] == {}
+
+
+def test_a_term_that_acts_as_another_says_what_it_amounts_to():
+    truth = WN(sigma2=4e-6) + RW(gamma2=1e-9)
+    x = truth.simulate(20_000, RATE, 1)
+    fit, plain = gmwm.fit("GM + WN", x, RATE), gmwm.fit("RW + WN", x, RATE)
+    assert fit.diagnostics.acts_as == {"GM": "RW"}
+    (note,) = notes(fit)
+    amount = note.partition("it amounts to RW.gamma2 = ")[2]
+    assert amount.endswith(" per sample")
+    assert float(amount.split()[0]) == pytest.approx(plain.parameters["RW.gamma2"], rel=1e-3)
+    assert float(amount.split()[0]) == pytest.approx(
+        2 * fit.parameters["GM.beta"] * fit.parameters["GM.sigma2"] / RATE, rel=1e-3
+    )
+    assert note in fit.summary()
+    short = short_values(fit, Way())
+    assert short["GM.beta"] == short["GM.sigma2"] == "as RW"
+    assert "±" in short["WN.sigma2"]
+    white = gmwm.fit("GM + RW", x, RATE)
+    (note,) = notes(white)
+    assert float(note.partition("WN.sigma2 = ")[2].split()[0]) == pytest.approx(plain.parameters["WN.sigma2"], rel=1e-3)
 
 
 def test_a_covariance_of_ones_own(fit):

@@ -83,6 +83,20 @@ def test_too_few_levels_are_an_error_that_says_so():
     with pytest.raises(gmwm.ModelError, match="record longer"):
         fit.goodness_of_fit()
     assert "not tested" in fit.summary()
+    short = gmwm.fit("WN + RW", gmwm.wavelet_variance((WN(4.0) + RW(1.0)).simulate(8, RATE, 5), RATE))
+    with pytest.raises(gmwm.ModelError, match=r"2 parameters, and only 1 level is fine enough .*'bootstrap'"):
+        short.goodness_of_fit()
+    assert short.goodness_of_fit("bootstrap", draws=19).levels.size == 3
+
+
+def test_a_bootstrap_that_could_not_reject_is_refused():
+    x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(8192, RATE, 1)
+    wrong = gmwm.fit("WN", x, RATE)
+    with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 19"):
+        wrong.goodness_of_fit("bootstrap", draws=18)
+    test = wrong.goodness_of_fit("bootstrap", draws=19)
+    assert test.pvalue == 0.05
+    assert "the model is rejected" in test.summary()
 
 
 def test_bootstrap():

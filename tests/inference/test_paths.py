@@ -202,11 +202,16 @@ def test_an_error_ends_all_threads():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal")
 def test_interrupted_soon():
+    # A shell that starts the tests in the background has them ignore Ctrl-C.
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     before, start = threading.active_count(), time.monotonic()
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        simulated_variances(parse_model(SUM), setting(10**6), 10**6, seed=1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulated_variances(parse_model(SUM), setting(10**6), 10**6, seed=1)
+    finally:
+        signal.signal(signal.SIGINT, handler)
     timer.join()
     # Alone it takes a tenth of this.
     assert time.monotonic() - start < 5

@@ -58,7 +58,7 @@ def test_white_noise_alone_has_the_textbook_error():
     assert math.sqrt(2 / samples) <= best <= 1.01 * math.sqrt(2 / samples)
 
 
-@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+@pytest.mark.parametrize("scale", [1e-100, 1e-12, 1.0, 1e12, 1e100])
 def test_errors_do_not_know_the_unit(scale):
     model = GM(beta=8.0, sigma2=scale) + WN(sigma2=4 * scale)
     plain = gmwm.plan(GM(beta=8.0, sigma2=1.0) + WN(sigma2=4.0), 60.0, RATE)
@@ -141,7 +141,12 @@ def test_as_plain_numbers_and_in_a_notebook():
 @pytest.mark.parametrize(
     ("model", "error", "words"),
     [
-        ("WN(sigma2=1.0) + RW", ModelError, "needs a value for RW.gamma2"),
+        ("WN(sigma2=1.0) + RW", ModelError, r"needs a value for RW.gamma2: .* as RW\(gamma2=…\)"),
+        ("2*GM + WN", ModelError, r"for GM\[1\].beta, GM\[1\].sigma2, .*as GM\(beta=…, sigma2=…\)"),
+        ("WN(sigma2=1e-300) + RW(gamma2=1e-308)", ModelError, "leave the range of double precision; .* unit"),
+        ("WN(sigma2=1e-150)", ModelError, "leave the range of double precision"),
+        ("WN(sigma2=1e200)", ModelError, "leave the range of double precision"),
+        ("WN(sigma2=1e140) + RW(gamma2=1e140)", ModelError, "leave the range of double precision"),
         (WN(sigma2=1.0) + RW(gamma2=0.0), ModelError, "RW is zero"),
         (2 * GM(beta=1.0, sigma2=0.0) + WN(sigma2=1.0), ModelError, r"GM\[1\], GM\[2\] is zero"),
         ("WN(sigma2=fixed(1.0))", ModelError, "nothing to estimate"),

@@ -64,6 +64,15 @@ def test_what_is_not_determined_is_named(tmp_path):
     plot_plan(nothing)
 
 
+def test_a_curve_that_is_too_high_to_be_drawn_says_so():
+    plan = gmwm.plan("WN(sigma2=1.0) + RW(gamma2=1e-16)", 60.0, 100.0)
+    panel = plan_panel(plan)
+    (label,) = [label for label in panel.labels if label.startswith("RW.gamma2")]
+    assert np.all(np.isnan(panel[label].y))
+    assert label.endswith(", above 200 % throughout")
+    assert all(np.any(np.isfinite(panel[label].y)) for label in panel.labels if label.startswith("WN"))
+
+
 def test_it_is_drawn(plan, tmp_path):
     figure = plan.plot(path=tmp_path / "plan.pdf")
     assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")

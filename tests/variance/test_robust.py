@@ -380,6 +380,27 @@ def test_result_says_what_it_is_and_survives_json():
     assert (classical.robust, classical.efficiency, classical.notes()) == (False, None, [])
 
 
+def test_an_efficiency_belongs_to_robust_estimates():
+    for ask in (
+        lambda efficiency: gmwm.wavelet_variance(np.arange(50.0), 1.0, efficiency=efficiency),
+        lambda efficiency: gmwm.wavelet_covariance("WN(sigma2=1.0)", 50, 1.0, efficiency=efficiency),
+    ):
+        for efficiency in (0.8, 7.0):
+            with pytest.raises(gmwm.OptionError, match="pass robust=True too"):
+                ask(efficiency)
+        assert np.all(np.isfinite(getattr(ask(0.6), "variance", 1.0)))
+
+
+@pytest.mark.parametrize("samples", [3105250.5, "1000", True, -1, math.nan])
+def test_a_length_is_a_whole_number(samples):
+    with pytest.raises(gmwm.DataError, match="samples must be a whole number"):
+        gmwm.WaveletVariance.from_values([3.0, 2.0], samples, 100.0)
+
+
+def test_a_length_may_be_written_with_an_exponent():
+    assert gmwm.WaveletVariance.from_values([3.0, 2.0], 3e6, 100.0).samples == 3_000_000
+
+
 def test_from_values():
     wv = measured(white(4096), efficiency=0.9)
     same = gmwm.WaveletVariance.from_values(wv.variance, 4096, 1.0, robust=True, efficiency=0.9)

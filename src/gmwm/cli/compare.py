@@ -109,7 +109,9 @@ def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None
     from gmwm.cli.parallel import over_axes
 
     robust = kind == "robust"
-    measure = partial(wavelet_variance, robust=robust, efficiency=0.6 if efficiency is None else efficiency)
+    measure = partial(
+        wavelet_variance, robust=robust, efficiency=efficiency if robust and efficiency is not None else 0.6
+    )
     return over_axes(measure, signals, f"{kind} wavelet variance")
 
 

@@ -82,9 +82,8 @@ def fit(
     bootstrap: Annotated[
         int | None,
         typer.Option(
-            help="Intervals and test from so many simulated records, 500 say, in place of theory.",
+            help="Intervals and test from so many simulated records, 500 say, in place of theory; at least 39 at 95 %.",
             metavar="DRAWS",
-            min=2,
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -110,10 +109,9 @@ def fit(
     """
     from gmwm import parse_model
     from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, tell_cautions, told_warnings
-    from gmwm.inference.summary import Way
 
     parsed = parse_model(model)
-    way = Way(confidence) if bootstrap is None else Way(confidence, "bootstrap", bootstrap, seed)
+    way = _way(confidence, bootstrap, seed)
     with told_warnings() as told:
         imu = load(file, rate, units, columns, gaps)
         signals = chosen_axes(imu, axis)
@@ -148,6 +146,18 @@ def fit(
             return
         print_fits(fits, way)
         print_written(written)
+
+
+def _way(confidence: float, draws: int | None, seed: int) -> Way:
+    """How intervals and tests are made, and enough simulated records for them."""
+    from gmwm.inference.bootstrap import as_draws
+    from gmwm.inference.summary import Way
+
+    way = Way(confidence)
+    if draws is None:
+        return way
+    as_draws(draws, way.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
+    return Way(confidence, "bootstrap", draws, seed)
 
 
 def fit_axes(
@@ -203,6 +213,8 @@ def as_dict(fit: Fit, way: Way) -> dict[str, Any]:
 
 def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
+    from gmwm.inference.summary import intervals_if_known, notes
+
     if len(fits) == 1:
         print(next(iter(fits.values())).summary(way.level, way.method, draws=way.draws, seed=way.seed))
         return
@@ -219,9 +231,11 @@ def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
         f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * way.level:g} %; p: of a worse fit\n"
         "if the model is right. Confidence intervals: one --axis alone, or --json."
     )
-    notes = [f"{name}: {note}" for name, found in fits.items() for note in found.diagnostics.notes()]
-    if notes:
-        print("\n".join(["", *notes]))
+    told = [
+        f"{name}: {note}" for name, found in fits.items() for note in notes(found, intervals_if_known(found, way)[1])
+    ]
+    if told:
+        print("\n".join(["", *told]))
 
 
 def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:

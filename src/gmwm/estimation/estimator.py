@@ -12,12 +12,16 @@ from gmwm.estimation.problem import pose
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.reweighting import REWEIGHTED, Settled, settle
 from gmwm.estimation.solve import estimated, solve
-from gmwm.estimation.weighting import Weighting, weighting_matrix
+from gmwm.estimation.weighting import Weighting, weighting_matrix, weighting_notes
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.signals import Signal
+from gmwm.variance.biweight import EFFICIENCY, require_robust
 from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
+
+NEAR = 1e-6
+"""Change of the curve (relative) from which on a test does not feel the weights."""
 
 
 def fit(
@@ -54,7 +58,8 @@ def fit(
         are many times larger, and intervals do not cover; for comparison only.
     robust, efficiency : bool, float
         Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
-        a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error.
+        a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error, as is an efficiency
+        without robust=True.
     certify : bool
         Whether to prove by branch and bound that no better fit exists; False skips the proof.
 
@@ -74,7 +79,7 @@ def fit(
     Warns
     -----
     FitWarning
-        If a term is not supported by the data or acts as another process.
+        If a term is not supported by the data or acts as another process, or the weights look like a covariance.
 
     References
     ----------
@@ -107,15 +112,19 @@ def fit(
 
 
 def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
-    """The model of a fit, fitted to another wavelet variance; "diagonal" stands in for weights of the user."""
-    return _fitted(fit.model, wv, fit.weighting if fit.weighting in REWEIGHTED else "diagonal", certify=False)
+    """The model of a fit, fitted to almost the same data; "diagonal" stands in for weights of the user."""
+    if fit.weighting not in REWEIGHTED:
+        return _fitted(fit.model, wv, "diagonal", certify=False)
+    settled = settle(fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR)
+    return as_fit(settled, wv, fit.weighting)
 
 
 def _fitted(model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool) -> Fit:
     if isinstance(weighting, str) and weighting in REWEIGHTED:
         return as_fit(settle(model, wv, weighting, certify=certify), wv, weighting)
-    problem = pose(model, wv, weighting_matrix(weighting, wv))
-    settled = Settled(problem, solve(problem, certify=certify))
+    matrix = weighting_matrix(weighting, wv)
+    problem = pose(model, wv, matrix)
+    settled = Settled(problem, solve(problem, certify=certify), weighting_notes(matrix, wv))
     return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
@@ -126,7 +135,9 @@ def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> Wavele
             "robust=True asks for a robust fit of a classical wavelet variance; pass the signal, or measure it with "
             "wavelet_variance(x, robust=True)"
         )
-    if robust and efficiency not in (0.6, wv.efficiency):
+    if not wv.robust:
+        require_robust(robust, efficiency)
+    elif efficiency not in (EFFICIENCY, wv.efficiency):
         raise OptionError(
             f"efficiency={efficiency!r} contradicts the wavelet variance's {wv.efficiency:g}; leave it out, "
             "or pass the signal"

@@ -10,14 +10,17 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod, LateProperty
+from gmwm.errors import ModelError, ReadError
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from gmwm.datasheets.sheet import Datasheet
     from gmwm.inference.asymptotic import Sandwich
     from gmwm.inference.bootstrap import Bootstrap
+    from gmwm.inference.criterion import Criterion
     from gmwm.inference.goodness import GoodnessOfFit
     from gmwm.inference.intervals import Interval
 
@@ -114,9 +117,17 @@ class Fit:
         "gmwm.inference.goodness:goodness_of_fit",
         "Test whether the data could come from the fitted model: method='asymptotic' or 'bootstrap'.",
     )
+    wic: ClassVar[LateMethod[..., Criterion]] = LateMethod(
+        "gmwm.inference.criterion:wic",
+        "Wavelet information criterion: the expected loss on another record; method='asymptotic' or 'bootstrap'.",
+    )
     bootstrap: ClassVar[LateMethod[..., Bootstrap]] = LateMethod(
         "gmwm.inference.bootstrap:bootstrap",
         "Estimates from records simulated from the fitted model: draws=500, seed=0.",
+    )
+    datasheet: ClassVar[LateMethod[..., Datasheet]] = LateMethod(
+        "gmwm.datasheets:datasheet",
+        "N, Q, B, K, R, T_c and q_c with intervals, in SI and in the units of datasheets: level=0.95.",
     )
     summary: ClassVar[LateMethod[..., str]] = LateMethod(
         "gmwm.inference.summary:summary",
@@ -176,8 +187,64 @@ class Fit:
             "not_supported": list(self.diagnostics.not_supported),
             "undetermined": list(self.undetermined),
             "search_nodes": self.diagnostics.nodes,
+            "weight_notes": list(self.diagnostics.weights),
             "wavelet_variance": self.wavelet_variance.to_dict(),
         }
 
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Fit:
+        """The fit whose `to_dict` gave `values`, to the last bit; from its JSON, or an axis of a fits.json, too.
+
+        Raises
+        ------
+        ReadError
+            If they are not those of a fit: something is missing, or of the wrong kind or size.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit
+        >>> found = fit(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1.0)).simulate(1000, 100.0, rng=1), rate=100.0)
+        >>> Fit.from_dict(found.to_dict()).parameters == found.parameters
+        True
+        """
+        try:
+            return cls._from_dict(values)
+        except KeyError as error:
+            raise ReadError(f"not a fit: it has no {error.args[0]!r}") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ReadError(f"not a fit: {error}") from error
+
+    @classmethod
+    def _from_dict(cls, values: Mapping[str, Any]) -> Fit:
+        wv = WaveletVariance.from_dict(values["wavelet_variance"])
+        model = Model.parse(values["model"])
+        parameters = {name: value for name, value in model.parameters.items() if value is not None}
+        if parameters != values["parameters"] or len(parameters) < len(model.names):
+            raise ModelError(f"the parameters are not those of {model}")
+        decomposition = {term: _curve(part, len(wv)) for term, part in values["decomposition"].items()}
+        if tuple(decomposition) != model.terms:
+            raise ModelError(f"the decomposition is not that of {model}: it has {', '.join(decomposition)}")
+        matrix = np.array(values["weighting_matrix"], dtype=np.float64)
+        if matrix.shape != (len(wv), len(wv)):
+            raise ModelError(f"the weighting matrix is of shape {matrix.shape}, the data have {len(wv)} levels")
+        lower = values["lower_bound"]
+        diagnostics = Diagnostics(
+            dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
+            tuple(values.get("weight_notes", ())),  # not in what the first commands wrote
+        )  # fmt: skip
+        return cls(
+            wv, model, parameters, float(values["objective"]), None if lower is None else float(lower),
+            float(values["relaxed_bound"]), _curve(values["implied"], len(wv)), decomposition,
+            str(values["weighting"]), matrix, diagnostics,
+        )  # fmt: skip
+
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"
+
+
+def _curve(values: Any, levels: int) -> Vector:
+    """A number for each level."""
+    curve = np.array(values, dtype=np.float64)
+    if curve.shape != (levels,):
+        raise ModelError(f"a curve of shape {curve.shape} where the data have {levels} levels")
+    return curve

@@ -35,6 +35,10 @@ PRIOR = 1000.0
 A level that the model misses by a factor would otherwise weigh the more, the more it is missed. It costs the estimates
 a bias of 4 / (η + 1000) of a level at most, nothing beside its scatter.
 """
+HOPE = 12
+"""Rounds in which the change must fall to a half; it does not where two answers take turns."""
+NEARLY = 3
+"""Rounds after which the weights are those of the estimate to a few per cent."""
 RETURNS = 4
 """How often the global optimum may turn out to lie elsewhere than where the rounds led."""
 
@@ -48,7 +52,15 @@ class Settled:
     notes: tuple[str, ...] = ()
 
 
-def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) -> Settled:
+def settle(
+    model: Model,
+    wv: WaveletVariance,
+    weighting: str,
+    *,
+    certify: bool,
+    start: Model | None = None,
+    fixed: float = FIXED,
+) -> Settled:
     """The estimate that is optimal under the weights that it implies.
 
     Rounds begin with weights from the data. The last weights are held for the global search and its certificate,
@@ -60,6 +72,10 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
     ----------
     weighting : "diagonal" or "optimal"
         1 / V_jj, or V⁻¹.
+    start : Model, optional
+        A model near the estimate, whose weights the rounds begin with.
+    fixed : float
+        The weights stand still where the curve changes by less (relative).
 
     Raises
     ------
@@ -68,12 +84,16 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
     ModelError
         If "optimal" is wanted of a model without noise.
     """
-    problem = pose(model, wv, weighting_matrix("diagonal", wv))
     setting = Setting.of(wv)
+    if start is None:
+        problem = pose(model, wv, weighting_matrix("diagonal", wv))
+    else:
+        problem = pose(model, wv, implied_weights(weighting, start, setting, wv.variance))
     solution = solve(problem, certify=False)
     implied = _implied(problem, solution, wv)
     ahead = _Ahead()
     for _ in range(RETURNS):
+        history: list[float] = []
         for _ in range(ROUNDS):
             try:
                 matrix = implied_weights(weighting, ahead.of(problem, solution, wv), setting, wv.variance)
@@ -86,14 +106,15 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
             solution = resume(problem, solution)
             before, implied = implied, _implied(problem, solution, wv)
             change = _change(before, implied)
-            if change <= FIXED:
+            history.append(change)
+            if change <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
                 break
         final = solve(problem, certify=certify)
         moved = _change(implied, _implied(problem, final, wv))
         solution, implied = final, _implied(problem, final, wv)
         if moved <= max(1e-6, change):
             break
-    if change <= 1e-6 and moved <= 1e-6:
+    if change <= max(1e-6, fixed) and moved <= max(1e-6, fixed):
         return Settled(problem, solution)
     # Each of two answers may make weights that lead to the other. A curve that no model of the user's shapes decides.
     problem = problem.under(_weights_of_the_data(weighting, wv, setting))
@@ -102,6 +123,21 @@ def settle(model: Model, wv: WaveletVariance, weighting: str, *, certify: bool) 
         "the data, and the model may be wrong for these"
     )
     return Settled(problem, solve(problem, certify=certify), (note,))
+
+
+def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
+    """An estimate under weights that it nearly implies, and V (J, J), of which they are made; for comparing models."""
+    setting = Setting.of(wv)
+    problem = pose(model, wv, weighting_matrix("diagonal", wv))
+    solution = solve(problem, certify=False)
+    for _ in range(NEARLY):
+        at = estimated(problem, solution, wv.slope).sorted(wv.rate)
+        wavelet = drawn_covariance(at, setting, wv.variance)
+        if not np.all(np.diag(wavelet) > 0):
+            raise ModelError(f"{model.structure} as estimated has no noise at some level; give it more terms, as WN()")
+        problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
+        solution = resume(problem, solution)
+    return Settled(problem, solve(problem, certify=False)), wavelet
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, setting: Setting) -> Matrix:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm._arrays import Matrix, Vector, require_finite
+from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 """How levels are weighted: "diagonal", "optimal", "identity", a (J,) diagonal or a (J, J) matrix."""
+
+
+WELL_KNOWN = 8.0
+"""Degrees of freedom from which on the variance of a level is known to a small factor."""
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
@@ -37,7 +42,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
     DataError
         If a level has zero variance, which "diagonal" cannot weigh.
     OptionError
-        If the matrix has the wrong shape, or is not symmetric and positive definite.
+        If the matrix has the wrong shape, is not finite, or is not symmetric and positive definite.
     """
     size = len(wv)
     if isinstance(weighting, str):
@@ -60,16 +65,35 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
                 "the range of double precision; give the signal in a larger or smaller unit"
             )
         return np.diag(weights)
-    matrix = np.asarray(weighting, dtype=np.float64)
+    try:
+        matrix = np.asarray(weighting, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"weighting must be numbers, or 'diagonal', 'optimal' or 'identity'; {error}") from error
+    if matrix.shape not in ((size,), (size, size)):
+        raise OptionError(f"weighting must be a vector of {size} or a {size} x {size} matrix, got shape {matrix.shape}")
+    if bad := int(np.count_nonzero(~np.isfinite(matrix))):
+        raise OptionError(f"weighting must be finite, {bad} of its {matrix.size} weights are NaN or infinite")
     if matrix.ndim == 1:
         matrix = np.diag(matrix)
-    if matrix.shape != (size, size):
-        raise OptionError(f"weighting must be a vector of {size} or a {size} x {size} matrix, got shape {matrix.shape}")
-    require_finite(matrix.ravel(), "weighting")
     largest = np.abs(matrix).max()
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * float(largest)):
         raise OptionError("weighting must be a symmetric matrix, this one differs from its transpose")
     return (matrix + matrix.T) / 2
+
+
+def weighting_notes(matrix: Matrix, wv: WaveletVariance) -> tuple[str, ...]:
+    """What is to be known of weights of the user's, in words: whether they are a covariance that was not inverted.
+
+    They are taken for one where they are as large as V_jj at every level that is well known, and at some of these far
+    from 1 / V_jj.
+    """
+    known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
+    if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
+        return ()
+    weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
+    if np.all(np.abs(weights - variance) < math.log(5)) and np.any(np.abs(weights + variance) > math.log(1000)):
+        return ("the weights are as large as the variances of the levels: are they a covariance, not its inverse?",)
+    return ()
 
 
 def precision(covariance: Matrix) -> Matrix:

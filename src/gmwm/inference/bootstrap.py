@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Setting
-from gmwm.errors import FitWarning
+from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.solve import estimated, solve
 from gmwm.inference.paths import simulated_variances
@@ -20,9 +21,13 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 DRAWS = 500
+LEAST_DRAWS = 2
+"""Records of a bootstrap that has a standard deviation."""
+LEAST_FOR_TEST = 19
+"""Records of a test that can reject at 5 %: p is at least 1 / (draws + 1)."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bootstrap:
     """Estimates from records that were simulated from a fitted model.
 
@@ -36,6 +41,8 @@ class Bootstrap:
         Criterion of each, with the weights of the fit.
     variances : (draws, J) array, in unit²
         Wavelet variances of the simulated records.
+    implied : (draws, J) array, in unit²
+        Those of the models fitted to them.
     seed : int
     """
 
@@ -43,11 +50,15 @@ class Bootstrap:
     estimates: Matrix
     objectives: Vector
     variances: Matrix
+    implied: Matrix
     seed: int
 
     def __post_init__(self) -> None:
-        for array in (self.estimates, self.objectives, self.variances):
+        for array in (self.estimates, self.objectives, self.variances, self.implied):
             freeze(array)
+
+    def __repr__(self) -> str:
+        return f"Bootstrap({len(self.objectives)} draws of {', '.join(self.names)}, seed {self.seed})"
 
     @property
     def errors(self) -> dict[str, float]:
@@ -80,7 +91,7 @@ def bootstrap(
     Raises
     ------
     OptionError
-        If `draws` or `seed` is not such an integer.
+        If `draws` or `seed` is not such a number.
     MissingTheoryError
         If a process cannot be simulated.
 
@@ -92,10 +103,28 @@ def bootstrap(
     >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
     True
     """
+    draws = as_draws(draws, LEAST_DRAWS, "a standard deviation")
     kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
     if (draws, seed) not in kept:
         kept[draws, seed] = _bootstrap(fit, draws, seed, progress)
     return kept[draws, seed]
+
+
+def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
+    """A number of simulated records: a whole one, and no less than `what` takes."""
+    if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
+        raise OptionError(f"{name} must be a whole number of at least {least}, which {what} takes; got {draws!r}")
+    return int(draws)
+
+
+def least_draws(level: float) -> int:
+    """Records that an interval of this level takes: the outermost of n estimates reach the quantile 1 / (n + 1).
+
+    >>> least_draws(0.95), least_draws(0.99)
+    (39, 199)
+    """
+    # 2 / (1 − 0.95) is 40 but for its last digit.
+    return max(LEAST_DRAWS, math.ceil(2 / (1 - level) * (1 - 1e-12)) - 1)
 
 
 def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] | None) -> Bootstrap:
@@ -106,12 +135,15 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     free = [name for name in fit.parameters if name not in fit.model.fixed]
     sign = np.array([-1.0 if fit.parameters[name] < 0 else 1.0 for name in free])
     estimates, objectives = np.empty((len(variances), len(free))), np.empty(len(variances))
+    implied = np.empty_like(variances)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         for k, variance in enumerate(variances):
             drawn = problem.observing(variance - known)
             solution = solve(drawn, certify=False)
-            parameters = estimated(drawn, solution, None).sorted(wv.rate).parameters
+            model = estimated(drawn, solution, None).sorted(wv.rate)
+            parameters = model.parameters
+            implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
             estimates[k] = sign * np.array([parameters[name] for name in free], dtype=np.float64)
             objectives[k] = solution.objective
-    return Bootstrap(tuple(free), estimates, objectives, variances, seed)
+    return Bootstrap(tuple(free), estimates, objectives, variances, implied, seed)

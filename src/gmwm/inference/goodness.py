@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from gmwm._arrays import freeze
+from gmwm._words import counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.estimator import refitted
 from gmwm.estimation.reweighting import REWEIGHTED
 from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
-from gmwm.inference.bootstrap import DRAWS, bootstrap
+from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.transform import degrees_of_freedom
@@ -76,7 +77,7 @@ class GoodnessOfFit:
         if self.method == "bootstrap":
             law = f"objective {self.statistic:.4g} among those of simulated records"
         used = f"levels {self.levels[0]} to {self.levels[-1]}"
-        verdict = "the model is rejected" if self.pvalue < 0.05 else "the model is not rejected"
+        verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
         sign = "" if self.pvalue_in_words.startswith("<") else "= "
         return f"{law}, {used}: p {sign}{self.pvalue_in_words}, {verdict} at the 5 % level"
 
@@ -106,7 +107,7 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
     method : "asymptotic" or "bootstrap"
         The chi-square law, or the criteria of `draws` records simulated from the fitted model, with all levels.
     draws, seed : int
-        Of the bootstrap.
+        Of the bootstrap; at least 19 records, as p is at least 1 / (draws + 1).
 
     Returns
     -------
@@ -114,6 +115,8 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
 
     Raises
     ------
+    OptionError
+        If an option is not one of those it may be.
     ModelError
         If no degree of freedom is left.
     MissingTheoryError
@@ -132,17 +135,39 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     wv = fit.wavelet_variance
     if method == "bootstrap":
+        as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
         drawn = bootstrap(fit, draws, seed).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
         return GoodnessOfFit(fit.objective, None, (1 + larger) / (1 + drawn.size), wv.levels.copy(), (), method)
+    # It takes a fit, and a summary, a file and a table ask for the same test.
+    if "_goodness" not in fit.__dict__:
+        fit.__dict__["_goodness"] = _by_theory(fit)
+    found: GoodnessOfFit = fit.__dict__["_goodness"]
+    return found
+
+
+def _by_theory(fit: Fit) -> GoodnessOfFit:
+    """The chi-square test."""
+    wv = fit.wavelet_variance
     used = int(np.count_nonzero(usable_levels(wv)))
+    free = len(fit.model.names) - len(fit.model.fixed)
+    if used < free:
+        raise _too_few(fit, free, used)
     short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, shortened(wv, used))
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
         statistic, df, float(gammaincc(df / 2, statistic / 2)),
-        wv.levels[:used].copy(), tuple(int(j) for j in wv.levels[used:]), method,
+        wv.levels[:used].copy(), tuple(int(j) for j in wv.levels[used:]), "asymptotic",
     )  # fmt: skip
+
+
+def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
+    return ModelError(
+        f"{fit.model.structure} has {counted(parameters, 'parameter')}, and only {counted(levels, 'level')} "
+        f"{'is' if levels == 1 else 'are'} fine enough for a test; record longer, take a smaller model, or "
+        "method='bootstrap'"
+    )
 
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
@@ -162,10 +187,7 @@ def _statistic(fit: Fit) -> tuple[float, int]:
     setting = Setting.of(wv)
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
     if len(columns) >= len(wv):
-        raise ModelError(
-            f"{fit.model.structure} has {len(columns)} parameters, and {len(wv)} levels are fine enough for a test; "
-            "record longer, take a smaller model, or method='bootstrap'"
-        )
+        raise _too_few(fit, len(columns), len(wv))
     root = square_root(precision(covariance(fit.model, setting)))
     left = root @ (wv.variance - fit.implied)
     slopes = root @ relative_jacobian(fit.model, setting, columns)

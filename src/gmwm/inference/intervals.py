@@ -13,8 +13,8 @@ from gmwm.covariance import Setting
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
-from gmwm.inference.asymptotic import sandwich_of
-from gmwm.inference.bootstrap import DRAWS, bootstrap
+from gmwm.inference.asymptotic import no_noise, sandwich_of
+from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
+ROUNDING = 1e-8
+"""What a correlation may be off by, in a covariance that was computed elsewhere."""
+_UNKNOWN = 14.0
+"""Half of an interval, on the logarithm of a parameter, that is as good as none: a factor of a million."""
 _ROUNDS = 60
 _SETTLED = 1e-4
 
@@ -55,9 +59,11 @@ def confidence_intervals(
     method : "asymptotic" or "bootstrap"
         From the exact covariance of the wavelet variance, or quantiles of estimates from `draws` simulated records.
     covariance : (J, J) array, optional
-        V to be used instead of the fitted model's, as from `empirical_covariance`; method="asymptotic" only.
+        V to be used instead of the fitted model's, as from `empirical_covariance`; method="asymptotic" only. It must
+        be that of the wavelet variance that was fitted: the empirical covariance of data with outliers is that of
+        the classical estimate, and does not belong to a robust fit.
     draws, seed : int
-        Of the bootstrap.
+        Of the bootstrap; at least 2 / (1 − level) − 1 records, 39 at 95 %, have quantiles so far out.
 
     Returns
     -------
@@ -66,7 +72,9 @@ def confidence_intervals(
     Raises
     ------
     OptionError
-        If an option is not one of those it may be.
+        If an option is not one of those it may be, or `covariance` is none.
+    ModelError
+        If the model has no noise at some level.
     MissingTheoryError
         If the covariance of a process is not known.
 
@@ -85,11 +93,28 @@ def confidence_intervals(
     level = as_level(level)
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    if covariance is None:
+        # Upper limits take their time, and a summary, a datasheet and a file ask for the same ones.
+        kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
+        key = (level, method, draws, seed)
+        if key not in kept:
+            kept[key] = _intervals(fit, level, method, None, draws, seed)
+        return dict(kept[key])
+    return _intervals(fit, level, method, covariance, draws, seed)
+
+
+def _intervals(
+    fit: Fit, level: float, method: Method, covariance: Matrix | None, draws: int, seed: int
+) -> dict[str, Interval]:
     two_sided: dict[str, Interval]
     if method == "bootstrap":
         if covariance is not None:
             raise OptionError("covariance= belongs to method='asymptotic'; leave it out, or take that method")
-        two_sided = bootstrap(fit, draws, seed).quantiles((1 - level) / 2, (1 + level) / 2)
+        as_draws(draws, least_draws(level), f"an interval of {100 * level:g} %")
+        drawn = bootstrap(fit, draws, seed)
+        if not np.all(np.ptp(drawn.variances, axis=0) > 0):
+            raise no_noise(fit.model)
+        two_sided = drawn.quantiles((1 - level) / 2, (1 + level) / 2)
     else:
         two_sided = _asymptotic(fit, level, covariance)
     intervals = {}
@@ -159,16 +184,37 @@ def _interval(parameter: Parameter, value: float, reach: float) -> Interval:
     if parameter.domain == "unit":
         centre, reach = math.atanh(value), reach / (1 - value * value)
         return math.tanh(centre - reach), math.tanh(centre + reach)
-    factor = math.exp(min(reach / value, 700.0))
-    return value / factor, value * factor if math.isfinite(reach) else math.inf
+    if reach / value > _UNKNOWN:
+        return 0.0, math.inf
+    factor = math.exp(reach / value)
+    return value / factor, value * factor
 
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
-    array = np.asarray(covariance, dtype=np.float64)
-    size = len(fit.wavelet_variance)
+    """A covariance of the fit's wavelet variance (J, J): finite, symmetric, and not negative in any direction."""
+    size, hint = len(fit.wavelet_variance), "as empirical_covariance(x, rate) gives one"
+    try:
+        array = np.asarray(covariance, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"covariance must be a {size} x {size} matrix of numbers, {hint}; {error}") from error
     if array.shape != (size, size) or not np.all(np.isfinite(array)):
-        raise OptionError(f"covariance must be a {size} x {size} matrix of finite numbers, got shape {array.shape}")
-    return array
+        raise OptionError(
+            f"covariance must be a {size} x {size} matrix of finite numbers, {hint}; got shape {array.shape}"
+            f"{' with NaN or infinite ones' if array.shape == (size, size) else ''}"
+        )
+    diagonal = np.diag(array)
+    if np.any(diagonal < 0):
+        raise OptionError(f"covariance must have variances on its diagonal, {hint}; got {diagonal.min():g}")
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    correlation = array / scale[:, None] / scale[None, :]
+    if np.any(np.abs(correlation - correlation.T) > ROUNDING):
+        raise OptionError(f"covariance must be symmetric, {hint}; this one differs from its transpose")
+    least, *_, largest = np.linalg.eigvalsh(correlation) if size > 1 else (correlation[0, 0],) * 2
+    if least < -ROUNDING * largest:
+        raise OptionError(
+            f"covariance must be positive semidefinite, {hint}; correlations here have the eigenvalue {least:.2g}"
+        )
+    return np.asarray((array + array.T) / 2)
 
 
 def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
@@ -191,14 +237,26 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     estimate = process.scale
     # From so small that it does not matter.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
+    tried: list[tuple[float, float]] = []
     for _ in range(_ROUNDS):
         relative = _relative_error(fit, fit.model.with_values({name: process.value_from(scale)}), name)
-        before, scale = scale, estimate + z * (parameter.scale_power or 1.0) * relative * scale
-        if not scale < largest:
+        after = estimate + z * (parameter.scale_power or 1.0) * relative * scale
+        if not after < largest:
             break
-        if abs(scale - before) <= _SETTLED * scale:
-            return process.value_from(scale)
+        if abs(after - scale) <= _SETTLED * after:
+            return process.value_from(after)
+        tried.append((math.log(scale), math.log(after)))
+        scale = min(math.exp(_fixed_point(tried[-2:])), largest)
     return process.value_from(largest)
+
+
+def _fixed_point(tried: list[tuple[float, float]]) -> float:
+    """Where the line through the last two (x, f(x)) says that f(x) = x; f(x) itself where it is too steep to say."""
+    x, value = tried[-1]
+    if len(tried) < 2 or tried[0][0] == x:
+        return value
+    slope = (value - tried[0][1]) / (x - tried[0][0])
+    return x + (value - x) / (1 - slope) if slope < 0.95 else value
 
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:

@@ -38,6 +38,8 @@ PER_OCTAVE = 4
 """Lengths in a factor of two at which that search looks before it bisects."""
 NEAR = 5e-3
 """Relative accuracy of the length that it finds."""
+_LEAST, _MOST = 1e-295, 1e295
+"""Products of two variances that double precision holds with room to work."""
 
 _LENGTHS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0),
             ("min", 60.0, 120.0), ("s", 1.0, 0.0))  # fmt: skip
@@ -258,7 +260,7 @@ def plan(
     Raises
     ------
     ModelError
-        If a value is missing, a scale is zero, or the model cannot be fitted.
+        If a value is missing, a scale is zero or leaves the range of double precision, or the model cannot be fitted.
     OptionError
         If the duration is too short for the model or has more than 2⁴⁰ samples, or an option is unknown.
     MissingTheoryError
@@ -276,6 +278,7 @@ def plan(
         raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {weighting!r}")
     free = _free(whole, rate)
     longest = samples_of(duration, rate, free)
+    _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
     levels = longest.bit_length() - 1
     pose(whole, WaveletVariance.from_values(whole.wavelet_variance(levels, rate), longest, rate), np.eye(levels))
     shortest = 1 << (free + 1)
@@ -309,7 +312,19 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
 
 def _free(model: Model, rate: float) -> int:
     """Number of parameters to estimate, of a model with all its values and no term that is zero."""
-    model.wavelet_variance(1, rate)  # says which value is missing
+    missing = {
+        term: [parameter for parameter, value in process.values.items() if value is None]
+        for term, process in zip(model.terms, model.processes, strict=True)
+        if not process.is_complete
+    }
+    if missing:
+        names = ", ".join(f"{term}.{parameter}" for term, lacking in missing.items() for parameter in lacking)
+        term, lacking = next(iter(missing.items()))
+        example = ", ".join(f"{parameter}=…" for parameter in lacking)
+        raise ModelError(
+            f"a plan of {model} needs a value for {names}: write it into the model, as "
+            f"{term.partition('[')[0]}({example}), from a pilot recording or a datasheet"
+        )
     zero = [
         term
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -318,6 +333,21 @@ def _free(model: Model, rate: float) -> int:
     if zero:
         raise ModelError(f"{', '.join(zero)} is zero in {model}: an error relative to it means nothing; leave it out")
     return len(model.names) - len(model.fixed)
+
+
+def _require_range(model: Model, samples: int, rate: float) -> None:
+    """Squares of the variances, as they are summed and weighed for up to `samples`, must be finite and not vanish."""
+    levels = np.arange(1, samples.bit_length())
+    shown = model.wavelet_variance(levels, rate)
+    freedom = np.maximum(samples / np.ldexp(1.0, levels), 1.0)
+    with np.errstate(over="ignore", under="ignore"):
+        small = shown[shown > 0] ** 2 / freedom[shown > 0]
+        large = np.ldexp(shown, 2 * levels) ** 2 * samples
+    if np.min(small, initial=1.0) < _LEAST or not np.max(large) < _MOST:
+        raise ModelError(
+            f"the wavelet variance of {model} runs from {shown.min():g} to {shown.max():g}: its squares leave the "
+            "range of double precision; write the values in a larger or smaller unit of the signal"
+        )
 
 
 def samples_of(duration: float, rate: float, free: int) -> int:

@@ -8,9 +8,11 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.inference.bootstrap import DRAWS, bootstrap
+from gmwm.filters import find_filter
+from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
+from gmwm.processes.likeness import likeness
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -27,6 +29,13 @@ class Way:
 
     def __post_init__(self) -> None:
         as_level(self.level)
+        if self.method == "bootstrap":
+            as_draws(self.draws, self.least_draws, f"a test at 5 % with intervals of {100 * self.level:g} %")
+
+    @property
+    def least_draws(self) -> int:
+        """Simulated records that intervals of this level and a test take."""
+        return max(LEAST_FOR_TEST, least_draws(self.level))
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,7 @@ def intervals_if_known(fit: Fit, way: Way) -> tuple[dict[str, Interval], str | N
     """The intervals, or none and the reason why."""
     try:
         return confidence_intervals(fit, way.level, way.method, draws=way.draws, seed=way.seed), None
-    except MissingTheoryError as error:
+    except (MissingTheoryError, ModelError) as error:
         return {}, f"no intervals: {error}"
 
 
@@ -101,14 +110,30 @@ def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
     return shown
 
 
+def notes(fit: Fit, reason: str | None = None) -> list[str]:
+    """What to be warned of, and what each term that acts as another process amounts to; last, why intervals lack."""
+    wv, words, acting = fit.wavelet_variance, fit.diagnostics.notes(), fit.diagnostics.acts_as
+    for place, (term, name) in enumerate(acting.items()):
+        process = fit.model.processes[fit.model.terms.index(term)]
+        like = likeness(process, name, wv.levels, wv.rate, find_filter(wv.filter), fit.weighting_matrix)
+        if like is not None:
+            parameter = like.scale_parameter()
+            amount = f"{like.name}.{parameter.name} = {like.value(parameter.name):.3e} {parameter.unit(wv.unit)}"
+            words[place] += f"; it amounts to {amount.rstrip()}"
+    return [*words, *([reason] if reason else [])]
+
+
 def short_values(fit: Fit, way: Way) -> dict[str, str]:
-    """Each parameter in one word: estimate and relative standard error, or upper limit."""
+    """Each parameter in one word: estimate and relative standard error, upper limit, or what its term acts as."""
     intervals, _ = intervals_if_known(fit, way)
     shown = {}
     for row in rows(fit, intervals, way):
         low, high = intervals.get(row.name, (0.0, math.inf))
+        acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
         if row.name in fit.undetermined:
             shown[row.name] = "—"
+        elif acting is not None:
+            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             shown[row.name] = f"≤ {high:.2e}"
         else:
@@ -163,8 +188,8 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
             row.error.rjust(widths[3]), row.unit,
         ]  # fmt: skip
         lines.append("  " + "  ".join(cells).rstrip())
-    notes = [*fit.diagnostics.notes(), *([reason] if reason else [])]
-    return "\n".join([*lines, "", *notes] if notes else lines)
+    words = notes(fit, reason)
+    return "\n".join([*lines, "", *words] if words else lines)
 
 
 def head(fit: Fit, way: Way) -> list[str]:
@@ -196,9 +221,9 @@ def as_html(fit: Fit) -> str:
     )
     names = ("parameter", "estimate", "95 % interval", "error", "unit")
     title, *facts = head(fit, way)
-    notes = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    words = notes(fit, reason)
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
         f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"
-        f"{''.join(f'<p>{escape(note)}</p>' for note in notes)}</div>"
+        f"{''.join(f'<p>{escape(note)}</p>' for note in words)}</div>"
     )

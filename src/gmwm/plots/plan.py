@@ -44,6 +44,8 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
     marks: list[Mark] = []
     for name, curve in curves.items():
         label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
+        if np.all(np.isfinite(curve) & (curve > HIGHEST)):
+            label += f", above {100 * HIGHEST:g} % throughout"
         marks.append(Line(times, np.where(curve <= HIGHEST, 100 * curve, np.nan), strokes[name], label, MIDDLE))
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)

@@ -13,6 +13,8 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 
+EFFICIENCY = 0.6
+"""Of a robust estimate, where none is asked for."""
 LEAST_EFFICIENCY, LARGEST_EFFICIENCY = 0.3, 0.99
 NORMAL_QUARTILE = 0.6744897501960817
 """Φ⁻¹(3/4): the median of |r| under N(0, 1), so that MAD / 0.67449 estimates σ."""
@@ -68,6 +70,14 @@ def biweight(efficiency: float) -> Biweight:
     if not number or not LEAST_EFFICIENCY <= efficiency <= LARGEST_EFFICIENCY:
         raise OptionError(f"efficiency must be from {LEAST_EFFICIENCY} to {LARGEST_EFFICIENCY}, got {efficiency!r}")
     return _biweight(float(efficiency))
+
+
+def require_robust(robust: bool, efficiency: float | None) -> None:
+    """Raise where an efficiency is asked for, but no robust estimate to have it."""
+    if not robust and efficiency not in (None, EFFICIENCY):
+        raise OptionError(
+            f"efficiency={efficiency!r} belongs to the robust wavelet variance; pass robust=True too, or leave it out"
+        )
 
 
 @lru_cache(maxsize=64)

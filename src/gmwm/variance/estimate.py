@@ -13,6 +13,7 @@ from gmwm._arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.signals import MINIMUM_SAMPLES, Signal
+from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import PlainCoefficients
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
@@ -73,6 +74,7 @@ def wavelet_variance(
         Whether outliers are to be kept from the estimate.
     efficiency : float
         Of the robust estimate under Gaussian noise, from 0.3 to 0.99: the higher, the nearer to the classical one.
+        Another one than 0.6 without robust=True is an error.
     confidence : float
         Level of the limits, between 0 and 1.
 
@@ -113,6 +115,7 @@ def wavelet_variance(
     wavelet = find_filter(filter)
     if transform not in ("modwt", "dwt"):
         raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+    require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
         values = as_vector(x, "x", finite=False)

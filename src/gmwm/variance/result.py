@@ -135,7 +135,7 @@ class WaveletVariance:
         Raises
         ------
         DataError
-            If a value is negative or not finite, or there are more levels than N samples have.
+            If a value is negative or not finite, N is not a whole number, or there are more levels than N samples have.
 
         Examples
         --------
@@ -146,6 +146,7 @@ class WaveletVariance:
         wavelet = find_filter(filter)
         if transform not in ("modwt", "dwt"):
             raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+        samples = _checked_samples(samples)
         values = as_vector(variance, "variance").copy()
         if np.any(values < 0):
             raise DataError(f"variance must not be negative, got {values.min():g}")
@@ -168,7 +169,7 @@ class WaveletVariance:
         if np.any(limits[0] > values) or np.any(limits[1] < values):
             raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
         return cls(
-            levels, values, limits[0], limits[1], counts, as_rate(rate), int(samples), unit, axis, confidence,
+            levels, values, limits[0], limits[1], counts, as_rate(rate), samples, unit, axis, confidence,
             filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency,
         )  # fmt: skip
 
@@ -249,6 +250,14 @@ class WaveletVariance:
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"
+
+
+def _checked_samples(samples: int) -> int:
+    """A length: a whole number, which may be written 3e6."""
+    whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
+    if not whole or samples < 1:
+        raise DataError(f"samples must be a whole number, the length of the signal; got {samples!r}")
+    return int(samples)
 
 
 def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:

@@ -1,0 +1,217 @@
+"""The wavelet information criterion: how well a fitted model will predict the wavelet variance of another record.
+
+A fit is nearer to its own data than to any other: the mean of the difference, the optimism, is what the criterion
+adds to the objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance import Setting
+from gmwm.errors import OptionError
+from gmwm.estimation.problem import Problem, pose
+from gmwm.estimation.solve import estimated, solve
+from gmwm.estimation.weighting import square_root
+from gmwm.filters import WaveletFilter
+from gmwm.inference.asymptotic import COLLINEAR
+from gmwm.inference.bootstrap import DRAWS, bootstrap
+from gmwm.inference.intervals import Method
+from gmwm.processes.base import Process
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+
+BEND = 1e-4
+"""Relative step of the nonlinear parameters whose slopes give second derivatives."""
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """Expected loss of a fitted model on another record of the same kind, WIC = loss + optimism.
+
+    Attributes
+    ----------
+    loss : float
+        (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)), on the record that it was fitted to.
+    optimism : float
+        2 tr[Cov(ν̂, ν(θ̂)) Ω]: by how much the loss on another record is larger, on average.
+    method : "asymptotic" or "bootstrap"
+    """
+
+    loss: float
+    optimism: float
+    method: Method
+
+    @property
+    def value(self) -> float:
+        """loss + optimism; smaller is better."""
+        return self.loss + self.optimism
+
+    def to_dict(self) -> dict[str, Any]:
+        """The criterion as plain numbers and texts, ready for JSON."""
+        return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
+
+
+def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> Criterion:
+    """Wavelet information criterion of a fit, with its own weights Ω.
+
+    Values compare between models under one Ω only; `gmwm.rank` and `gmwm.select` see to that.
+
+    Parameters
+    ----------
+    method : "asymptotic" or "bootstrap"
+        2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, or twice the covariance of ν̂* and
+        ν(θ̂*) over `draws` records simulated from the fit.
+    draws, seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    Criterion
+
+    Raises
+    ------
+    OptionError
+        If `method` is neither, or `draws` or `seed` is no such number.
+    ModelError
+        If the model has no noise at some level.
+    MissingTheoryError
+        If the covariance of a process is not known ("asymptotic"), or it cannot be simulated ("bootstrap").
+
+    References
+    ----------
+    Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
+    and Yang.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+    >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
+    4
+    """
+    if method not in get_args(Method):
+        raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    if method == "bootstrap":
+        drawn = bootstrap(fit, draws, seed)
+        share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
+        return Criterion(fit.objective, share, method)
+    return Criterion(fit.objective, optimism(fit, fit.sandwich.wavelet), method)
+
+
+def optimism(fit: Fit, wavelet: Matrix) -> float:
+    """2 tr[ΩDH⁻¹DᵀΩV], by first-order theory, where ν̂² has the covariance V (J, J)."""
+    wv = fit.wavelet_variance
+    root = square_root(fit.weighting_matrix)
+    setting = Setting.of(wv)
+    pull = fit.weighting_matrix @ (wv.variance - fit.implied)
+    slopes, bends = _derivatives(fit, setting.levels, setting.rate, setting.filter, pull)
+    if slopes.shape[1] == 0:
+        return 0.0
+    weighted = root @ slopes
+    length = np.linalg.norm(weighted, axis=0)
+    seen = length > 0
+    weighted = weighted[:, seen] / length[seen]
+    gauss = weighted.T @ weighted
+    inverse = _inverse(gauss - bends[np.ix_(seen, seen)] / np.outer(length[seen], length[seen]))
+    if inverse is None:
+        inverse = np.linalg.pinv(gauss, rcond=COLLINEAR, hermitian=True)
+    moved = weighted.T @ root
+    return float(2 * np.trace(inverse @ moved @ wavelet @ moved.T))
+
+
+def _inverse(hessian: Matrix) -> Matrix | None:
+    """H⁻¹; None where it is no minimum to second order, as at the end of a domain."""
+    strength, axes = np.linalg.eigh(hessian)
+    if strength[0] <= COLLINEAR * strength[-1]:
+        return None
+    return np.asarray((axes / strength) @ axes.T)
+
+
+def _derivatives(
+    fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
+) -> tuple[Matrix, Matrix]:
+    """D (J, p), and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), by scale coefficients and nonlinear parameters that are free."""
+    columns: list[Vector] = []
+    blocks: list[Matrix] = []
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        if process.scale == 0:
+            continue
+        free = [
+            not process.is_fixed(p.name) and term not in fit.diagnostics.acts_as for p in process.nonlinear_parameters()
+        ]
+        slope, bend = _of_process(process, levels, rate, filter, pull, np.flatnonzero(free))
+        if process.is_fixed(process.scale_parameter().name):
+            slope, bend = slope[:, 1:], bend[1:, 1:]
+        columns += list(slope.T)
+        blocks.append(bend)
+    size = sum(len(block) for block in blocks)
+    bends, at = np.zeros((size, size)), 0
+    for block in blocks:
+        bends[at : at + len(block), at : at + len(block)] = block
+        at += len(block)
+    return np.array(columns).reshape(size, levels.size).T, bends
+
+
+def _of_process(
+    process: Process,
+    levels: NDArray[np.int64],
+    rate: float,
+    filter: WaveletFilter,
+    pull: Vector,
+    free: NDArray[np.intp],
+) -> tuple[Matrix, Matrix]:
+    """The same for one process: its scale first, then the nonlinear parameters `free`."""
+    at = process.nonlinear
+    moved = [at]
+    steps = np.empty(free.size)
+    for i, k in enumerate(free):
+        room = {"positive": at[k], "unit": 1 - abs(at[k]), "real": abs(at[k]) or 1.0}
+        steps[i] = BEND * room[process.nonlinear_parameters()[k].domain]
+        moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
+    shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
+    slope = np.empty((levels.size, 1 + free.size))
+    bend = np.zeros((1 + free.size, 1 + free.size))
+    slope[:, 0] = shape
+    if free.size:
+        jacobian = process.shape_jacobian(np.array(moved), levels, rate, filter)[:, :, free]
+        slope[:, 1:] = process.scale * jacobian[0]
+        bend[0, 1:] = bend[1:, 0] = pull @ jacobian[0]
+        for i in range(free.size):
+            bend[1 + i, 1:] = process.scale * (pull @ (jacobian[1 + 2 * i] - jacobian[2 + 2 * i])) / (2 * steps[i])
+        bend[1:, 1:] = (bend[1:, 1:] + bend[1:, 1:].T) / 2
+    return slope, bend
+
+
+def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
+    """2 tr[Cov(ν̂*, ν(θ̂*)) Ω] of draws (B, J)."""
+    centred = variances - variances.mean(axis=0)
+    fitted = implied - implied.mean(axis=0)
+    return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
+
+
+def implied_by_refits(
+    problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
+) -> Matrix:
+    """ν(θ̂*) (B, J) of a problem solved for other data (B, J); `known` (J,) is what its held processes add."""
+    rows = np.empty_like(variances)
+    for k, variance in enumerate(variances):
+        drawn = problem.observing(variance - known)
+        model = estimated(drawn, solve(drawn, certify=False), None)
+        rows[k] = model.wavelet_variance(problem.levels, problem.rate, problem.filter)
+        if progress is not None:
+            progress(k + 1)
+    return rows
+
+
+def problem_of(fit: Fit) -> tuple[Problem, Vector]:
+    """The problem that a fit has solved, and the wavelet variance of its held processes."""
+    problem = pose(fit.model, fit.wavelet_variance, fit.weighting_matrix)
+    return problem, fit.wavelet_variance.variance - problem.observed

@@ -1,0 +1,122 @@
+"""A fit goes through JSON and comes back to the last bit; what is no fit says so."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import Fit, ReadError, WaveletVariance
+
+MODELS = {
+    "GM + WN + RW": "GM(beta=0.5, sigma2=2e-7) + WN(sigma2=4e-6) + RW(gamma2=1e-10)",
+    "2*GM + WN": "GM(beta=8.0, sigma2=3e-6) + GM(beta=0.1, sigma2=2e-6) + WN(sigma2=1e-6)",
+    "WN(sigma2=fixed(4e-6)) + DR": "WN(sigma2=4e-6) + DR(omega=-3e-7)",
+    "AR1 + QN": "AR1(phi=0.97, sigma2=1e-6) + QN(q2=1e-5)",
+}
+
+
+def through_json(fit):
+    return Fit.from_dict(json.loads(json.dumps(fit.to_dict(), allow_nan=False)))
+
+
+@pytest.fixture(scope="module")
+def fits():
+    found = {}
+    for seed, (wanted, truth) in enumerate(MODELS.items()):
+        x = gmwm.parse_model(truth).simulate(50_000, 100.0, rng=seed)
+        wv = gmwm.wavelet_variance(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"))
+        found[wanted] = gmwm.fit(wanted, wv, weighting="optimal")
+    return found
+
+
+@pytest.mark.parametrize("wanted", MODELS)
+def test_every_field_comes_back(fits, wanted):
+    fit = fits[wanted]
+    back = through_json(fit)
+    assert back.to_dict() == fit.to_dict()
+    assert back.model == fit.model
+    assert back.model.fixed == fit.model.fixed
+    assert back.parameters == fit.parameters
+    assert list(back.parameters) == list(fit.parameters)
+    assert back.diagnostics == fit.diagnostics
+    assert (back.objective, back.lower_bound, back.relaxed_bound) == (
+        fit.objective,
+        fit.lower_bound,
+        fit.relaxed_bound,
+    )
+    for name in ("implied", "weighting_matrix"):
+        assert np.array_equal(getattr(back, name), getattr(fit, name))
+        assert not getattr(back, name).flags.writeable
+
+
+@pytest.mark.parametrize("wanted", MODELS)
+def test_what_follows_from_it_is_the_same(fits, wanted):
+    fit = fits[wanted]
+    back = through_json(fit)
+    assert back.gap == fit.gap
+    assert back.confidence_intervals() == fit.confidence_intervals()
+    assert back.goodness_of_fit().pvalue == fit.goodness_of_fit().pvalue
+    assert back.summary() == fit.summary()
+
+
+def test_a_sign_and_a_held_value_stay(fits):
+    back = through_json(fits["WN(sigma2=fixed(4e-6)) + DR"])
+    assert back.parameters["DR.omega"] < 0
+    assert back.model.fixed == {"WN.sigma2"}
+
+
+def test_without_a_certificate_and_with_terms_that_are_zero():
+    x = gmwm.parse_model("WN(sigma2=4e-6)").simulate(5000, 100.0, rng=2)
+    with pytest.warns(gmwm.FitWarning):
+        fit = gmwm.fit("GM + WN + QN", x, rate=100.0, certify=False)
+    back = through_json(fit)
+    assert back.lower_bound is None
+    assert back.gap is None
+    assert back.diagnostics == fit.diagnostics
+    assert back.undetermined == fit.undetermined
+
+
+def test_robust_diagnostics_come_back():
+    x = gmwm.parse_model("WN(sigma2=4e-6)").simulate(5000, 100.0, rng=2)
+    fit = gmwm.fit("WN", x, rate=100.0, robust=True, efficiency=0.8)
+    wv = through_json(fit).wavelet_variance
+    assert (wv.robust, wv.efficiency) == (True, 0.8)
+    assert wv.notes() == fit.wavelet_variance.notes()
+    assert wv.to_dict() == fit.wavelet_variance.to_dict()
+
+
+def test_published_values_have_no_slope():
+    fit = gmwm.fit("WN", WaveletVariance.from_values([0.5, 0.25, 0.12], samples=1000, rate=100.0))
+    assert through_json(fit).wavelet_variance.slope is None
+
+
+def broken(values, **changes):
+    return {name: value for name, value in {**values, **changes}.items() if value is not ...}
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"model": ...}, "it has no 'model'"),
+        ({"wavelet_variance": ...}, "it has no 'wavelet_variance'"),
+        ({"wavelet_variance": None}, "not a fit"),
+        ({"model": "WN + XY"}, "no process of this name"),
+        ({"model": "WN(sigma2=1.0)"}, "the parameters are not those of"),
+        ({"implied": [1.0]}, "levels"),
+        ({"implied": "abc"}, "not a fit"),
+        ({"weighting_matrix": [[1.0]]}, "weighting matrix"),
+        ({"decomposition": {}}, "decomposition"),
+        ({"objective": None}, "not a fit"),
+    ],
+)
+def test_what_is_no_fit_says_so(fits, changes, words):
+    values = fits["GM + WN + RW"].to_dict()
+    with pytest.raises(ReadError, match=words):
+        Fit.from_dict(broken(values, **changes))
+
+
+@pytest.mark.parametrize("values", [[], "text", 3, None, {}])
+def test_other_things_are_refused(values):
+    with pytest.raises(ReadError, match="not a fit"):
+        Fit.from_dict(values)
