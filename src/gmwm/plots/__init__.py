@@ -1,8 +1,8 @@
 """Seeing: what to draw, as data (`figure`, one module a plot), and one renderer for each drawing library.
 
 Each plot is a pair: a function that returns plot data (`wavelet_variance_panel`, `fit_panel`,
-`overlay_panel`, `imu_figure`), and one that draws them with Matplotlib (`plot_…`). Matplotlib is imported
-when something is drawn.
+`overlay_panel`, `imu_figure`, `ranking_figure`), and one that draws them with Matplotlib (`plot_…`).
+Matplotlib is imported when something is drawn.
 """
 
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr
@@ -11,6 +11,7 @@ from gmwm.plots.fit import plot_fit
 from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
 from gmwm.plots.plan import plot_plan
+from gmwm.plots.ranking import plot_candidates, plot_ranking
 from gmwm.plots.variance import plot_wavelet_variance
 
 __all__ = [
@@ -18,9 +19,11 @@ __all__ = [
     "plot_allan",
     "plot_allan_axes",
     "plot_avlr",
+    "plot_candidates",
     "plot_comparison",
     "plot_fit",
     "plot_imu",
     "plot_plan",
+    "plot_ranking",
     "plot_wavelet_variance",
 ]

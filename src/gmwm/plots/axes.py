@@ -19,6 +19,8 @@ _DURATIONS = (
 
 MANY_DECADES = 2.5
 """From here on powers of ten are enough labels; below, 2 and 5 are labelled too."""
+MANY_SIDED = 5.0
+"""The same for an axis that is even about zero, where the even part counts as a decade on each side."""
 EMPTY = (1.0, 10.0)
 """Limits of an axis on which nothing can be drawn; it has no ticks."""
 
@@ -135,3 +137,52 @@ def value_axis(limits: tuple[float, float], label: str) -> Axis:
     """The vertical axis: powers of ten, with grid lines at the labels."""
     ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
     return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
+
+
+def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
+    """An axis for values on both sides of zero, some of which may be large: even about zero, logarithmic beyond.
+
+    Parameters
+    ----------
+    values : (n,) array
+        What it has to hold; values that are not finite are left out.
+    label : str
+        The quantity and its unit.
+    linear : float
+        Where the even part ends.
+    even : float
+        Up to here all of the axis is even.
+    least : float
+        It reaches at least from −least to +least.
+
+    >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
+    ['0', '1', '2', '5', '10', '20', '50']
+    """
+    shown = np.append(values[np.isfinite(values)], [0.0, least, -least])
+    low, high = float(shown.min()), float(shown.max())
+    high = high if low < high else linear
+    size = max(-low, high)
+    if size <= even:
+        room = 0.08 * (high - low)
+        limits, reach = (low - room, high + room), math.inf
+        step = 10.0 ** math.floor(math.log10(size))
+        step = next(s for s in (0.2 * step, 0.5 * step, step, 2 * step) if (limits[1] - limits[0]) / s <= 8)
+        places = [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
+    else:
+        # The scale gives its even part as much room as a decade.
+        decades = sum(1 + math.log10(max(abs(end) / linear, 1.0)) for end in (low, high) if end)
+        limits, reach = (_beyond(low, -1, 0.06 * decades, linear), _beyond(high, 1, 0.06 * decades, linear)), linear
+        # On a scale of many decades powers of ten have to do, though each side may have few.
+        reached = max(map(abs, limits))
+        if decades >= MANY_SIDED:
+            reached = max(reached, linear * 10**MANY_DECADES)
+        far = [tick.value for tick in power_ticks((linear, reached), at_most=4 if low and high else 7)[0]]
+        places = sorted({0.0, linear, -linear, *far, *(-value for value in far)})
+    inside = [value for value in places if limits[0] <= value <= limits[1]]
+    ticks = tuple(Tick(value, f"{value:g}".replace("-", "−")) for value in inside)
+    return Axis(label, limits, ticks, grid=tuple(inside), linear=reach)
+
+
+def _beyond(end: float, side: int, decades: float, linear: float) -> float:
+    """The end of a signed axis with room for so many decades more."""
+    return end * 10**decades if abs(end) > linear else end + side * decades * linear

@@ -137,14 +137,14 @@ class Tick:
 
 @dataclass(frozen=True)
 class Axis:
-    """One logarithmic axis, complete: nothing is left to a library's automatic choice.
+    """One axis, complete: nothing is left to a library's automatic choice.
 
     Parameters
     ----------
     label : str
         The quantity and its unit.
     limits : tuple of two floats
-        Both positive.
+        Both positive on a logarithmic axis.
     ticks : tuple of Tick
         The labelled positions.
     minor : tuple of float
@@ -153,6 +153,9 @@ class Axis:
         Where grid lines run.
     opposite : tuple of Tick
         A second reading of the same scale on the opposite side (minutes and hours over seconds).
+    linear : float
+        Positions up to so far from zero are evenly spaced, those beyond logarithmically: 0 is a logarithmic axis,
+        infinity a linear one.
     """
 
     label: str
@@ -161,6 +164,7 @@ class Axis:
     minor: tuple[float, ...] = ()
     grid: tuple[float, ...] = ()
     opposite: tuple[Tick, ...] = ()
+    linear: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,13 +212,16 @@ class Figure:
     Parameters
     ----------
     rows : tuple of tuple of Panel
-        All rows of one length; None leaves a place empty.
+        The panels of a row share its width; None leaves a place empty. Panels stand in columns where all rows are of
+        one length.
     width, height : float
         Size in millimetres.
     title : str
         Over all panels; "" for none.
     legend_columns : int
         How many entries stand side by side under the panels.
+    heights : tuple of float
+        Of the rows, as shares; empty where they are all of one height.
     """
 
     rows: tuple[tuple[Panel | None, ...], ...]
@@ -222,6 +229,7 @@ class Figure:
     height: float = 90.0
     title: str = ""
     legend_columns: int = 2
+    heights: tuple[float, ...] = ()
 
     @property
     def panels(self) -> tuple[Panel, ...]:

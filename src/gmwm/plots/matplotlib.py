@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as MatplotlibFigure
 from matplotlib.patches import Patch
+from matplotlib.scale import LinearScale, LogScale, ScaleBase, SymmetricalLogScale
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullLocator
 
 from gmwm._files import written_whole
@@ -22,6 +23,8 @@ from gmwm.plots.style import GRID
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axis import Axis as MatplotlibAxis
+    from matplotlib.figure import FigureBase
+    from matplotlib.gridspec import SubplotSpec
 
 FORMATS = (".png", ".pdf", ".svg")
 """File endings of the pictures that can be written."""
@@ -88,19 +91,29 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 
 def _new_picture(figure: Figure) -> MatplotlibFigure:
     picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=DPI, layout="constrained")
-    rows, columns = len(figure.rows), len(figure.rows[0])
     handles: dict[str, Artist] = {}
-    for i, row in enumerate(figure.rows):
-        for k, panel in enumerate(row):
+    for row, place in zip(figure.rows, _places(picture, figure), strict=True):
+        for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
-                axes = picture.add_subplot(rows, columns, i * columns + k + 1)
-                for label, handle in draw_panel(panel, axes).items():
+                for label, handle in draw_panel(panel, part.add_subplot(at)).items():
                     handles.setdefault(label, handle)
     if figure.title:
         picture.suptitle(figure.title, fontsize=TEXT_SIZE + 1)
     if handles:
         _legend_below(picture, handles, figure.legend_columns)
     return picture
+
+
+def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
+    """Where each panel stands: in one grid, or, where rows differ in length, in a grid of each row's own."""
+    heights = figure.heights or None
+    lengths = [len(row) for row in figure.rows]
+    if len(set(lengths)) == 1:
+        grid = picture.add_gridspec(len(lengths), lengths[0], height_ratios=heights)
+        return [[(picture, grid[i, k]) for k in range(length)] for i, length in enumerate(lengths)]
+    parts = picture.subfigures(len(lengths), 1, height_ratios=heights, squeeze=False)[:, 0]
+    grids = [part.add_gridspec(1, length) for part, length in zip(parts, lengths, strict=True)]
+    return [[(p, g[0, k]) for k in range(n)] for p, g, n in zip(parts, grids, lengths, strict=True)]
 
 
 def _legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
@@ -130,11 +143,11 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
 
 def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
     """Draw one panel on axes; returns what stands for each entry of the legend."""
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set_xscale(_scale(panel.x))
+    ax.set_yscale(_scale(panel.y))
     handles: dict[str, Artist] = {}
     for mark in panel.marks:
-        artist = _draw_mark(mark, ax, panel.y.limits)
+        artist = _draw_mark(mark, ax, _far(panel.y))
         if mark.label:
             handles.setdefault(mark.label, _swatch(mark) or artist)
     for text in panel.texts:
@@ -149,18 +162,32 @@ def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
     for spine in ax.spines.values():
         spine.set_linewidth(0.7)
     if panel.x.opposite:
-        _opposite(ax, panel.x.opposite)
+        _opposite(ax.secondary_xaxis("top").xaxis, panel.x.opposite)
+    if panel.y.opposite:
+        _opposite(ax.secondary_yaxis("right").yaxis, panel.y.opposite)
     if panel.title:
         ax.set_title(panel.title, fontsize=TEXT_SIZE)
     return handles
 
 
-def _draw_mark(mark: Mark, ax: Axes, limits: tuple[float, float]) -> Artist:
+def _scale(axis: Axis) -> ScaleBase:
+    if axis.linear == 0:
+        return LogScale(None)
+    return SymmetricalLogScale(None, linthresh=axis.linear) if np.isfinite(axis.linear) else LinearScale(None)
+
+
+def _far(axis: Axis) -> tuple[float, float]:
+    """Positions far beyond both ends of an axis."""
+    low, high = axis.limits
+    return (low / 100, high * 100) if axis.linear == 0 else (2 * low - high, 2 * high - low)
+
+
+def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
     if isinstance(mark, Foot):
         place, style = np.full(mark.x.shape, FOOT), _line_style(mark.stroke)
         return ax.plot(mark.x, place, label=mark.label, transform=ax.get_xaxis_transform(), **style)[0]
     if isinstance(mark, Band):
-        return _draw_band(mark, ax, limits)
+        return _draw_band(mark, ax, far)
     style = _line_style(mark.stroke)
     return ax.plot(mark.x, mark.y, label=mark.label, zorder=2 + mark.layer / 10, **style)[0]
 
@@ -172,9 +199,9 @@ def _swatch(mark: Mark) -> Artist | None:
     return Patch(color=mark.swatch, alpha=0.25, linewidth=0)
 
 
-def _draw_band(band: Band, ax: Axes, limits: tuple[float, float]) -> Artist:
+def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
     # Edges at zero or infinity have no place on the axis: far outside the panel serves as well.
-    lower, upper = (np.clip(edge, limits[0] / 100, limits[1] * 100) for edge in (band.lower, band.upper))
+    lower, upper = (np.clip(edge, *far) for edge in (band.lower, band.upper))
     style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
     there = np.isfinite(lower) & np.isfinite(upper)
     # A point without neighbours has an interval but no area: a bar stands for it.
@@ -209,10 +236,11 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
     axis.set_label_text(data.label, fontsize=TEXT_SIZE)
 
 
-def _opposite(ax: Axes, ticks: tuple[Tick, ...]) -> None:
-    upper = ax.secondary_xaxis("top")
-    upper.spines["top"].set_visible(False)
-    upper.xaxis.set_major_locator(FixedLocator([tick.value for tick in ticks]))
-    upper.xaxis.set_major_formatter(FixedFormatter([tick.label for tick in ticks]))
-    upper.xaxis.set_minor_locator(NullLocator())
-    upper.xaxis.set_tick_params(labelsize=SMALL_SIZE, length=2.5, width=0.7, pad=1.5)
+def _opposite(axis: MatplotlibAxis, ticks: tuple[Tick, ...]) -> None:
+    """Write a second reading of a scale on the axis opposite to its own."""
+    for spine in axis.axes.spines.values():
+        spine.set_visible(False)
+    axis.set_major_locator(FixedLocator([tick.value for tick in ticks]))
+    axis.set_major_formatter(FixedFormatter([tick.label for tick in ticks]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_tick_params(labelsize=SMALL_SIZE, length=2.5, width=0.7, pad=1.5)

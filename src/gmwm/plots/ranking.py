@@ -1,0 +1,259 @@
+"""A ranking of models: their curves over the data, where they leave them, and their criteria."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import OptionError
+from gmwm.plots.axes import signed_axis, time_axis
+from gmwm.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE, closed_panel, observed_marks, view_for
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Tick, drawable
+from gmwm.plots.imu import PAGE, SINGLE
+from gmwm.plots.labels import axis_title, model_text
+from gmwm.plots.style import GREY, IMPLIED, OBSERVED, term_stroke
+from gmwm.plots.view import UnitSystem, ViewName
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.selection.ranking import Candidate, Comparison, Ranking
+    from gmwm.variance.result import WaveletVariance
+
+LISTED = 10
+"""So many criteria are drawn, and those of all equivalent candidates."""
+MOST_CURVES = 8
+FIRST = replace(IMPLIED, symbol="circle")
+"""The stroke of the recommended candidate."""
+SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
+OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)
+"""Of candidates whose curve is not drawn."""
+
+EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
+"""Up to here the scales of differences and of distances are even, and so are whole axes that end before."""
+
+
+def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+    """What `plot_ranking` draws, as data."""
+    if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
+        raise OptionError(f"limit must be a whole number from 1 to {MOST_CURVES}, got {limit!r}")
+    drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
+    strokes = _strokes(drawn)
+    listed = [c for k, c in enumerate(ranking.distinct) if k < max(LISTED, limit) or c.equivalent or c.recommended]
+    rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
+    criteria = _criteria(listed, dict(zip(map(id, drawn), strokes, strict=True)))
+    heights = (64.0, 16.0 + 4.6 * len(listed))
+    foot = 6.0 + 4.0 * ((len(drawn) + 4) // 3)
+    recordings = len(ranking.best.fits)
+    words = [axis_title(drawn[0].fit.wavelet_variance.axis), f"models within {model_text(ranking.within.terms)}"]
+    if recordings > 1:
+        words.append(f"curves and distances of the first of {recordings} recordings")
+    title = ", ".join(filter(None, words))
+    return Figure((*rows, (criteria,)), PAGE, sum(heights) + foot, title[:1].upper() + title[1:], 3, heights)
+
+
+def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
+    """What `plot_candidates` draws, as data."""
+    pair = (comparison.first, comparison.second)
+    strokes = [FIRST, _stroke(0)]
+    curves = _curves(pair, strokes, view, units)
+    names = " against ".join(model_text(c.model.terms) for c in pair)
+    name, scores = _score_name(pair[0]), [_score(c) for c in pair]
+    difference = f"{round(comparison.difference, 2) + 0.0:.2f} ± {comparison.error:.2f}".replace("-", "−")
+    title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
+    heights = (74.0, 56.0)
+    panels = ((curves,), (_distances(pair, strokes, view, units),))
+    return Figure(panels, SINGLE, sum(heights) + 20.0, title, 2, heights)
+
+
+def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:
+    others = iter(range(len(drawn)))
+    return [FIRST if c.recommended else _stroke(next(others)) for c in drawn]
+
+
+def _stroke(place: int) -> Stroke:
+    return replace(term_stroke(place), width=1.2, symbol=SYMBOLS[place % len(SYMBOLS)])
+
+
+def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
+    """The data and the implied curves; the legend takes their entries from the distances, with symbols."""
+    wv = candidates[0].fit.wavelet_variance
+    shown = view_for(wv, view, units)
+    marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
+    heights = [drawable(shown.height(np.asarray(c.fit.implied))) for c in candidates]
+    for height, stroke in zip(heights, strokes, strict=True):
+        layer = MIDDLE if stroke is FIRST else ABOVE
+        marks.append(Line(shown.time(wv.tau), height, replace(stroke, symbol=None), "", layer))
+    return closed_panel([shown], [wv], marks, around=heights, title="Data and models")
+
+
+def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
+    """How far each model is above or below the data, where the confidence limits are at −1 and 1."""
+    wv = candidates[0].fit.wavelet_variance
+    times = view_for(wv, view, units).time(wv.tau)
+    x = time_axis(times, view_for(wv, view, units).time_label)
+    ends = np.array(x.limits)
+    band = Band(
+        ends, np.full(2, -1.0), np.full(2, 1.0), OBSERVED.colour, 0.22, f"{100 * wv.confidence:g} % confidence", BAND
+    )
+    marks: list[Mark] = [band, Line(ends, np.zeros(2), Stroke(OBSERVED.colour, 0.9), "", BEHIND)]
+    rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
+    for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
+        layer = MIDDLE if stroke is FIRST else ABOVE
+        marks.append(Line(times, row, stroke, _name(candidate), layer))
+    y = signed_axis(
+        np.concatenate(rows),
+        "Distance (confidence limit = 1)",
+        linear=1.0,
+        even=EVEN_DISTANCE,
+        least=1.2,
+    )
+    return Panel(x, y, tuple(marks), "Models above (+) and below (−) the data")
+
+
+def distance(wv: WaveletVariance, implied: Vector) -> Vector:
+    """(ν²(θ̂) − ν̂²) (J,) in units of the distance from ν̂² to its upper limit, if positive, or to its lower one.
+
+    NaN where a level has no limits.
+    """
+    above = implied - wv.variance
+    room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
+    there = np.isfinite(room) & (room > 0)
+    return np.where(there, above / np.where(there, room, 1.0), np.nan)
+
+
+def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
+    """The differences to the best, a row for each candidate, with the numbers on the right."""
+    places = np.arange(len(listed), 0, -1.0)
+    name = _score_name(listed[0])
+    marks: list[Mark] = []
+    for candidate, place in zip(listed, places, strict=True):
+        stroke = strokes.get(id(candidate), OTHER)
+        at = np.array([candidate.difference])
+        marks.append(Line(at, np.array([place]), replace(stroke, width=0.0), "", FRONT))
+    ticks = [Tick(place, model_text(c.model.terms)) for c, place in zip(listed, places, strict=True)]
+    numbers = [Tick(place, _numbers(c)) for c, place in zip(listed, places, strict=True)]
+    head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")
+    y = Axis("", (0.4, len(listed) + 1.4), tuple(ticks), grid=tuple(places), opposite=(*numbers, head), linear=np.inf)
+    x = signed_axis(
+        np.array([c.difference for c in listed]),
+        f"{name} less that of the best",
+        linear=EVEN_DIFFERENCE,
+        even=EVEN_DISTANCE,
+    )
+    return Panel(x, y, tuple(marks))
+
+
+_NUMBERS = "WIC = loss + optimism"
+
+
+def _numbers(candidate: Candidate) -> str:
+    wic = candidate.wic
+    text = f"{wic.value:.2f} = {wic.loss:.2f} + {wic.optimism:.2f}"
+    if candidate.out_of_sample is not None:
+        text = f"{candidate.out_of_sample:.2f}; {text}"
+    return ", ".join(filter(None, [text, _word(candidate)]))
+
+
+def _word(candidate: Candidate) -> str:
+    return "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+
+
+def _name(candidate: Candidate) -> str:
+    word = _word(candidate)
+    name = model_text(candidate.model.terms)
+    return f"{name} ({word})" if word else name
+
+
+def _score(candidate: Candidate) -> float:
+    return candidate.wic.value if candidate.out_of_sample is None else candidate.out_of_sample
+
+
+def _score_name(candidate: Candidate) -> str:
+    return "WIC" if candidate.out_of_sample is None else "Loss out of sample"
+
+
+def plot_ranking(
+    ranking: Ranking,
+    *,
+    limit: int = 4,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a ranking: the best models over the data, where each leaves them, and the criteria of more.
+
+    Curves often coincide to the eye; their distances from the data, on a scale where the confidence limits are at −1
+    and 1, show how they differ.
+
+    Parameters
+    ----------
+    ranking : Ranking
+        Of several recordings the curves are those of the first.
+    limit : int
+        So many of the best distinct candidates are drawn as curves, and the recommended one.
+    view : "wavelet" or "allan"
+        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for these data.
+
+    Examples
+    --------
+    >>> from gmwm.processes import QN, RW, WN
+    >>> from gmwm.selection import select
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+    >>> figure = plot_ranking(select(WN() + QN() + RW(), x, rate=100.0))
+    >>> figure.axes[2].get_xlabel()
+    'WIC less that of the best'
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
+
+
+def plot_candidates(
+    comparison: Comparison,
+    *,
+    view: ViewName = "wavelet",
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw two candidates over the data, and where each leaves them; the difference of their criteria is over it.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of a ranking of several recordings the curves are those of the first.
+    view, units, path
+        As for `plot_ranking`.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for these data.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(candidates_figure(comparison, view=view, units=units), path=path)

@@ -1,0 +1,32 @@
+"""The difference of two criteria, and how far chance alone moves it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm.covariance import Setting
+from gmwm.estimation.weighting import square_root
+from gmwm.selection.evidence import axes_of
+from gmwm.selection.ranking import Candidate, Comparison, Ranking
+
+
+def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
+    """Two candidates of a ranking.
+
+    The loss of a model is a quadratic form of ν̂², |P L (ν̂ − ν)|² with P the projector off the directions in which the
+    curve can follow; that of the difference, (e + m)ᵀ(P₁ − P₂)(e + m), has the variance 2 tr[(AW)²] + 4 aᵀWa with
+    A = P₁ − P₂, a = r₁ − r₂ the difference of the residuals, and W = LVLᵀ. Of several recordings it is that of the
+    first over their number.
+    """
+    root = square_root(ranking.weighting_matrix)
+    scatter = root @ ranking.wavelet @ root.T
+    setting = Setting.of(first.fit.wavelet_variance)
+    axes = [axes_of(candidate.fit, root, setting) for candidate in (first, second)]
+    shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
+    residuals = [root @ (c.fit.wavelet_variance.variance - c.fit.implied) for c in (first, second)]
+    pull = residuals[0] - residuals[1]
+    spread = shape @ scatter
+    variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
+    variance /= len(first.fits)
+    difference = first.wic.value - second.wic.value
+    return Comparison(first, second, difference, float(np.sqrt(max(variance, 0.0))))
