@@ -27,16 +27,21 @@ LONGEST_FILE = 600
 
 # Every method of a result whose code lives on a higher floor, and where it lives.
 LATE_METHODS = {
+    "gmwm.calibration.result.Calibration.plot": "gmwm.plots.imu:plot_imu",
     "gmwm.estimation.result.Fit._repr_html_": "gmwm.inference.summary:as_html",
     "gmwm.estimation.result.Fit.bootstrap": "gmwm.inference.bootstrap:bootstrap",
     "gmwm.estimation.result.Fit.confidence_intervals": "gmwm.inference.intervals:confidence_intervals",
     "gmwm.estimation.result.Fit.covariance": "gmwm.inference.asymptotic:parameter_covariance",
+    "gmwm.estimation.result.Fit.datasheet": "gmwm.datasheets:datasheet",
     "gmwm.estimation.result.Fit.goodness_of_fit": "gmwm.inference.goodness:goodness_of_fit",
     "gmwm.estimation.result.Fit.plot": "gmwm.plots.fit:plot_fit",
     "gmwm.estimation.result.Fit.sandwich": "gmwm.inference.asymptotic:sandwich",
     "gmwm.estimation.result.Fit.standard_errors": "gmwm.inference.asymptotic:standard_errors",
+    "gmwm.estimation.result.Fit.wic": "gmwm.inference.criterion:wic",
     "gmwm.estimation.result.Fit.summary": "gmwm.inference.summary:summary",
     "gmwm.inference.plan.Plan.plot": "gmwm.plots.plan:plot_plan",
+    "gmwm.selection.ranking.Comparison.plot": "gmwm.plots.ranking:plot_candidates",
+    "gmwm.selection.ranking.Ranking.plot": "gmwm.plots.ranking:plot_ranking",
     "gmwm.variance.avlr.AllanRegression.plot": "gmwm.plots.allan:plot_avlr",
     "gmwm.variance.clusters.ClusterVariance.plot": "gmwm.plots.allan:plot_allan",
     "gmwm.variance.result.WaveletVariance.plot": "gmwm.plots.variance:plot_wavelet_variance",

@@ -4,10 +4,12 @@ import pytest
 
 from validation import (
     study_contamination,
+    study_contamination_test,
     study_covariance,
     study_coverage,
     study_efficiency,
     study_goodness,
+    study_optimism,
     study_optimum,
     study_plan,
     study_recovery,
@@ -132,3 +134,35 @@ def test_limits_of_what_is_barely_seen_are_not_too_low():
         # A walk or drift of which the error is larger than itself must not be said to be seen.
         assert row["relative_error"] < 1 or row["one_sided"] > 0.5, row
     assert study_weak.table(result).count("\n|") == 8
+
+
+def test_the_test_of_contamination_keeps_its_size():
+    result = study_contamination_test.run(reduced=True)
+    assert {row["rounding"] for row in result["rows"]} == {"none", "rate", "angle"}
+    units = [row["units_alarmed"] for row in result["rows"]]
+    axes = [row["axes_alarmed"] for row in result["rows"]]
+    # A share of 5 % in n units scatters by 0.22 / √n.
+    assert max(axes) < 0.05 + 4 * 0.22 / (6 * 20) ** 0.5
+    assert sum(units) / len(units) < 0.05 + 4 * 0.22 / (20 * len(units)) ** 0.5
+    found = {(row["outliers"], row["deviations"]): row for row in result["found"]}
+    assert found["nothing", 0.0]["found"] < 0.2
+    for kind in study_contamination.SPOILS:
+        assert found[kind, 10.0]["found"] > 0.9, kind
+        assert found[kind, 50.0]["excess"] > found[kind, 10.0]["excess"] > 0.1, kind
+    assert study_contamination_test.table(result).count("\n|") == 2 + 8 + 1 + 2 + 13
+
+
+def test_the_optimism_is_what_simulation_says():
+    result = study_optimism.run(reduced=True)
+    assert [row["kind"] for row in result["rows"]] == ["right"] * 5 + ["weak"] * 2
+    for row in result["rows"]:
+        assert abs(row["asymptotic"] - row["optimism"]) < 4 * row["optimism_uncertain"], row
+        assert row["asymptotic_low"] < row["asymptotic"] < row["asymptotic_high"], row
+        if row["kind"] == "right":
+            assert abs(row["asymptotic_at_truth"] - row["optimism"]) < 4 * row["optimism_uncertain"], row
+        if row["kind"] == "right" and row["weighting"] == "optimal":
+            # Two hundred draws of a chi-square of two degrees of freedom: 7 %; of two fits, each off by some 8 %: 6 %.
+            assert abs(row["bootstrap"] / row["asymptotic_at_truth"] - 1) < 4 * 0.09, row
+    optimal = {row["model"]: row["asymptotic_at_truth"] for row in result["rows"] if row["weighting"] == "optimal"}
+    assert abs(optimal["AR1 + WN"] - 6) < 1e-6
+    assert study_optimism.table(result).count("\n|") == 2 + 5 + 2 + 2

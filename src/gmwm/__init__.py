@@ -6,8 +6,15 @@ correlation time β of a Gauss-Markov process, which is in 1/s. Levels count fro
 τ_j = 2^j samples. The Allan variance at the averaging time τ_j / 2 is twice the Haar wavelet variance ν_j².
 """
 
+from gmwm.calibration import Agreement as Agreement
+from gmwm.calibration import Calibration as Calibration
+from gmwm.calibration import agreement as agreement
+from gmwm.calibration import calibrate as calibrate
 from gmwm.covariance import wavelet_covariance as wavelet_covariance
 from gmwm.covariance.empirical import empirical_covariance as empirical_covariance
+from gmwm.datasheets import Datasheet as Datasheet
+from gmwm.datasheets import datasheet as datasheet
+from gmwm.datasheets import effective_noise as effective_noise
 from gmwm.errors import DataError as DataError
 from gmwm.errors import FitWarning as FitWarning
 from gmwm.errors import GmwmError as GmwmError
@@ -28,6 +35,8 @@ from gmwm.inference.plan import Plan as Plan
 from gmwm.inference.plan import plan as plan
 from gmwm.inspection import Inspection as Inspection
 from gmwm.inspection import inspect as inspect
+from gmwm.outliers import Verdict as Verdict
+from gmwm.outliers import contamination as contamination
 from gmwm.plots import compare as compare
 from gmwm.plots import plot_imu as plot_imu
 from gmwm.processes import AR1 as AR1
@@ -41,6 +50,10 @@ from gmwm.processes import Process as Process
 from gmwm.processes import fixed as fixed
 from gmwm.processes import parse_model as parse_model
 from gmwm.readers import read as read
+from gmwm.selection import Candidate as Candidate
+from gmwm.selection import Ranking as Ranking
+from gmwm.selection import rank as rank
+from gmwm.selection import select as select
 from gmwm.signals import Imu as Imu
 from gmwm.signals import Signal as Signal
 from gmwm.simulation import reference_imu as reference_imu

@@ -20,6 +20,8 @@ MOVED = 1.0
 
 _NOISY = 0.1  # deg/s/√Hz: noise density of a gyroscope beyond which its unit is in doubt
 _WITHOUT = "cut the file there, or record again"
+OR_ROBUST = ", or estimate with robust=True"
+"""The third way with knocks, for who has not estimated yet."""
 
 
 def about_time(imu: Imu, base: TimeBase) -> list[str]:
@@ -64,7 +66,7 @@ def about_motion(
     if knocks:
         what = f"{counted(len(knocks), 'knock')} (the first at {knocks[0].time:.6g} s), which "
         what += "raises the curve" if len(knocks) == 1 else "raise the curve"
-        said.append(f"{what}: {_WITHOUT}, or estimate with robust=True")
+        said.append(f"{what}: {_WITHOUT}{OR_ROBUST}")
     return said
 
 

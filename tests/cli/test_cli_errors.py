@@ -7,7 +7,7 @@ CASES = {
     "directory": (["wv", "{folder}"], "directory"),
     "empty file": (["info", "{empty}"], "empty"),
     "foreign file": (["info", "{foreign}"], "foreign.bin"),
-    "no command of this name": (["calibrat"], "no such command 'calibrat'; see gmwm --help"),
+    "no command of this name": (["report"], "no such command 'report'; see gmwm --help"),
     "no option of this name": (["wv", "{file}", "--bad"], "no such option: --bad; see gmwm wv --help"),
     "missing file": (["fit", "--model", "WN"], "see gmwm fit --help"),
     "missing model": (["fit", "{file}"], "missing option '--model'"),

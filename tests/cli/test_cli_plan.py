@@ -5,6 +5,7 @@ import json
 import pytest
 
 import gmwm as library
+from gmwm.cli.plan import parse_length
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
 
@@ -64,17 +65,50 @@ def test_terms_that_the_pilot_does_not_show_are_told(gmwm, fits, tmp_path):
     content["axes"] = {"gyro_x": one}
     path = tmp_path / "fits.json"
     path.write_text(json.dumps(content), encoding="utf-8")
-    outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
+    outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
     assert outcome.code == 0
     assert "warning: left out, as the pilot recording does not show it: QN" in outcome.err
-    assert "warning: GM acts as WN in the pilot recording" in outcome.err
-    assert "QN" not in outcome.out
+    assert "warning: GM acts as WN in the pilot recording: planned as WN(sigma2=" in outcome.err
+    # A correlation time of 0.1 ms is white at 100 Hz: its variance is that of the samples.
+    assert outcome.json["parameters"] == pytest.approx({"WN.sigma2": 4.01e-7, "RW.gamma2": 1e-11}, rel=1e-6)
+    one["acts_as"] = {"GM": "UNKNOWN"}
+    path.write_text(json.dumps(content), encoding="utf-8")
+    told = gmwm("plan", "--from-fits", path, "--duration", "1h").err
+    assert "warning: GM acts as UNKNOWN in the pilot recording: its values, and their errors, mean nothing" in told
+
+
+def test_a_term_that_acts_as_one_that_is_not_in_the_model_is_that_one(gmwm, fits, tmp_path):
+    content = json.loads(fits.read_text(encoding="utf-8"))
+    one = content["axes"]["gyro_x"]
+    one["model"] = "GM(beta=1e-9, sigma2=0.5) + WN(sigma2=4e-7)"
+    one["acts_as"] = {"GM": "RW"}
+    path = tmp_path / "fits.json"
+    path.write_text(json.dumps({**content, "axes": {"gyro_x": one}}), encoding="utf-8")
+    found = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json").json
+    assert found["parameters"] == pytest.approx({"WN.sigma2": 4e-7, "RW.gamma2": 2 * 1e-9 * 0.5 / 100}, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("1h30m", 5400), ("2hours", 7200), ("2 h", 7200), ("1 day 2 hrs", 93600), ("1e3s", 1000)]
+)
+def test_lengths_in_words(text, seconds):
+    assert parse_length(text) == seconds
+
+
+def test_an_accuracy_in_per_cent(gmwm):
+    plain, per_cent = (
+        gmwm("plan", "WN(sigma2=1.0)", "--rate", 100, "--duration", "1min", "--accuracy", share, "--json").json
+        for share in ("0.2", "20%")
+    )
+    assert plain == per_cent
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((MODEL, "--rate", 100, "--duration", "2x"), "--duration takes a length as 90s, 30min, 2h or 1d, got '2x'"),
+        ((MODEL, "--rate", 100, "--duration", "2x"), "takes a length as 90s, 30min, 1h30m, 2h or 1d, got '2x'"),
+        ((MODEL, "--rate", 100, "--duration", "1h30"), "got '1h30'"),
+        ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", "ten"), "--accuracy takes a share as 0.1 or 10%"),
         ((MODEL, "--rate", 100, "--duration", "0"), "duration must be positive"),
         ((MODEL, "--duration", "2h"), "pass --rate"),
         (("--duration", "2h"), "one of them"),
@@ -84,7 +118,7 @@ def test_terms_that_the_pilot_does_not_show_are_told(gmwm, fits, tmp_path):
         (("--from-fits", "FITS", "--axis", "gyro_x", "--rate", 50, "--duration", "2h"), "leave --rate out"),
         ((MODEL, "--axis", "gyro_x", "--rate", 100, "--duration", "2h"), "--axis belongs to --from-fits"),
         ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.7), "accuracy must be above 0"),
-        (("GM + WN", "--rate", 100, "--duration", "2h"), "needs a value"),
+        (("GM + WN", "--rate", 100, "--duration", "2h"), "needs a value for GM.beta, GM.sigma2, WN.sigma2"),
     ],
 )
 def test_what_is_refused(gmwm, fits, arguments, words):
@@ -104,5 +138,5 @@ def test_files_that_hold_no_fits(gmwm, tmp_path):
         path.write_text(text, encoding="utf-8")
         outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
         assert outcome.code == 2
-        assert "is not a fits.json of gmwm fit" in outcome.err
+        assert "is neither a fits.json of gmwm fit nor a calibration.json" in outcome.err
     assert gmwm("plan", "--from-fits", tmp_path / "none.json", "--duration", "1h").code == 2

@@ -33,11 +33,11 @@ def test_version():
 def test_help_names_every_command(arguments):
     code, out, err = run(*arguments)
     assert (code, err) == (0, "")
-    assert all(name in out for name in ("info", "wv", "fit", "simulate", "demo"))
+    assert all(name in out for name in ("calibrate", "info", "wv", "fit", "select", "simulate", "demo"))
     assert "\x1b" not in out
 
 
-@pytest.mark.parametrize("command", ["info", "wv", "fit", "simulate", "demo"])
+@pytest.mark.parametrize("command", ["calibrate", "info", "wv", "fit", "select", "simulate", "demo"])
 def test_help_of_a_command_fits_eighty_columns(command, gmwm):
     outcome = gmwm(command, "--help")
     assert outcome.code == 0
@@ -112,4 +112,22 @@ def test_ctrl_c(tmp_path):
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (130, b"interrupted\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["imu.csv"]
+
+
+@POSIX
+def test_ctrl_c_stops_a_calibration(tmp_path):
+    def let_signals_in():
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    process = start(
+        "demo", "--output", tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=let_signals_in
+    )
+    assert process.stdout is not None
+    # The last line of the inspection: what follows is the calibration.
+    assert any(line.startswith(b"note: accel") for line in iter(process.stdout.readline, b""))
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, b"interrupted\n")
+    assert b"Calibration of" not in out
     assert [path.name for path in tmp_path.iterdir()] == ["imu.csv"]

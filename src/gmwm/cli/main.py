@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli import allan, compare, demo, fit, info, plan, simulate, wv
+from gmwm.cli import agree, allan, calibrate, compare, demo, fit, info, plan, select, simulate, wv
 from gmwm.cli.errors import OneLineErrors, one_line
 
 app = typer.Typer(
@@ -26,11 +26,14 @@ def _help(text: str | None) -> str:
 
 
 for _command, _examples in (
+    (calibrate.calibrate, calibrate.EXAMPLES),
     (info.info, info.EXAMPLES),
     (wv.wv, wv.EXAMPLES),
     (allan.allan, allan.EXAMPLES),
     (compare.compare, compare.EXAMPLES),
     (fit.fit, fit.EXAMPLES),
+    (select.select, select.EXAMPLES),
+    (agree.agree, agree.EXAMPLES),
     (plan.plan, plan.EXAMPLES),
     (simulate.simulate, simulate.EXAMPLES),
     (demo.demo, demo.EXAMPLES),
@@ -58,7 +61,7 @@ one line on stderr explains, 130 interrupted."""
 @app.callback(
     invoke_without_command=True,
     help=_help(_PURPOSE),
-    epilog="Start with:  gmwm demo\n\nYour own file:  gmwm info FILE,  then  gmwm fit FILE --model '2*GM + WN + RW'",
+    epilog="Start with:  gmwm demo\n\nYour own file:  gmwm info FILE,  then  gmwm calibrate FILE --output results",
 )
 def _gmwm(
     context: typer.Context,

@@ -105,6 +105,41 @@ Efficiency = Annotated[
         show_default=False,
     ),
 ]
+Within = Annotated[
+    str,
+    typer.Option(
+        help="The largest model; every part of it is compared. Held values are in all: WN(sigma2=fixed(1e-6)).",
+        metavar="MODEL",
+        rich_help_panel="Estimation",
+    ),
+]
+ChoiceWeighting = Annotated[
+    Literal["optimal", "diagonal"],
+    typer.Option(
+        "--weighting",
+        help="Weigh the levels with all their covariances, or each by its own variance.",
+        rich_help_panel="Estimation",
+    ),
+]
+CriterionName = Annotated[
+    Literal["asymptotic", "bootstrap"],
+    typer.Option(
+        "--criterion",
+        help="The penalty of a model by theory, or from simulated records.",
+        rich_help_panel="Estimation",
+    ),
+]
+Confidence = Annotated[
+    float,
+    typer.Option(
+        help="Level of the intervals, and of what counts as equally good.",
+        metavar="LEVEL",
+        rich_help_panel="Estimation",
+    ),
+]
+Seed = Annotated[
+    int, typer.Option(help="Of the records that a choice is tested with.", min=0, rich_help_panel="Estimation")
+]
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:

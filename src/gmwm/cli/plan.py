@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,21 +14,33 @@ from gmwm.cli.options import RESULT, Json
 from gmwm.errors import OptionError, ReadError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gmwm._arrays import Matrix
+    from gmwm.filters import WaveletFilter
     from gmwm.inference.plan import Plan
+    from gmwm.processes.base import Process
 
 EXAMPLES = (
     "gmwm plan 'GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
     "gmwm plan --from-fits results/fits.json --axis gyro_x --duration 1d --accuracy 0.05 --plot plan.png",
 )
-_SECONDS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
-_LENGTH = re.compile(r"\s*([0-9]+(?:\.[0-9]*)?(?:e[+-]?[0-9]+)?|\.[0-9]+)\s*(s|min|h|d|)\s*", re.IGNORECASE)
+_UNITS = {
+    "s": 1.0, "sec": 1.0, "second": 1.0, "m": 60.0, "min": 60.0, "minute": 60.0,
+    "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
+}  # fmt: skip
+_SECONDS = _UNITS | {f"{unit}s": seconds for unit, seconds in _UNITS.items() if len(unit) > 1}
+_NUMBER = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
+_PIECE = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
+_PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
 def plan(
     duration: Annotated[
         str,
         typer.Option(
-            help="Length of the recording that is planned: 90s, 30min, 2h, 1d, or a number of seconds.",
+            help="Length of the recording that is planned: 90s, 30min, 1h30m, 2h, 1d, or a number of seconds.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -43,16 +56,19 @@ def plan(
     from_fits: Annotated[
         Path | None,
         typer.Option(
-            help="In place of MODEL: the fits.json that gmwm fit wrote for a pilot recording.", show_default=False
+            help="In place of MODEL: the fits.json of gmwm fit, or the calibration.json of gmwm calibrate, for a pilot "
+            "recording.",
+            show_default=False,
         ),
     ] = None,
-    axis: Annotated[str | None, typer.Option(help="Which axis of fits.json.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Which axis of that file.", show_default=False)] = None,
     rate: Annotated[
-        float | None, typer.Option(help="Samples per second (Hz). fits.json has its own.", show_default=False)
+        float | None, typer.Option(help="Samples per second (Hz). Such a file has its own.", show_default=False)
     ] = None,
     accuracy: Annotated[
-        float, typer.Option(help="Relative standard error that is wanted: 0.1 is 10 %, 0.5 the most.")
-    ] = 0.1,
+        str,
+        typer.Option(help="Relative standard error that is wanted: 0.1 or 10%, 0.5 the most.", metavar="SHARE"),
+    ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"],
         typer.Option(help="Of the fit to come: each level by its own variance, or by all their covariances."),
@@ -73,17 +89,17 @@ def plan(
     with told_warnings() as told:
         source: dict[str, Any] = {}
         if (model is None) == (from_fits is None):
-            raise OptionError("give a model with its values, or --from-fits with a fits.json, one of them")
-        seconds = parse_length(duration)
+            raise OptionError(
+                "give a model with its values, or --from-fits with a fits.json or calibration.json, one of them"
+            )
+        seconds, wanted = parse_length(duration), parse_share(accuracy)
         unit = ""
         if from_fits is not None:
             axis, found = pilot(from_fits, axis)
             source = {"file": str(from_fits), "axis": axis}
-            model, zero = _without_zeros(found["model"])
-            if zero:
-                tell(told, f"left out, as the pilot recording does not show it: {', '.join(zero)}")
-            for term, other in found["acts_as"].items():
-                tell(told, f"{term} acts as {other} in the pilot recording: its values, and their errors, mean nothing")
+            model, notes = _as_seen(found)
+            for note in notes:
+                tell(told, note)
             unit, pilot_rate = found["wavelet_variance"]["unit"], found["wavelet_variance"]["rate"]
             if rate is not None and abs(rate / pilot_rate - 1) > 1e-3:
                 raise OptionError(
@@ -92,17 +108,17 @@ def plan(
                 )
             rate = pilot_rate
         elif axis is not None:
-            raise OptionError("--axis belongs to --from-fits; leave it out, or pass the fits.json too")
-        made, needed = _planned(str(model), seconds, rate, accuracy, weighting, unit)
+            raise OptionError("--axis belongs to --from-fits; leave it out, or pass the file too")
+        made, needed = _planned(str(model), seconds, rate, wanted, weighting, unit)
         if plot is not None:
             with progress("drawing"):
-                made.plot(accuracy=accuracy, path=plot)
+                made.plot(accuracy=wanted, path=plot)
         if json:
             for note in made.notes():
                 tell(told, note)
-            print_json("plan", {**source, **made.to_dict(), "accuracy": accuracy, "needed": needed}, told)
+            print_json("plan", {**source, **made.to_dict(), "accuracy": wanted, "needed": needed}, told)
             return
-        print(made.summary(accuracy))
+        print(made.summary(wanted))
         print_written([plot] if plot is not None else [])
 
 
@@ -128,35 +144,95 @@ def _planned(
 def parse_length(text: str) -> float:
     """A length of time in seconds.
 
-    >>> parse_length("90"), parse_length("30min"), parse_length("2 h"), parse_length("1.5d")
-    (90.0, 1800.0, 7200.0, 129600.0)
+    >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
+    (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
     """
-    match = _LENGTH.fullmatch(text)
+    if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
+        return float(plain[1])
+    pieces, rest = _PIECE.findall(text), _PIECE.sub("", text)
+    if not pieces or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in pieces):
+        raise OptionError(f"--duration takes a length as 90s, 30min, 1h30m, 2h or 1d, got {text!r}")
+    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in pieces))
+
+
+def parse_share(text: str) -> float:
+    """A share, as a number or in per cent.
+
+    >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
+    (0.1, 0.1, 0.025)
+    """
+    match = _PLAIN.fullmatch(text)
     if match is None:
-        raise OptionError(f"--duration takes a length as 90s, 30min, 2h or 1d, got {text!r}")
-    return float(match[1]) * _SECONDS[match[2].lower()]
+        raise OptionError(f"--accuracy takes a share as 0.1 or 10%, got {text!r}")
+    return float(match[1]) / (100.0 if match[2] else 1.0)
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """The name of an axis and its fit, from what `gmwm fit --output` wrote."""
+    """The name of an axis and its fit, from what `gmwm fit --output` or `gmwm calibrate --output` wrote."""
     try:
         content = json_module.loads(path.read_text(encoding="utf-8"))
-        fits = content["axes"] if content["command"] == "fit" else {}
+        fits = _fits(content)
     except (ValueError, KeyError, TypeError) as error:
-        raise ReadError(f"{path} is not a fits.json of gmwm fit ({type(error).__name__}: {error})") from error
+        raise ReadError(
+            f"{path} is neither a fits.json of gmwm fit nor a calibration.json ({type(error).__name__}: {error})"
+        ) from error
     if not fits:
-        raise ReadError(f"{path} is not a fits.json of gmwm fit: it holds no fit")
+        raise ReadError(f"{path} is neither a fits.json of gmwm fit nor a calibration.json: it holds no fit")
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
         raise OptionError(f"--axis must be one of {', '.join(fits)}, which {path} holds; got {axis or 'none'}")
     return str(name), fits[name]
 
 
-def _without_zeros(text: str) -> tuple[str, list[str]]:
-    """The model without the terms that were estimated as zero, and their names."""
-    from gmwm import Model, parse_model
+def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The fit of each axis in a document of fits or a calibration."""
+    from gmwm.calibration.document import FORMAT
 
-    model = parse_model(text)
-    shown = tuple(process for process in model.processes if process.scale > 0)
-    zero = [term for term, process in zip(model.terms, model.processes, strict=True) if process.scale == 0]
-    return (str(Model(shown)) if shown else text), zero
+    if "format" in content and content["format"] == FORMAT:
+        return {axis: one["fit"] for axis, one in content["axes"].items()}
+    return dict(content["axes"]) if content["command"] == "fit" else {}
+
+
+def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """The model that a pilot fit amounts to, and what was done to it.
+
+    Without the terms that were estimated as zero; those that act as another process are that process.
+    """
+    from gmwm import Model, parse_model
+    from gmwm.processes.likeness import likeness
+
+    model, notes = parse_model(found["model"]), []
+    processes = dict(zip(model.terms, model.processes, strict=True))
+    if zero := [term for term, process in processes.items() if process.scale == 0]:
+        notes.append(f"left out, as the pilot recording does not show it: {', '.join(zero)}")
+    processes = {term: process for term, process in processes.items() if term not in zero}
+    levels, rate, filter, matrix = _measured(found)
+    for term, name in found["acts_as"].items():
+        like = likeness(processes[term], name, levels, rate, filter, matrix) if term in processes else None
+        if like is None:
+            notes.append(f"{term} acts as {name} in the pilot recording: its values, and their errors, mean nothing")
+            continue
+        del processes[term]
+        value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
+        notes.append(f"{term} acts as {name} in the pilot recording: planned as {name}({value})")
+        processes[name] = _added(processes[name], like) if name in processes else like
+    return (str(Model(tuple(processes.values()))) if processes else found["model"]), notes
+
+
+def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
+    """Levels, rate, filter and weights of a fit."""
+    import numpy as np
+
+    from gmwm.filters import find_filter
+
+    curve = found["wavelet_variance"]
+    return (
+        np.array(curve["levels"], dtype=np.int64), float(curve["rate"]), find_filter(curve["filter"]),
+        np.array(found["weighting_matrix"], dtype=np.float64),
+    )  # fmt: skip
+
+
+def _added(process: Process, like: Process) -> Process:
+    """A process and one of its kind as one."""
+    value = like.value_from(process.scale + like.scale)
+    return like.with_values(**{like.scale_parameter().name: value})

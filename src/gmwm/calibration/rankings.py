@@ -1,0 +1,102 @@
+"""A ranking of one recording in the document of a calibration: what its fits share stands there once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gmwm._arrays import Matrix
+from gmwm.errors import ReadError
+from gmwm.estimation.result import Diagnostics, Fit
+from gmwm.inference.criterion import Criterion
+from gmwm.processes.model import Model
+from gmwm.selection import Ranking
+from gmwm.selection.ranking import Candidate
+from gmwm.variance.result import WaveletVariance
+
+_KEPT = (
+    "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "weight_notes",
+)  # fmt: skip
+"""Of a fit in a ranking; all else follows from these, the data and Ω."""
+
+
+def ranking_document(ranking: Ranking) -> dict[str, Any]:
+    """A ranking as plain numbers, lists and texts: `Ranking.to_dict`, with the fits that its candidates share."""
+    fits = {id(fit): fit for fit in (ranking.general, *(candidate.fit for candidate in ranking))}
+    place = {key: k for k, key in enumerate(fits)}
+    content = ranking.to_dict()
+    for candidate, values in zip(ranking, content["candidates"], strict=True):
+        values["asked"] = str(candidate.model)  # with the values that are held
+        values["fit"] = place[id(candidate.fit)]
+    return {
+        **content,
+        "fits": [_short(fit) for fit in fits.values()],
+        "weighting_matrix": ranking.weighting_matrix.tolist(),
+        "wavelet_covariance": ranking.wavelet.tolist(),
+    }
+
+
+def _short(fit: Fit) -> dict[str, Any]:
+    whole = fit.to_dict()
+    return {name: whole[name] for name in _KEPT}
+
+
+def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
+    """The ranking of such a document, whose data are `wv`; errors are those of what is missing or wrong."""
+    size = len(wv)
+    matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
+    weighting = str(content["weighting"])
+    fits = [_fit(values, wv, weighting, matrix) for values in content["fits"]]
+    candidates = tuple(_candidate(values, fits[values["fit"]]) for values in content["candidates"])
+    if sum(candidate.recommended for candidate in candidates) != 1:
+        raise ReadError("not a ranking: one candidate must be recommended")
+    return Ranking(
+        candidates, Model.parse(content["within"]), fits[0], weighting, matrix, wavelet, float(content["confidence"])
+    )
+
+
+def _candidate(values: Mapping[str, Any], fit: Fit) -> Candidate:
+    wic = values["wic"]
+    return Candidate(
+        Model.parse(values["asked"]),
+        (fit,),
+        Criterion(float(wic["loss"]), float(wic["optimism"]), wic["method"]),
+        values["out_of_sample"],
+        float(values["difference"]),
+        int(values["parameters"]),
+        bool(values["equivalent"]),
+        bool(values["recommended"]),
+        values["same_as"],
+    )
+
+
+def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix: Matrix) -> Fit:
+    model = Model.parse(values["model"])
+    lower = values["lower_bound"]
+    return Fit(
+        wv,
+        model,
+        {name: value for name, value in model.parameters.items() if value is not None},
+        float(values["objective"]),
+        None if lower is None else float(lower),
+        float(values["relaxed_bound"]),
+        model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting,
+        matrix,
+        Diagnostics(
+            dict(values["acts_as"]),
+            tuple(values["not_supported"]),
+            int(values["search_nodes"]),
+            tuple(values["weight_notes"]),
+        ),
+    )
+
+
+def _square(values: Any, size: int) -> Matrix:
+    matrix = np.array(values, dtype=np.float64)
+    if matrix.shape != (size, size):
+        raise ReadError(f"not a ranking: a matrix of shape {matrix.shape} where the data have {size} levels")
+    return matrix

@@ -1,0 +1,196 @@
+"""The calibration of a unit: each axis with its model and numbers, and what to know before using them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+
+from gmwm._files import write_text
+from gmwm._late import LateMethod
+from gmwm.calibration.words import summary
+from gmwm.datasheets import Datasheet
+from gmwm.errors import DataError
+from gmwm.estimation.result import Fit
+from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.inference.intervals import Interval
+from gmwm.outliers import Verdict
+from gmwm.selection import Ranking
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What was asked for; see `calibrate`."""
+
+    within: str
+    robust: Literal["auto"] | bool
+    weighting: Literal["diagonal", "optimal"]
+    criterion: Literal["asymptotic", "bootstrap"]
+    confidence: float
+    efficiency: float
+    draws: int
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class AxisCalibration:
+    """One axis.
+
+    Attributes
+    ----------
+    fit : Fit
+        The recommended model with its estimates, certified, with weights of its own.
+    intervals : mapping of name to (low, high)
+        Confidence intervals of its parameters.
+    test : GoodnessOfFit or None
+        Of the recommended model; None where the levels do not suffice for one.
+    datasheet : Datasheet
+        The same in the terms of datasheets.
+    ranking : Ranking
+        All models that were compared.
+    verdict : Verdict or None
+        Whether outliers raise the classical curve; None where no signal was there to look at.
+    needed : mapping of name to length (s)
+        For parameters with a relative standard error above 50 %, how long a recording gives 20 %; infinite
+        where none of a thousand times the length does, None where that is not known.
+    notes : tuple of str
+        What is to be known of the fit and its data, in words.
+    """
+
+    fit: Fit
+    intervals: Mapping[str, Interval]
+    test: GoodnessOfFit | None
+    datasheet: Datasheet
+    ranking: Ranking
+    verdict: Verdict | None = None
+    needed: Mapping[str, float | None] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Mapping[str, Fit]):
+    """The calibration of a unit; a mapping of axis to the recommended Fit.
+
+    Attributes
+    ----------
+    axes : mapping of axis to AxisCalibration
+        All that was found on each axis.
+    failed : mapping of axis to str
+        Axes that could not be calibrated, and why.
+    settings : Settings
+        What was asked for.
+    source : str
+        Where the recording came from.
+    cautions : tuple of str
+        What an inspection of the recording warns of: motion, knocks, gaps, units.
+    """
+
+    axes: Mapping[str, AxisCalibration]
+    failed: Mapping[str, str]
+    settings: Settings
+    source: str = ""
+    cautions: tuple[str, ...] = ()
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.imu:plot_imu",
+        "Draw all axes with their models: a panel each, or with split=False a panel for each sensor; view=, units=, "
+        "path=.",
+    )
+
+    def __getitem__(self, axis: str) -> Fit:
+        if axis in self.axes:
+            return self.axes[axis].fit
+        if axis in self.failed:
+            raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}")
+        raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.axes)
+
+    def __len__(self) -> int:
+        return len(self.axes)
+
+    def __contains__(self, axis: object) -> bool:
+        return axis in self.axes
+
+    def get(self, axis: str, default: Any = None) -> Any:
+        """The fit of an axis, or `default` where there is none."""
+        found = self.axes.get(axis)
+        return default if found is None else found.fit
+
+    @property
+    def rankings(self) -> dict[str, Ranking]:
+        """All models that were compared, by axis."""
+        return self._each(lambda found: found.ranking)
+
+    @property
+    def datasheets(self) -> dict[str, Datasheet]:
+        """N, Q, B, K, R and Gauss-Markov numbers, by axis."""
+        return self._each(lambda found: found.datasheet)
+
+    @property
+    def verdicts(self) -> dict[str, Verdict]:
+        """Whether outliers raise the classical curve, by axis; only of axes that were measured from a signal."""
+        return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
+
+    def summary(self) -> str:
+        """What was found, for each sensor a table in the units of datasheets, and what to know or do about it."""
+        return summary(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The calibration as plain numbers, lists and texts: the document that docs/calibration-format.md describes."""
+        from gmwm.calibration.document import document
+
+        return document(self)
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Calibration:
+        """The calibration whose `to_dict` gave `content`.
+
+        Raises
+        ------
+        ReadError
+            If it is no calibration, of a newer version, or lacks something.
+        """
+        from gmwm.calibration.document import calibration
+
+        return calibration(content)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the calibration to a JSON file, whole or not at all; `load` reads it back to the last bit."""
+        from gmwm.calibration.document import as_text
+
+        write_text(path, as_text(self.to_dict()))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Calibration:
+        """The calibration in a file that `save` or `gmwm calibrate` wrote.
+
+        Raises
+        ------
+        ReadError
+            If the file is no calibration, is cut short, or of a newer version.
+        OSError
+            If there is no such file.
+        """
+        from gmwm.calibration.document import read_text
+
+        return cls.from_dict(read_text(path))
+
+    def __repr__(self) -> str:
+        models = ", ".join(f"{axis}: {fit.model.structure}" for axis, fit in self.items())
+        failed = f"; failed: {', '.join(self.failed)}" if self.failed else ""
+        return f"Calibration({models}{failed})"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+    def _each(self, of: Callable[[AxisCalibration], T]) -> dict[str, T]:
+        return {axis: of(found) for axis, found in self.axes.items()}

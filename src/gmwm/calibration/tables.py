@@ -1,0 +1,94 @@
+"""Tables and texts of at most 80 columns: what the summaries of calibrations are made of."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from gmwm.inference.plan import SEEN
+from gmwm.variance.slope_line import LAWS
+
+if TYPE_CHECKING:
+    from gmwm.datasheets import Entry
+
+WIDTH = 80
+"""Columns of a terminal."""
+SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
+"""What stands above the tables of a sensor's axes."""
+
+T = TypeVar("T")
+
+
+def sensor_of(axis: str) -> str:
+    """The sensor that an axis belongs to.
+
+    >>> sensor_of("gyro_x")
+    'gyro'
+    """
+    return axis.rpartition("_")[0]
+
+
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """What there is of each axis, sensor by sensor."""
+    sensors: dict[str, dict[str, T]] = {}
+    for axis, found in axes.items():
+        sensors.setdefault(sensor_of(axis), {})[axis] = found
+    return sensors
+
+
+def merged(lists: Sequence[Sequence[str]]) -> list[str]:
+    """All names, each after those that it follows where it occurs; the longest list knows the most of the order."""
+    order: list[str] = []
+    for names in sorted(lists, key=len, reverse=True):
+        at = 0
+        for name in names:
+            if name not in order:
+                order.insert(at, name)
+            at = order.index(name) + 1
+    return order
+
+
+def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
+    """All symbols of some datasheets: those of the standard first, in its order."""
+    order = [str(symbol) for symbol in LAWS]
+    return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
+
+
+def number(entry: Entry) -> str:
+    """A value with half the width of its interval, the interval where that is wide, or an upper limit."""
+    value, low, high, _ = entry.in_units("datasheet")
+    if entry.held:
+        return f"{value:.3g} held"
+    if low is None or high is None:
+        return f"{value:.3g}"
+    if not math.isfinite(high):
+        return "not determined"
+    if entry.upper_only:
+        return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
+    share = (high - low) / 2 / abs(value)
+    return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{low:.2g} … {high:.2g}"
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """A table: the first row heads it, the first column is flush left."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = [
+        "  "
+        + "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
+        for row in rows
+    ]
+    return [lines[0].rstrip(), "  " + "─" * (max(map(len, lines)) - 2), *(line.rstrip() for line in lines[1:])]
+
+
+def wrapped(text: str) -> list[str]:
+    """A text as lines that fit."""
+    return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)
+
+
+def bulleted(text: str) -> list[str]:
+    """A text as an item of a list."""
+    return textwrap.wrap(
+        text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
+    )

@@ -1,0 +1,153 @@
+"""gmwm calibrate: the noise model of every axis of a unit, with its numbers, pictures and what to know of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gmwm.calibration.calibrate import WITHIN
+from gmwm.cli.options import (
+    RESULT,
+    Axes,
+    ChoiceWeighting,
+    Columns,
+    Confidence,
+    CriterionName,
+    Datasheet,
+    Efficiency,
+    File,
+    Gaps,
+    Json,
+    Rate,
+    Seed,
+    Units,
+    View,
+    Within,
+    chosen_axes,
+    load,
+)
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.processes.model import ModelLike
+    from gmwm.signals import Imu
+
+EXAMPLES = (
+    "gmwm calibrate static.csv --output results",
+    "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
+    "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes --json",
+)
+
+ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
+
+
+def calibrate(
+    file: File,
+    axis: Axes = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    within: Within = WITHIN,
+    robust: Annotated[
+        Literal["auto", "yes", "no"],
+        typer.Option(
+            help="Leave outliers out: of the axes where a test at 5 % for all together finds them, of all, of none.",
+            rich_help_panel="Estimation",
+        ),
+    ] = "auto",
+    efficiency: Efficiency = None,
+    weighting: ChoiceWeighting = "optimal",
+    criterion: CriterionName = "asymptotic",
+    confidence: Confidence = 0.95,
+    seed: Seed = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write calibration.json, summary.txt, calibration.png and by_sensor.png into this directory.",
+            rich_help_panel=RESULT,
+        ),
+    ] = None,
+    view: View = "wavelet",
+    datasheet: Datasheet = False,
+    json: Json = False,
+) -> None:
+    """Calibrate a unit: choose the noise model of each axis, and give its numbers as datasheets do.
+
+    Every model within the general one is compared; of those that the data cannot tell from the best the simplest is
+    recommended. N is the angle or velocity random walk, B the bias instability, K the rate random walk, R the rate
+    ramp, Q the quantization noise; T_c and q_c are of Gauss-Markov terms. --view and --datasheet are of the pictures.
+
+    calibration.json holds everything: Calibration.load reads it, docs/calibration-format.md describes it.
+    """
+    from gmwm.cli.output import made_directory, print_json, print_written, tell, told_warnings
+
+    if efficiency is not None and robust == "no":
+        raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
+    with told_warnings() as told:
+        imu = load(file, rate, units, columns, gaps)
+        chosen = tuple(chosen_axes(imu, axis))
+        if output is not None:
+            made_directory(output)
+        found = calibrated(
+            imu, within, axes=chosen, robust=ROBUST[robust], efficiency=0.6 if efficiency is None else efficiency,
+            weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
+        )  # fmt: skip
+        for caution in found.cautions if json else ():  # else the summary has them
+            tell(told, caution)
+        for name, why in found.failed.items():
+            tell(told, f"{name} is not calibrated: {why}")
+        written = [] if output is None else write_all(found, output, view, datasheet)
+        if json:
+            document = {**found.to_dict(), "file": str(file), "written": list(map(str, written))}
+            print_json("calibrate", document, told)
+            return
+        print(found.summary())
+        print_written(written)
+
+
+def calibrated(
+    imu: Imu,
+    within: ModelLike,
+    *,
+    axes: tuple[str, ...] | None = None,
+    robust: Literal["auto"] | bool = "auto",
+    efficiency: float = 0.6,
+    weighting: Literal["diagonal", "optimal"] = "optimal",
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
+    confidence: float = 0.95,
+    seed: int = 0,
+) -> Calibration:
+    """The calibration, with a progress bar."""
+    from gmwm.calibration.calibrate import STAGES, calibrate
+    from gmwm.cli.output import progress
+
+    with progress("calibrating", len(STAGES) * len(imu.axes if axes is None else axes)) as advance:
+        return calibrate(
+            imu, within, axes=axes, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
+            confidence=confidence, seed=seed, progress=lambda _, __, text: advance(text),
+        )  # fmt: skip
+
+
+def write_all(
+    found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
+) -> list[Path]:
+    """The document, the summary and the pictures, each whole or not at all."""
+    from gmwm._files import write_text
+    from gmwm.cli.output import progress
+
+    names = ("calibration.json", "summary.txt", "calibration.png", "by_sensor.png")
+    document, text, grid, by_sensor = (folder / name for name in names)
+    system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+    found.save(document)
+    write_text(text, found.summary() + "\n")
+    with progress("drawing"):
+        found.plot(view=view, units=system, path=grid)
+        found.plot(split=False, view=view, units=system, path=by_sensor)
+    return [document, text, grid, by_sensor]

@@ -1,0 +1,135 @@
+"""gmwm select: which model within a general one an axis calls for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.calibration.calibrate import WITHIN
+from gmwm.cli.options import (
+    RESULT,
+    Axes,
+    ChoiceWeighting,
+    Columns,
+    Confidence,
+    CriterionName,
+    Efficiency,
+    File,
+    Gaps,
+    Json,
+    Rate,
+    Robust,
+    Seed,
+    Units,
+    Within,
+    chosen_axes,
+    chosen_efficiency,
+    load,
+)
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.selection import Ranking
+    from gmwm.signals import Signal
+
+EXAMPLES = (
+    "gmwm select static.csv --axis gyro_y --within '3*GM + WN + QN + RW'",
+    "gmwm select static.csv --axis gyro_y --plot ranking.png",
+    "gmwm select static.csv --output results --json",
+)
+
+
+def select(
+    file: File,
+    axis: Axes = None,
+    rate: Rate = None,
+    units: Units = None,
+    columns: Columns = None,
+    gaps: Gaps = "keep",
+    within: Within = WITHIN,
+    robust: Robust = False,
+    efficiency: Efficiency = None,
+    weighting: ChoiceWeighting = "optimal",
+    criterion: CriterionName = "asymptotic",
+    confidence: Confidence = 0.95,
+    seed: Seed = 0,
+    limit: Annotated[int, typer.Option(help="Models to print for each axis.", min=1, rich_help_panel=RESULT)] = 10,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw the best models of one axis to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write rankings.json, and a picture of the best models of each axis, into this directory.",
+            rich_help_panel=RESULT,
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Compare every model within a general one, for each axis.
+
+    The wavelet information criterion (WIC) is the objective plus what it would be larger by on another record of the
+    same kind. All models have the weights of the general one. Those that the data cannot tell from the best are
+    marked, and the simplest of them is recommended.
+    """
+    from gmwm.cli.output import made_directory, print_json, print_written, tell_cautions, told_warnings
+    from gmwm.cli.parallel import over_axes
+
+    with told_warnings() as told:
+        imu = load(file, rate, units, columns, gaps)
+        signals = chosen_axes(imu, axis)
+        if plot is not None and len(signals) > 1:
+            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis, or take --output")
+        if output is not None:
+            made_directory(output)
+        tell_cautions(told, imu)
+
+        def ranked(signal: Signal) -> Ranking:
+            from gmwm.selection import select as select_within
+
+            return select_within(
+                within, signal, weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
+                robust=robust, efficiency=chosen_efficiency(robust, efficiency),
+            )  # fmt: skip
+
+        rankings = over_axes(ranked, signals, "comparing models")
+        content = {
+            "file": str(file), "within": within,
+            "axes": {name: ranking.to_dict() for name, ranking in rankings.items()},
+        }  # fmt: skip
+        written = [] if output is None else _written(rankings, output, content)
+        if plot is not None:
+            written.append(_drawn(next(iter(rankings.values())), plot))
+        if json:
+            print_json("select", {**content, "written": list(map(str, written))}, told)
+            return
+        for k, (name, ranking) in enumerate(rankings.items()):
+            if k:
+                print()
+            if len(rankings) > 1:
+                print(name)
+            print(ranking.summary(limit))
+        print_written(written)
+
+
+def _written(rankings: Mapping[str, Ranking], folder: Path, content: Mapping[str, object]) -> list[Path]:
+    from gmwm._files import write_text
+    from gmwm.cli.output import json_text
+
+    path = folder / "rankings.json"
+    write_text(path, json_text("select", content) + "\n")
+    return [path, *(_drawn(ranking, folder / f"ranking_{name}.png") for name, ranking in rankings.items())]
+
+
+def _drawn(ranking: Ranking, path: Path) -> Path:
+    from gmwm.cli.output import progress
+
+    with progress(f"drawing {path.name}"):
+        ranking.plot(path=path)
+    return path

@@ -1,0 +1,24 @@
+import pytest
+
+import gmwm
+
+TRUTH = {
+    "gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)",
+    "gyro_y": "WN(sigma2=4e-7) + GM(beta=4.0, sigma2=3e-7)",
+    "accel_x": "WN(sigma2=2e-5) + RW(gamma2=1e-9)",
+}
+WITHIN = "GM + WN + RW"
+
+
+@pytest.fixture(scope="session")
+def imu():
+    """Three axes, 1000 s at 100 Hz; gyro_y was knocked again and again."""
+    clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, seed=4)
+    values = {axis: clean[axis].values.copy() for axis in clean}
+    values["gyro_y"][10_000:80_000:7000] += 0.2
+    return gmwm.Imu.from_arrays(values, 100.0, source="knocked.csv")
+
+
+@pytest.fixture(scope="session")
+def calibration(imu):
+    return gmwm.calibrate(imu, WITHIN)

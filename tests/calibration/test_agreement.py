@@ -1,0 +1,342 @@
+"""Recordings of one unit agree but for a stated share of false alarms; what differs is named."""
+
+import json
+import math
+from dataclasses import replace
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import OptionError, UnitError, agreement
+from gmwm.calibration.maker import as_reference
+from gmwm.datasheets import Datasheet, Entry
+
+TRUTH = {
+    "gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)",
+    "gyro_y": "WN(sigma2=4e-7) + GM(beta=4.0, sigma2=3e-7)",
+}
+LOUDER = {**TRUTH, "gyro_y": "WN(sigma2=1.6e-6) + GM(beta=4.0, sigma2=3e-7)"}
+WITHIN = "GM + WN + RW"
+Z = NormalDist().inv_cdf(0.975)
+
+
+def recorded(truth, seed, **options):
+    imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=seed)
+    return gmwm.calibrate(replace(imu, source=f"records/day_{seed}.csv"), WITHIN, **options)
+
+
+@pytest.fixture(scope="module")
+def three():
+    return [recorded(TRUTH, seed) for seed in (11, 12, 13)]
+
+
+@pytest.fixture(scope="module")
+def changed(three):
+    return [*three[:2], recorded(LOUDER, 14)]
+
+
+def sheet(*entries, model="GM + WN", level=0.95, unit="rad/s"):
+    times = np.array([0.01, 0.02])
+    return Datasheet(entries, "gyro_x", unit, model, 1000, 100.0, level, times, np.ones(2))
+
+
+def point(symbol, value, error, unit="rad/s/√Hz", **given):
+    factor = math.exp(Z * error)
+    return Entry(symbol, "a number", value, value / factor, value * factor, unit, **given)
+
+
+def ramp(value, error):
+    return Entry("R", "ramp", value, value - Z * error, value + Z * error, "rad/s²", term="DR")
+
+
+def limit(symbol, value, high, unit="rad/s/√s", **given):
+    return Entry(symbol, "a number", value, -high if symbol == "R" else 0.0, high, unit, upper_only=True, **given)
+
+
+def of(*sheets, **options):
+    return agreement([{"gyro_x": one} for one in sheets], **options)
+
+
+# --- recordings -------------------------------------------------------------------------------------
+
+
+def test_recordings_of_one_unit_agree(three):
+    found = agreement(three)
+    assert found.labels == ("day_11", "day_12", "day_13")
+    assert found.disagreeing == ()
+    assert {(row.axis, row.symbol) for row in found.compared} >= {
+        ("gyro_x", "N"), ("gyro_x", "K"), ("gyro_y", "N"), ("gyro_y", "T_c"), ("gyro_y", "q_c"),
+    }  # fmt: skip
+    text = found.summary()
+    assert "all agree" in text
+    assert "≠" not in text.replace("=, ≠:", "")
+
+
+def test_a_number_that_changed_is_named(changed):
+    found = agreement(changed)
+    assert [(row.axis, row.symbol) for row in found.disagreeing] == [("gyro_y", "N")]
+    row = found["gyro_y.N"]
+    assert row.apart == pytest.approx(1.0, abs=0.1)
+    assert row.agrees is False
+    assert row.adjusted >= row.pvalue
+    assert "1 does not agree" in " ".join(found.summary().split())
+    assert f"- gyro_y N: {row.entries[0].in_units()[0]:.3g} ±" in found.summary()
+
+
+def test_the_summary_fits_eighty_columns(changed):
+    reference = {"gyro.N": (0.2, "deg/√h"), "gyro.R": (1.0, "deg/h/h")}
+    for labels in (None, ["a", "b", "c"], [f"a very long name of the recording number {k}" for k in range(3)]):
+        text = agreement(changed, labels=labels, reference=reference).summary()
+        assert max(map(len, text.splitlines())) <= 80
+        for label in labels or ():
+            assert label in text
+    many = agreement([*changed, *changed], labels=[f"recording {k}" for k in range(6)]).summary()
+    assert max(map(len, many.splitlines())) <= 80
+    assert all(f"({k})" in many for k in range(1, 7))
+
+
+def test_other_axes_are_told_and_not_compared(three):
+    one = replace(three[1], axes={axis: found for axis, found in three[1].axes.items() if axis == "gyro_x"})
+    found = agreement([three[0], one])
+    assert {row.axis for row in found.compared} == {"gyro_x"}
+    assert {row.reason for row in found if row.axis == "gyro_y"} == {"one recording"}
+    assert found.models["gyro_y"][1] is None
+    assert "in one recording only: gyro_y N" in " ".join(found.summary().split())
+    other = replace(three[1], axes={"gyro_z": three[1].axes["gyro_x"]})
+    with pytest.raises(OptionError, match="an axis in common; they have gyro_x, gyro_y; gyro_z"):
+        agreement([three[0], other])
+
+
+def test_models_that_a_test_rejects_are_told(three):
+    axis = three[0].axes["gyro_x"]
+    poor = replace(three[0], axes={**three[0].axes, "gyro_x": replace(axis, test=replace(axis.test, pvalue=1e-9))})
+    found = agreement([poor, *three[1:]])
+    assert found.rejected == {"gyro_x": ("day_11",)}
+    assert "rejects the model of gyro_x (day_11)" in " ".join(found.summary().split())
+
+
+def test_it_is_plain_numbers(changed):
+    found = agreement(changed, reference={"gyro.N": (0.2, "deg/√h")})
+    content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert content["disagreeing"] == ["gyro_y.N"]
+    assert content["compared"] == len(found.compared)
+    assert len(content["rows"]) == len(found) == len(list(found))
+    assert content["rows"][0]["reference"]["unit"] == "deg/√h"
+    assert "<pre>" in found._repr_html_()
+    assert repr(found) == f"Agreement({len(found.compared)} numbers compared, 1 differ)"
+    with pytest.raises(KeyError, match=r"gyro_y\.N"):
+        found["gyro_z.N"]
+
+
+# --- the test ---------------------------------------------------------------------------------------
+
+
+def test_false_alarms_are_as_many_as_stated():
+    rng, trials, size = np.random.default_rng(5), 400, 0.05
+    errors = {"N": 0.002, "K": 0.1, "T_c": 0.3, "q_c": 0.05}
+    alarms = 0
+    for _ in range(trials):
+        sheets = [
+            sheet(*(point(s, math.exp(e * rng.standard_normal()), e) for s, e in errors.items()),
+                  ramp(0.1 + rng.standard_normal(), 1.0))
+            for _ in range(3)
+        ]  # fmt: skip
+        alarms += bool(of(*sheets, size=size).disagreeing)
+    # Holm's level of five independent tests is 1 − (1 − size/5)^5, within three standard errors.
+    expected = 1 - (1 - size / 5) ** 5
+    assert alarms / trials == pytest.approx(expected, abs=3 * math.sqrt(expected * (1 - expected) / trials))
+
+
+def test_a_limit_and_a_number_rarely_differ_by_chance():
+    rng, trials = np.random.default_rng(6), 2000
+    alarms = 0
+    for _ in range(trials):
+        # K² of 1 known to 0.8, so that the data only bound it, and to 0.1.
+        weak, sharp = 1 + 0.8 * rng.standard_normal(), 1 + 0.1 * rng.standard_normal()
+        bound = limit("K", math.sqrt(max(weak, 0.0)), math.sqrt(max(weak, 0.0) + Z * 0.8))
+        alarms += bool(of(sheet(bound), sheet(point("K", math.sqrt(sharp), 0.05 / sharp, "rad/s/√s"))).disagreeing)
+    assert alarms / trials <= 0.05 + 3 * math.sqrt(0.05 * 0.95 / trials)
+
+
+def test_the_statistic_is_the_chi_square_of_the_logarithms():
+    values, errors = np.array([1.0, 1.1, 0.97]), np.array([0.02, 0.05, 0.03])
+    found = of(*(sheet(point("N", v, e)) for v, e in zip(values, errors, strict=True)))["gyro_x.N"]
+    x, w = np.log(values), errors**-2
+    statistic = np.sum(w * (x - np.sum(w * x) / np.sum(w)) ** 2)
+    assert found.pvalue == pytest.approx(math.exp(-statistic / 2), rel=1e-9)  # chi-square of two degrees of freedom
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (1.0, -1.0)])
+def test_ramps_keep_their_sign(signs):
+    found = of(*(sheet(ramp(5.0 * sign, 0.5)) for sign in signs))
+    assert bool(found.disagreeing) is (signs == (1.0, -1.0))
+    assert found["gyro_x.R"].apart == (0.0 if signs == (1.0, 1.0) else None)
+
+
+@pytest.mark.parametrize("extra", [{}, {"tau": 10.0}])
+def test_a_single_limit_agrees_if_it_reaches_the_interval(extra):
+    number = point("K", 1.0, 0.1, "rad/s/√s")
+    for high, agrees in ((0.999 * number.low, False), (1.001 * number.low, True), (5.0, True)):
+        found = of(sheet(number), sheet(limit("K", 0.3 * min(high, 1.0), high, **extra)))["gyro_x.K"]
+        assert found.agrees is agrees
+    # Where the limit ends at the interval's end, p is that of the ends.
+    touching = of(sheet(number), sheet(limit("K", 0.3, number.low, **extra)))["gyro_x.K"]
+    assert touching.pvalue == pytest.approx(0.05, rel=1e-4)
+
+
+def test_limits_of_ramps_have_two_sides():
+    for value, agrees in ((-5.0, False), (5.0, False), (-1.5, True), (1.5, True)):
+        found = of(sheet(ramp(value, 0.5)), sheet(limit("R", 0.2, 1.0, "rad/s²")))["gyro_x.R"]
+        assert found.agrees is agrees
+
+
+def test_two_limits_agree_and_none_counts_for_two_tests():
+    found = of(sheet(limit("K", 0.0, 1e-3)), sheet(limit("K", 0.0, 1e3)))["gyro_x.K"]
+    assert (found.agrees, found.pvalue, found.apart) == (True, 1.0, None)
+    number = sheet(point("K", 1.0, 0.1, "rad/s/√s"))
+    once = of(number, sheet(limit("K", 0.3, 0.6)))["gyro_x.K"].pvalue
+    twice = of(number, sheet(limit("K", 0.3, 0.6)), sheet(limit("K", 0.3, 0.7)))["gyro_x.K"].pvalue
+    assert twice == pytest.approx(2 * once, rel=1e-6)
+
+
+def test_holm_raises_each_by_those_that_are_left():
+    entries = [[point(s, math.exp(d), 0.1) for s, d in (("N", d), ("B", 0.2), ("Q", 0.0))] for d in (0.0, 0.5)]
+    entries[1][1] = point("B", math.exp(0.5), 0.1)
+    rows = {row.symbol: row for row in of(*(sheet(*e) for e in entries))}
+    assert rows["N"].adjusted == pytest.approx(3 * rows["N"].pvalue)
+    assert rows["B"].adjusted == pytest.approx(2 * rows["B"].pvalue)
+    assert rows["Q"].adjusted == rows["Q"].pvalue == 1.0
+
+
+def test_numbers_of_terms_are_compared_in_equal_models_only():
+    both = [point("N", 1.0, 0.01), point("T_c", 1.0, 0.01, "s")], [point("N", 1.0, 0.01), point("T_c", 9.0, 0.01, "s")]
+    alike = of(sheet(*both[0]), sheet(*both[1]))
+    assert [row.symbol for row in alike.disagreeing] == ["T_c"]
+    other = of(sheet(*both[0]), sheet(*both[1], model="GM + WN + RW"))
+    assert [row.symbol for row in other.compared] == ["N"]
+    assert other["gyro_x.T_c"].reason == "models"
+    assert "the recommended models differ" in other.summary()
+
+
+def test_what_was_held_or_has_no_interval_is_not_compared():
+    known = sheet(point("N", 1.0, 0.01))
+    for poor in (
+        Entry("N", "a number", 9.0, 9.0, 9.0, "rad/s/√Hz", held=True),
+        Entry("N", "a number", 9.0, None, None, "rad/s/√Hz"),
+        Entry("N", "a number", 9.0, 0.0, math.inf, "rad/s/√Hz"),
+    ):
+        found = of(known, sheet(poor))
+        assert found["gyro_x.N"].reason == "interval"
+        assert "no verdict" in found.summary()
+
+
+def test_levels_of_the_intervals_do_not_matter():
+    wide = NormalDist().inv_cdf(0.995)
+    other = Entry("N", "a number", 1.1, 1.1 / math.exp(wide * 0.03), 1.1 * math.exp(wide * 0.03), "rad/s/√Hz")
+    expected = of(sheet(point("N", 1.0, 0.03)), sheet(point("N", 1.1, 0.03)))["gyro_x.N"].pvalue
+    found = of(sheet(point("N", 1.0, 0.03)), sheet(other, level=0.99))["gyro_x.N"].pvalue
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e9])
+def test_verdicts_do_not_hang_on_the_unit(factor):
+    def scaled(entry):
+        return replace(entry, value=factor * entry.value, low=factor * entry.low, high=factor * entry.high)
+
+    ones = [point("N", 1.0, 0.1), limit("K", 0.3, 0.6), ramp(5.0, 0.5)]
+    others = [point("N", 1.2, 0.1), point("K", 1.0, 0.1, "rad/s/√s"), ramp(6.0, 0.5)]
+    expected = [row.pvalue for row in of(sheet(*ones), sheet(*others))]
+    found = of(sheet(*map(scaled, ones)), sheet(*map(scaled, others)))
+    assert [row.pvalue for row in found] == pytest.approx(expected, rel=1e-6)
+
+
+# --- the maker's values -----------------------------------------------------------------------------
+
+
+def test_references_are_of_sensors_and_axes(three):
+    density = three[0].datasheets["gyro_x"]["N"].in_units("deg/√h")[0]
+    found = agreement(
+        three, reference={"gyro_y.N": (9.0, "°/√h"), "gyro.N": (density, "deg/√h"), "gyro.Q": (1, "µrad")}
+    )
+    assert found["gyro_x.N"].ratios[0] == pytest.approx(1.0, rel=1e-12)
+    assert found["gyro_y.N"].reference.value == 9.0
+    assert found["gyro_x.K"].ratios == (None, None, None)
+    assert found.unmatched == ("gyro.Q",)
+    text = " ".join(found.summary().split())
+    assert "Beside the reference values: ours / theirs" in text
+    assert "no recording gives a number for the reference of gyro.Q" in text
+
+
+def test_a_limit_has_the_ratio_of_its_end():
+    found = of(sheet(limit("K", 0.1, 0.6)), sheet(limit("K", 0.1, 3.0)), reference={"gyro.K": (2.0, "rad/s²/√Hz")})
+    assert found["gyro_x.K"].ratios == pytest.approx((0.3, 1.5))
+    assert "≤ 0.3 " in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("unit", "si", "factor"),
+    [
+        ("deg/√h", "rad/s/√Hz", math.pi / 180 / 60),
+        ("° / sqrt(hr)", "rad/s/√Hz", math.pi / 180 / 60),
+        ("m/s/√h", "m/s²/√Hz", 1 / 60),
+        ("ug/rt(Hz)", "m/s²/√Hz", 9.80665e-6),
+        ("m/s^2/√Hz", "m/s²/√Hz", 1.0),
+        ("°/s", "rad/s", math.pi / 180),
+        ("deg/hr", "rad/s", math.pi / 180 / 3600),
+        ("mdps", "rad/s", math.pi / 180e3),
+        ("mGal", "m/s²", 1e-5),
+        ("deg/hour/√hour", "rad/s/√s", math.pi / 180 / 3600 / 60),
+    ],
+)
+def test_units_as_datasheets_write_them(unit, si, factor):
+    assert as_reference("x", (2.0, unit), si).si == pytest.approx(2 * factor, rel=1e-12)
+
+
+def test_wrong_references_say_what_they_may_be(three):
+    with pytest.raises(UnitError, match=r"the unit of gyro\.N must be one of deg/√h, .*got 'deg/h'"):
+        agreement(three, reference={"gyro.N": (2.0, "deg/h")})
+    with pytest.raises(UnitError, match="one of deg/h"):
+        agreement(three, reference={"gyro.B": (2.0, "mg")})
+    with pytest.raises(OptionError, match=r"one of gyro, gyro_x, gyro_y.*'accel\.N'"):
+        agreement(three, reference={"accel.N": (2.0, "m/s/√h")})
+    with pytest.raises(OptionError, match=r"reference must be of Q, N, B, K, R or a number that there is.*'gyro\.M'"):
+        agreement(three, reference={"gyro.M": (2.0, "deg/√h")})
+    for given in (2.0, (0.0, "deg/√h"), (math.nan, "deg/√h"), ("2", 3.0), (True, "deg/√h"), "ab"):
+        with pytest.raises(OptionError, match=r"reference of gyro\.N must be a positive number and its unit"):
+            agreement(three, reference={"gyro.N": given})
+
+
+# --- the door ---------------------------------------------------------------------------------------
+
+
+def test_one_recording_is_no_agreement(three):
+    for given in ([], three[:1], three[0], "calibration.json"):
+        with pytest.raises(OptionError, match="a list of two or more"):
+            agreement(given)
+    for given in ({}, {"gyro_x": three[0]["gyro_x"]}, 3):
+        with pytest.raises(OptionError, match=r"mappings of axis to Datasheet; number 2 is"):
+            agreement([three[0], given])
+
+
+def test_options_are_checked(three):
+    for size in (0, 1, True, "5 %"):
+        with pytest.raises(OptionError, match="size must be between 0 and 1"):
+            agreement(three, size=size)
+    for labels in (["a"], ["a", "a", "b"]):
+        with pytest.raises(OptionError, match="labels must be 3 names that differ"):
+            agreement(three, labels=labels)
+    for labels in ("abc", [1, 2, 3], ["", "a", "b"]):
+        with pytest.raises(OptionError, match="labels must be a sequence of names"):
+            agreement(three, labels=labels)
+
+
+def test_an_axis_has_one_unit():
+    with pytest.raises(UnitError, match=r"gyro_x must have one unit; it has rad/s in 1, u in 2"):
+        of(sheet(point("N", 1.0, 0.1)), sheet(point("N", 1.0, 0.1, "u/√Hz"), unit="u"))
+
+
+def test_labels_fall_back_on_numbers(three):
+    assert agreement([three[0], three[0]]).labels == ("1", "2")
+    assert agreement(three[:2], labels=("a", "b")).labels == ("a", "b")

@@ -1,0 +1,179 @@
+"""Every axis gets its model and its numbers; an axis that cannot be used does not take the others with it."""
+
+import threading
+import warnings
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm import DataError, OptionError
+from gmwm.calibration.calibrate import STAGES
+from gmwm.selection.structure import structure_of
+
+from .conftest import TRUTH, WITHIN
+
+
+def structures(calibration):
+    return {axis: structure_of(fit.model) for axis, fit in calibration.items()}
+
+
+def test_the_truth_is_recommended_on_every_axis(calibration):
+    assert structures(calibration) == {axis: structure_of(gmwm.parse_model(text)) for axis, text in TRUTH.items()}
+    assert list(calibration) == list(TRUTH)
+    assert calibration.failed == {}
+
+
+def test_knocked_axes_are_robust_and_the_others_classical(calibration):
+    assert {axis: fit.wavelet_variance.robust for axis, fit in calibration.items()} == {
+        "gyro_x": False,
+        "gyro_y": True,
+        "accel_x": False,
+    }
+    assert [axis for axis, verdict in calibration.verdicts.items() if verdict.contaminated] == ["gyro_y"]
+    assert {verdict.comparisons for verdict in calibration.verdicts.values()} == {3}
+
+
+def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
+    for axis in ("gyro_x", "gyro_y"):
+        wv = gmwm.wavelet_variance(imu[axis], robust=axis == "gyro_y")
+        ranking = gmwm.select(WITHIN, wv)
+        fit = gmwm.fit(ranking.recommended.model, wv, weighting="optimal")
+        found = calibration.axes[axis]
+        assert calibration[axis].to_dict() == fit.to_dict()
+        assert found.ranking.to_dict() == ranking.to_dict()
+        assert found.intervals == fit.confidence_intervals()
+        assert found.test is not None
+        assert found.test.to_dict() == fit.goodness_of_fit().to_dict()
+        assert found.datasheet.to_dict() == gmwm.datasheet(fit).to_dict()
+        assert fit.gap is not None
+
+
+@pytest.mark.parametrize("robust", [False, True])
+def test_robust_can_be_forced(imu, robust):
+    found = gmwm.calibrate(imu, "WN + RW", robust=robust, efficiency=0.8, axes=["gyro_x", "gyro_y"])
+    assert list(found) == ["gyro_x", "gyro_y"]
+    assert {fit.wavelet_variance.robust for fit in found.values()} == {robust}
+    assert {fit.wavelet_variance.efficiency for fit in found.values()} == {0.8 if robust else None}
+    assert found.verdicts["gyro_y"].contaminated
+
+
+def test_the_number_of_threads_changes_nothing(imu, calibration):
+    assert gmwm.calibrate(imu, WITHIN, threads=1).to_dict() == calibration.to_dict()
+
+
+def test_a_lost_axis_does_not_take_the_others_with_it():
+    rng = np.random.default_rng(1)
+    recording = {
+        "gyro_x": gmwm.Signal(rng.normal(size=20_000) * 1e-3, 100.0, "rad/s", "gyro_x"),
+        "gyro_y": gmwm.Signal(np.full(20_000, 0.1), 100.0, "rad/s", "gyro_y"),
+        "gyro_z": gmwm.Signal(np.arange(5.0), 100.0, "rad/s", "gyro_z"),
+    }
+    found = gmwm.calibrate(recording, "WN + RW")
+    assert list(found) == ["gyro_x"]
+    assert list(found.failed) == ["gyro_y", "gyro_z"]
+    assert "constant" in found.failed["gyro_y"]
+    assert "at least 8 samples" in found.failed["gyro_z"]
+    assert "gyro_y is not calibrated" in " ".join(found.summary().split())
+    with pytest.raises(DataError, match=r"gyro_y could not be calibrated: .*constant"):
+        found["gyro_y"]
+    with pytest.raises(DataError, match="axis must be one of gyro_x"):
+        found["accel_x"]
+    assert found.get("gyro_y") is None
+    assert "gyro_y" not in found
+
+
+def test_nothing_left_is_an_error():
+    with pytest.raises(DataError, match=r"no axis can be calibrated; gyro_x: .*constant"):
+        gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": np.zeros(1000), "gyro_y": np.zeros(1000)}, 100.0))
+
+
+def test_a_recording_with_gaps_says_the_way_out():
+    signal = gmwm.Signal(np.random.default_rng(1).normal(size=1000), 100.0, segments=((0, 400), (400, 1000)))
+    with pytest.raises(DataError, match="gaps='longest'"):
+        gmwm.calibrate(signal, "WN")
+
+
+def test_a_signal_and_measured_curves_will_do(imu, calibration):
+    signal = gmwm.calibrate(imu["gyro_x"], WITHIN)
+    assert signal["gyro_x"].to_dict() == calibration["gyro_x"].to_dict()
+    curves = gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(imu["gyro_x"])}, WITHIN)
+    assert curves["gyro_x"].to_dict() == calibration["gyro_x"].to_dict()
+    assert curves.verdicts == {}
+    with pytest.raises(DataError, match="pass the signal"):
+        gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(imu["gyro_x"])}, WITHIN, robust=True)
+
+
+def test_progress_tells_every_step_from_one_thread_at_a_time(imu):
+    told, inside = [], threading.Lock()
+
+    def progress(done, steps, text):
+        assert inside.acquire(blocking=False)
+        told.append((done, steps, text))
+        inside.release()
+
+    gmwm.calibrate(imu, "WN + RW", progress=progress)
+    assert [done for done, _, _ in told] == list(range(1, 3 * len(STAGES) + 1))
+    assert {steps for _, steps, _ in told} == {3 * len(STAGES)}
+    assert {text for _, _, text in told} == {f"{axis}: {stage}" for axis in TRUTH for stage in STAGES}
+
+
+def test_what_stops_the_progress_stops_the_work(imu):
+    seen = []
+
+    def progress(done, steps, text):
+        seen.append(text)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gmwm.calibrate(imu, "WN + RW", progress=progress, threads=1)
+    assert len(seen) < len(TRUTH) * len(STAGES)
+
+
+def test_fits_warn_in_the_notes_and_nowhere_else():
+    # With GM alone there is nothing to choose, and in white noise it ends as white noise.
+    x = gmwm.parse_model("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), "GM")
+    assert any("acts as" in note for note in found.axes["gyro_x"].notes)
+    assert "acts as" in found.summary()
+
+
+def test_needed_lengths_hold(imu):
+    short = {"gyro_x": gmwm.Signal(imu["gyro_x"].values[:6000], 100.0, "rad/s", "gyro_x")}
+    found = gmwm.calibrate(short, gmwm.GM() + gmwm.WN(), robust=False)
+    axis = found.axes["gyro_x"]
+    poor = {n for n, error in axis.fit.standard_errors.items() if error > 0.5 * abs(axis.fit.parameters[n])}
+    assert set(axis.needed) == poor
+    said = f"{', '.join(axis.needed)} known to no better than 50 %"
+    assert said in " ".join(found.summary().split())
+    for name, seconds in axis.needed.items():
+        if seconds is not None and np.isfinite(seconds):
+            plan = gmwm.plan(axis.fit.model, seconds, 100.0, weighting="optimal")
+            assert plan.at(seconds)[name] <= 0.2
+            assert plan.at(seconds / 2)[name] > 0.2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"robust": "yes"}, "robust must be 'auto', False or True"),
+        ({"weighting": "identity"}, "weighting must be"),
+        ({"criterion": "aic"}, "criterion must be"),
+        ({"confidence": 95}, "confidence must be between 0 and 1"),
+        ({"threads": 0}, "threads must be"),
+        ({"axes": ["gyro_q"]}, "axes must be some of gyro_x"),
+        ({"axes": []}, "axes must be some of gyro_x"),
+        ({"efficiency": 2.0}, "efficiency"),
+    ],
+)
+def test_options_are_looked_at(imu, options, words):
+    with pytest.raises(OptionError, match=words):
+        gmwm.calibrate(imu, "WN", **options)
+
+
+@pytest.mark.parametrize("data", ["static.csv", 3, {}, {"gyro_x": [1.0, 2.0]}])
+def test_other_data_are_refused(data):
+    with pytest.raises(OptionError, match="must be"):
+        gmwm.calibrate(data, "WN")

@@ -1,0 +1,101 @@
+"""`gmwm agree`: what the library finds in the calibrations of several recordings, printed."""
+
+import json
+
+import pytest
+
+import gmwm as library
+from gmwm import Calibration
+from gmwm.cli.agree import names_of, parse_reference
+from gmwm.writers import write
+
+TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
+
+
+@pytest.fixture(scope="module")
+def files(gmwm, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("days")
+    made = []
+    for seed in (1, 2, 3):
+        recording = folder / f"day_{seed}.csv"
+        write(library.simulate(TRUTH, rate=100.0, samples=20_000, seed=seed), recording)
+        target = folder / f"results_{seed}"
+        assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
+        made.append(target / "calibration.json")
+    return made
+
+
+def test_it_prints_the_library_s_summary(gmwm, files):
+    outcome = gmwm("agree", *files, "--reference", "gyro.N=0.2°/√h", "--size", 0.1)
+    found = library.agreement([Calibration.load(file) for file in files], size=0.1, reference={"gyro.N": (0.2, "°/√h")})
+    assert outcome.code == 0
+    assert outcome.out == found.summary() + "\n"
+    assert "day_2" in outcome.out
+
+
+def test_json_is_the_library_s(gmwm, files):
+    content = gmwm("agree", *files[:2], "--label", "a", "--label", "b", "--json").json
+    found = library.agreement([Calibration.load(file) for file in files[:2]], labels=["a", "b"])
+    expected = json.loads(json.dumps(found.to_dict()))
+    assert content["command"] == "agree"
+    assert {name: content[name] for name in expected} == expected
+    assert content["files"] == list(map(str, files[:2]))
+
+
+def test_recordings_without_names_are_called_as_their_files(gmwm, files, tmp_path):
+    folders = [tmp_path / name for name in ("monday", "tuesday")]
+    for folder, file in zip(folders, files, strict=False):
+        folder.mkdir()
+        content = json.loads(file.read_text(encoding="utf-8"))
+        (folder / "calibration.json").write_text(json.dumps({**content, "source": ""}), encoding="utf-8")
+    outcome = gmwm("agree", *(folder / "calibration.json" for folder in folders), "--json")
+    assert outcome.json["labels"] == ["monday", "tuesday"]
+
+
+def test_names_are_as_short_as_they_tell(tmp_path):
+    assert names_of([tmp_path / "a.json", tmp_path / "b.json"]) == ["a", "b"]
+    paths = [tmp_path / "x" / "1" / "c.json", tmp_path / "y" / "1" / "c.json"]
+    assert names_of(paths) == [str(path) for path in paths]
+
+
+@pytest.mark.parametrize("text", ["gyro.N=2deg/√h", " gyro.N = 2.0 deg/√h ", "gyro.N=2e0deg/√h"])
+def test_references_are_read(text):
+    assert parse_reference(text) == ("gyro.N", (2.0, "deg/√h"))
+
+
+def test_errors_take_one_line(gmwm, files, tmp_path):
+    none = tmp_path / "none.json"
+    broken = tmp_path / "broken.json"
+    broken.write_text("{}", encoding="utf-8")
+    content = json.loads(files[0].read_text(encoding="utf-8"))
+    del content["axes"]["gyro_x"]["fit"]
+    cut = tmp_path / "cut.json"
+    cut.write_text(json.dumps(content), encoding="utf-8")
+    for arguments, said in (
+        ((files[0],), "two or more"),
+        ((files[0], files[0]), "can be compared once"),
+        ((files[0], none), "none.json: No such file"),
+        ((files[0], broken), "broken.json is not a calibration"),
+        ((files[0], cut), "cut.json: not a whole calibration: gyro_x has no 'fit'"),
+        ((*files, "--reference", "gyro.N=2"), "takes NUMBER=VALUE with a unit"),
+        ((*files, "--reference", "gyro.N=1.2.3deg/√h"), "takes NUMBER=VALUE with a unit"),
+        ((*files, "--reference", "gyro.N=2mg"), "the unit of gyro.N must be one of"),
+        ((*files, "--reference", "gyro.N=2deg/√h", "--reference", "gyro.N=3deg/√h"), "names each number once"),
+        ((*files, "--size", 2), "size must be between 0 and 1"),
+    ):
+        outcome = gmwm("agree", *arguments)
+        assert outcome.code == 2
+        assert outcome.out == ""
+        assert outcome.err.count("\n") == 1
+        assert said in outcome.err
+
+
+def test_plan_takes_a_calibration(gmwm, files):
+    fit = Calibration.load(files[0])["gyro_x"]
+    content = gmwm("plan", "--from-fits", files[0], "--axis", "gyro_x", "--duration", "1d", "--json").json
+    assert content["axis"] == "gyro_x"
+    assert content["rate"] == 100.0
+    assert content["parameters"] == pytest.approx(dict(fit.parameters), rel=1e-12)
+    outcome = gmwm("plan", "--from-fits", files[0], "--axis", "gyro_z", "--duration", "1d")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "--axis must be one of gyro_x" in outcome.err

@@ -1,0 +1,151 @@
+"""gmwm calibrate and gmwm select: what the library finds, printed and written."""
+
+import json
+
+import pytest
+
+import gmwm as library
+from gmwm import Calibration
+from gmwm.readers import read
+
+WITHIN = "GM + WN + RW"
+FILES = ["by_sensor.png", "calibration.json", "calibration.png", "summary.txt"]
+
+
+@pytest.fixture(scope="module")
+def found(recording):
+    return library.calibrate(read(recording), WITHIN)
+
+
+@pytest.fixture(scope="module")
+def run(gmwm, recording, tmp_path_factory):
+    target = tmp_path_factory.mktemp("calibrate") / "new" / "results"
+    return target, gmwm("calibrate", recording, "--within", WITHIN, "--output", target)
+
+
+def test_it_prints_the_summary_and_what_it_wrote(run, found):
+    target, outcome = run
+    assert outcome.code == 0
+    assert outcome.out.startswith(found.summary())
+    assert sorted(path.name for path in target.iterdir()) == FILES
+    assert all(str(target / name) in outcome.out for name in FILES)
+    assert max(map(len, found.summary().splitlines())) <= 80
+
+
+def test_what_it_wrote_is_the_library_s(run, found):
+    target, _ = run
+    assert Calibration.load(target / "calibration.json").to_dict() == found.to_dict()
+    assert (target / "summary.txt").read_text(encoding="utf-8") == found.summary() + "\n"
+    for picture in ("calibration.png", "by_sensor.png"):
+        assert (target / picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_json_is_the_document(gmwm, recording, found):
+    outcome = gmwm("calibrate", recording, "--within", WITHIN, "--json")
+    content = outcome.json
+    assert (content["command"], content["file"], content["written"]) == ("calibrate", str(recording), [])
+    expected = json.loads(json.dumps(found.to_dict()))
+    assert {name: content[name] for name in expected} == expected
+    assert Calibration.from_dict(content).summary() == found.summary()
+    assert set(found.cautions) <= set(content["warnings"])
+    assert all(f"warning: {warning}" in outcome.err.splitlines() for warning in content["warnings"])
+
+
+def test_axes_and_options_reach_the_library(gmwm, recording):
+    arguments = ("--axis", "gyro", "--robust", "yes", "--efficiency", 0.8, "--confidence", 0.9, "--seed", 3)
+    content = gmwm("calibrate", recording, "--within", "WN + RW", "--weighting", "diagonal", *arguments, "--json").json
+    assert list(content["axes"]) == ["gyro_x", "gyro_y", "gyro_z"]
+    assert content["settings"] == {
+        "within": "WN + RW", "robust": True, "weighting": "diagonal", "criterion": "asymptotic", "confidence": 0.9,
+        "efficiency": 0.8, "draws": 1000, "seed": 3,
+    }  # fmt: skip
+    assert {axis["fit"]["wavelet_variance"]["efficiency"] for axis in content["axes"].values()} == {0.8}
+    assert (
+        gmwm("calibrate", recording, "--within", "WN", "--robust", "no", "--axis", "gyro_x", "--json").json["settings"][
+            "robust"
+        ]
+        is False
+    )
+
+
+def test_a_lost_axis_is_told(gmwm, folder):
+    # A robust variance of one spike alone is zero.
+    path = folder / "lost.csv"
+    values = library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=4000, seed=6)["gyro_x"].values
+    lines = [f"{v!r},{0.6 if k == 1000 else 0.5}" for k, v in enumerate(values.tolist())]
+    path.write_text("gyro_x [rad/s],gyro_y [rad/s]\n" + "\n".join(lines) + "\n")
+    arguments = ("--rate", 100, "--within", "WN + RW", "--robust", "yes")
+    outcome = gmwm("calibrate", path, *arguments)
+    assert outcome.code == 0
+    assert "warning: gyro_y is not calibrated: the wavelet variance is zero at level" in outcome.err
+    assert "- gyro_y is not calibrated: the wavelet variance is zero" in outcome.out
+    alone = gmwm("calibrate", path, *arguments, "--axis", "gyro_y")
+    assert alone.code == 2
+    assert alone.err.splitlines()[-1].startswith("error: no axis can be calibrated; gyro_y: the wavelet variance")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--within", "WN + XY"), "no process of this name"),
+        (("--robust", "no", "--efficiency", 0.8), "--efficiency belongs to the robust wavelet variance"),
+        (("--robust", "maybe"), "'maybe' is not one of"),
+        (("--axis", "gyro_q"), "--axis must be one of gyro_x"),
+        (("--confidence", 2), "confidence must be between 0 and 1"),
+        (("--efficiency", 3), "efficiency"),
+    ],
+)
+def test_errors_take_one_line(gmwm, recording, arguments, words):
+    outcome = gmwm("calibrate", recording, *arguments)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert words in outcome.err
+    assert len([line for line in outcome.err.splitlines() if line.startswith("error: ")]) == 1
+
+
+def test_an_output_that_is_a_file_is_refused_before_the_work(gmwm, recording):
+    outcome = gmwm("calibrate", recording, "--output", recording)
+    assert outcome.code == 2
+    assert "--output must be a directory" in outcome.err
+
+
+def test_select_prints_the_ranking(gmwm, recording):
+    expected = library.select(WITHIN, read(recording)["gyro_x"])
+    outcome = gmwm("select", recording, "--within", WITHIN, "--axis", "gyro_x")
+    assert (outcome.code, outcome.out) == (0, expected.summary(10) + "\n")
+    both = gmwm("select", recording, "--within", WITHIN, "--axis", "gyro_x,gyro_y", "--limit", 2)
+    assert expected.summary(2) in both.out
+    assert f"recommended: {expected.recommended.structure}" in both.out
+
+
+def test_select_json_is_the_library_s(gmwm, recording):
+    content = gmwm("select", recording, "--within", "WN + RW", "--axis", "accel", "--json").json
+    assert content["command"] == "select"
+    assert list(content["axes"]) == ["accel_x", "accel_y", "accel_z"]
+    expected = library.select("WN + RW", read(recording)["accel_y"]).to_dict()
+    assert content["axes"]["accel_y"] == json.loads(json.dumps(expected))
+
+
+def test_select_writes_and_draws(gmwm, recording, tmp_path):
+    target, picture = tmp_path / "new", tmp_path / "ranking.png"
+    arguments = ("--within", "WN + RW", "--axis", "gyro_x", "--output", target, "--plot", picture)
+    outcome = gmwm("select", recording, *arguments)
+    assert outcome.code == 0
+    assert sorted(path.name for path in target.iterdir()) == ["ranking_gyro_x.png", "rankings.json"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in (picture, target / "ranking_gyro_x.png"))
+    content = json.loads((target / "rankings.json").read_text(encoding="utf-8"))
+    assert content["axes"]["gyro_x"]["recommended"] == "WN + RW"
+    assert str(picture) in outcome.out
+
+
+def test_select_draws_one_axis_alone(gmwm, recording, tmp_path):
+    outcome = gmwm("select", recording, "--within", "WN + RW", "--plot", tmp_path / "x.png")
+    assert outcome.code == 2
+    assert "--plot draws one axis" in outcome.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_select_efficiency_wants_robust(gmwm, recording):
+    outcome = gmwm("select", recording, "--within", "WN", "--efficiency", 0.8)
+    assert outcome.code == 2
+    assert "pass --robust too" in outcome.err
