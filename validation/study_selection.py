@@ -76,9 +76,10 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each truth and weighting."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model; "
-        f"every model within {result['general']} ranked. Recommended: the truth is what is recommended; least criterion: "
-        "it has the least; in the set: it is among the equivalent ones; under, over: what is recommended lacks a term of "
-        f"the truth and has no other, or has all of them and more. {result['draws']} draws.",
+        f"every model within {result['general']} ranked. Recommended: the truth is what is recommended; least "
+        "criterion: it has the least; in the set: it is among the equivalent ones; under, over: what is recommended "
+        "lacks a term of the truth and has no other, or has all of them and more. "
+        f"{result['draws']} draws.",
         "",
         "| truth | weighting | recommended | least criterion | in the set | median size of the set | largest | under "
         "| over | recommended instead |",
