@@ -11,7 +11,7 @@ from gmwm.calibration.tables import WIDTH, aligned, bulleted, number, wrapped
 from gmwm.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
-    from gmwm.calibration.agreement import Agreement, SharedNumber
+    from gmwm.calibration.shared import Agreement, SharedNumber
 
 _NONE = "–"
 _SAME, _OTHER = "=", "≠"
