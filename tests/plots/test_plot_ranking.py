@@ -93,7 +93,7 @@ def test_the_criteria_of_ten_stand_beside_their_models(ranking):
         assert numbers[place].startswith(f"{wic.value:.2f} = {wic.loss:.2f} + {wic.optimism:.2f}")
         assert numbers[place].endswith("recommended") == candidate.recommended
         assert numbers[place].endswith("as good") == (candidate.equivalent and not candidate.recommended)
-    assert criteria.x.label == "WIC less that of the best"
+    assert criteria.x.label == "WIC above the best"
     assert criteria.x.limits[0] < 0 < max(x for x, _ in dots) < criteria.x.limits[1]
     assert figure.title == "Gyroscope Y, models within 2·GM + WN + QN + RW"
 
@@ -112,7 +112,7 @@ def test_several_recordings_say_so(several):
     figure = ranking_figure(several)
     assert figure.title.endswith("curves and distances of the first of 2 recordings")
     criteria = figure.panels[-1]
-    assert criteria.x.label == "Loss out of sample less that of the best"
+    assert criteria.x.label == "Loss out of sample above the best"
     texts = [tick.label for tick in criteria.y.opposite]
     assert texts[0].startswith(f"{several.best.out_of_sample:.2f}; ")
     assert texts[-1] == "Loss out of sample; WIC = loss + optimism"

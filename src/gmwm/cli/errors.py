@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shlex
 import sys
+import threading
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -21,7 +23,7 @@ _PHRASES = (
     ("robust=True", "--robust"),
     ("None to leave one out", "nothing between two commas to leave one out"),
 )
-_KEYWORD = re.compile(r"\b(rate|units|columns|gaps)=(\{[^{}]*\}|\[[^][]*\])?(?=(\S)?)")
+_KEYWORD = re.compile(r"\b(rate|units|columns|gaps|format|topic|start|stop|skip)=(\{[^{}]*\}|\[[^][]*\])?(?=(\S)?)")
 
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
@@ -65,7 +67,24 @@ class OneLineErrors(TyperGroup):
             code = INTERRUPTED
         if code == INTERRUPTED:
             print("interrupted", file=sys.stderr)
+            _leave_threads_behind()
         sys.exit(code if isinstance(code, int) else OK)
+
+
+def _leave_threads_behind() -> None:
+    """End at once where threads still work: the interpreter would wait for them, for minutes at worst.
+
+    What is written is written by the main thread, which has let go of it by now.
+    """
+    if any("ThreadPool" in thread.name for thread in threading.enumerate()):
+        _flush()
+        os._exit(INTERRUPTED)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
 
 
 def one_line(text: str) -> str:

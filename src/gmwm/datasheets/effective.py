@@ -22,6 +22,9 @@ _FAR = 1e6
 WHITE, WALK = 0.5, -0.5
 """Powers of the second in the units of N and K."""
 
+GONE = 1e-6
+"""A limit that is a smaller share of what there is nearby is zero but for rounding."""
+
 
 def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, Entry]:
     """N and K of the white noise and the random walk that stand for the whole model over a horizon T_h.
@@ -94,9 +97,15 @@ def _square(process: Process, name: str | None, power: float, horizon: float, ra
     if process.scale == 0 or time is None or (time < horizon) != (power == WHITE):
         return 0.0, 0.0
     if power == WHITE:
-        n = math.ceil(_FAR * max(1.0, time * rate))
-        tau = n / rate
-        return tau * float(process.allan_variance([n], rate)[0]), tau * slope(process, name, n, rate)
+        # What is left of τσ²(τ) beyond its limit goes as 1/τ: two places tell the limit, which is zero where all goes.
+        near = math.ceil(_FAR * max(1.0, time * rate))
+        far = 4 * near
+        levels = process.allan_variance([near, far], rate) * np.array([near, far]) / rate
+        slopes = [n / rate * slope(process, name, n, rate) for n in (near, far)]
+        limit = (4 * float(levels[1]) - float(levels[0])) / 3
+        if limit <= GONE * float(levels[0]):
+            return 0.0, 0.0
+        return limit, (4 * slopes[1] - slopes[0]) / 3
     walk = next((number for number in process.physical(rate) if number.time_power == power), None)
     if walk is None:
         return 0.0, 0.0

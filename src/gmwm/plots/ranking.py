@@ -142,7 +142,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     y = Axis("", (0.4, len(listed) + 1.4), tuple(ticks), grid=tuple(places), opposite=(*numbers, head), linear=np.inf)
     x = signed_axis(
         np.array([c.difference for c in listed]),
-        f"{name} less that of the best",
+        f"{name} above the best",
         linear=EVEN_DIFFERENCE,
         even=EVEN_DISTANCE,
     )
@@ -221,7 +221,7 @@ def plot_ranking(
     >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
     >>> figure = plot_ranking(select(WN() + QN() + RW(), x, rate=100.0))
     >>> figure.axes[2].get_xlabel()
-    'WIC less that of the best'
+    'WIC above the best'
     """
     from gmwm.plots.matplotlib import draw
 

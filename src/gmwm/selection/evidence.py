@@ -74,12 +74,15 @@ class Hypothesis:
             matrix = np.diag(1 / np.diag(wavelet))
         return cls(explored, fit, matrix, wavelet, draws, seed)
 
-    def absurd(self) -> bool:
-        """Whether the loss itself is far beyond what chance can do, so that no rival has to be looked at."""
-        left = self.root @ (self.fit.wavelet_variance.variance - self.fit.implied)
-        left = left - self.axes @ (self.axes.T @ left)
-        size = left.size - self.axes.shape[1]
-        return bool(gammaincc(size / 2, float(left @ left) / 6) < NEVER)
+    def absurd(self, rival: Fit) -> bool:
+        """Whether the loss exceeds that of the rival by far more than chance can do, without fitting either again."""
+        losses = []
+        for fit in (self.fit, rival):
+            left = self.root @ (fit.wavelet_variance.variance - fit.implied)
+            axes = self.axes if fit is self.fit else axes_of(fit, self.root, Setting.of(fit.wavelet_variance))
+            losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
+        size = self.root.shape[0] - self.axes.shape[1]
+        return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
         """The candidate's criterion less that of a rival, both fitted under Ω."""
@@ -172,7 +175,7 @@ def as_good(
         if closer:
             hypotheses = [h and h.closer() for h in hypotheses]
         sound = [h for h in hypotheses if h is not None]
-        if len(sound) < len(hypotheses) or any(h.absurd() for h in sound):
+        if len(sound) < len(hypotheses) or any(h.absurd(rival) for h, rival in zip(sound, rivals, strict=True)):
             return False
         if by_chance(sound, rivals, size):
             return True

@@ -13,9 +13,11 @@ import numpy as np
 
 from gmwm._arrays import Matrix
 from gmwm._late import LateMethod
-from gmwm.errors import GmwmError, OptionError
+from gmwm._words import counted
+from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.criterion import Criterion
+from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.structure import structure_of
 
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 WIDTH = 80
 SAME = 1e-6
 """Criteria that differ by less (relative) are those of one curve."""
+REJECTED = 0.01
+"""p of the fit below which a recommendation does not go without a word."""
 LISTED = 10
 """So many candidates a table shows."""
 
@@ -206,6 +210,11 @@ class Ranking:
         if chosen is not self.best:
             more = [c for c in (self.best,) if not c.equivalent]
             lines += [f"least criterion: {c.structure}, but the data do not call for so much" for c in more]
+        if chosen.pvalue is not None and chosen.pvalue < REJECTED:
+            lines.append(
+                "the test of the fit rejects even the recommended model: a larger general model may do better, or the "
+                "data hold what no such sum describes (look at the picture)"
+            )
         same = len(self.candidates) - len(self.distinct)
         if same:
             come = f"{same} more candidates come" if same > 1 else "1 more candidate comes"
@@ -217,8 +226,8 @@ class Ranking:
         wv = self.best.fit.wavelet_variance
         records = f"{len(self.best.fits)} recordings, the first of " if len(self.best.fits) > 1 else ""
         lines = [
-            f"{len(self.candidates)} models{' of ' + wv.axis if wv.axis else ''} within {self.within}",
-            f"{records}{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, weighting {self.weighting}",
+            f"{counted(len(self), 'model')}{' of ' + wv.axis if wv.axis else ''} within {self.within}",
+            f"{records}{wv.extent}, {len(wv)} levels, weighting {self.weighting}",
             "",
         ]
         head, rows = self.table(limit)
@@ -256,6 +265,14 @@ class Ranking:
             "rank it beside them: rank([…], data)"
         )
 
+    def __contains__(self, key: object) -> bool:
+        if isinstance(key, Candidate):
+            return any(candidate is key for candidate in self.candidates)
+        try:
+            return isinstance(key, str | Process | Model) and isinstance(self[key], Candidate)
+        except (OptionError, ModelError):
+            return False
+
     def __iter__(self) -> Iterator[Candidate]:
         return iter(self.candidates)
 
@@ -263,7 +280,7 @@ class Ranking:
         return len(self.candidates)
 
     def __repr__(self) -> str:
-        return f"Ranking({len(self)} models, {self.recommended.structure} recommended)"
+        return f"Ranking({counted(len(self), 'model')}, {self.recommended.structure} recommended)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
