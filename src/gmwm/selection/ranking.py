@@ -17,7 +17,6 @@ from gmwm._words import counted
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.criterion import Criterion
-from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.structure import structure_of
 
@@ -269,7 +268,7 @@ class Ranking:
         if isinstance(key, Candidate):
             return any(candidate is key for candidate in self.candidates)
         try:
-            return isinstance(key, str | Process | Model) and isinstance(self[key], Candidate)
+            return isinstance(key, str | Model) and isinstance(self[key], Candidate)
         except (OptionError, ModelError):
             return False
 
