@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import gmwm
 from gmwm.errors import OptionError
 from gmwm.inspection import inspect, lsb
+from gmwm.knocks import find_steps
 from gmwm.signals import Imu, Signal, TimeBase
 
 RATE = 100.0
@@ -198,3 +200,41 @@ def test_fast():
     begin = time.perf_counter()
     inspect(imu)
     assert time.perf_counter() - begin < 3  # measured 0.2 s; a loop in Python would take minutes
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_a_step_is_found_with_its_time_axis_and_size(scale):
+    values = still()[:, :3]
+    values[23_456:, 1] += 1.5e-3  # no sample is out of the ordinary: the noise is 1e-3
+    found = look(values * scale, axes=("gyro_x", "gyro_y", "gyro_z"))
+    (step,) = found.steps
+    assert step.axis == "gyro_y"
+    assert step.time == pytest.approx(234.56, abs=0.5)
+    assert step.size == pytest.approx(1.5e-3 * scale, rel=0.3)
+    assert found.knocks == ()
+    assert "step of gyro_y at 23" in found.summary()
+    assert any("1 step of level in gyro_y" in warning for warning in found.warnings)
+    assert json.loads(json.dumps(found.to_dict()))["steps"][0]["axis"] == "gyro_y"
+
+
+@pytest.mark.parametrize("model", ["WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=0.01, sigma2=1.0) + WN(sigma2=1.0)"])
+def test_noise_has_no_steps(model):
+    for samples in (3400, 20_000):
+        for path in gmwm.Model.parse(model).simulate(samples, RATE, 1, 50):
+            assert find_steps(Imu.from_arrays({"gyro_x": path}, RATE), {"gyro_x": None}) == ()
+
+
+@pytest.mark.parametrize("constant", [50, 400, 5000])
+def test_warm_up_and_knocks_are_no_steps(constant):
+    values = still()[:, :1] + 0.1 * np.exp(-np.arange(60_000) / constant)[:, None]
+    values[30_000:30_020] += 0.5
+    assert look(values, axes=("gyro_x",)).steps == ()
+
+
+def test_a_level_that_changed_over_a_gap_is_no_step():
+    values = still()[:, :1]
+    values[30_000:] += 0.1
+    found = look(values, axes=("gyro_x",), segments=((0, 30_000), (30_000, 60_000)))
+    assert found.steps == ()
+    (step,) = look(values, axes=("gyro_x",)).steps
+    assert step.time == pytest.approx(300, abs=0.1)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm._words import counted
+from gmwm._words import OVERRULED, counted
 from gmwm.signals import Imu, TimeBase
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from gmwm.inspection import AxisInspection
-    from gmwm.knocks import Knock
+    from gmwm.knocks import Knock, Step
 
 MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
@@ -30,8 +30,8 @@ def about_time(imu: Imu, base: TimeBase) -> list[str]:
     if len(imu.segments) > 1:
         lost = sum(duration - 1 / imu.rate for _, duration in base.gaps)
         said.append(
-            f"{len(imu.segments)} segments with {span(lost)} missing between them, which are never glued: "
-            "imu.longest() takes the longest of them"
+            f"{len(imu.segments)} segments with {span(lost)} missing between them: wavelet variances take the "
+            "coefficients of all together, none across a gap; imu.longest() takes the longest of them"
         )
     if base.duplicates:
         said.append(f"time stamps that repeat the one before: {base.duplicates}")
@@ -70,6 +70,15 @@ def about_motion(
     return said
 
 
+def about_steps(steps: tuple[Step, ...]) -> list[str]:
+    """What steps of level mean for the answer."""
+    if not steps:
+        return []
+    axes = ", ".join(dict.fromkeys(step.axis for step in steps))
+    what = f"{counted(len(steps), 'step')} of level in {axes} (the first at {steps[0].time:.6g} s)"
+    return [f"{what}, which long scales take for a random walk; {_WITHOUT}"]
+
+
 def about_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> list[str]:
     """What the numbers themselves say."""
     said = []
@@ -105,6 +114,15 @@ def about_units(imu: Imu, pieces: Sequence[tuple[int, int]]) -> list[str]:
         f"{', '.join(found)}: a noise of {max(found.values()):.3g} deg/s/√Hz is more than inertial gyroscopes at rest "
         f"have (0.002 to {_NOISY:g}): is the unit right? If the numbers of the file are in deg/s, say "
         'units={"gyro": "deg/s"}'
+    ]
+
+
+def about_declared(notes: Sequence[str]) -> list[str]:
+    """Units that were declared against what the file itself says."""
+    return [
+        f"the unit was declared against the file: {note}. If the file is right, every number is wrong by their ratio"
+        for note in notes
+        if OVERRULED in note
     ]
 
 

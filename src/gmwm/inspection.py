@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm._words import counted
-from gmwm.cautions import MOVED, about_motion, about_time, about_units, about_values, span
+from gmwm.cautions import MOVED, about_declared, about_motion, about_steps, about_time, about_units, about_values, span
 from gmwm.errors import OptionError
-from gmwm.knocks import Knock, find_knocks
+from gmwm.knocks import Knock, Step, find_knocks, find_steps
 from gmwm.signals import Imu, Signal, TimeBase
 
 _BLOCKS = 64  # pieces of a recording whose means and spreads are compared
@@ -75,6 +75,8 @@ class Inspection:
         Whether nothing was found that says the sensor moved.
     knocks : tuple of Knock
         Bursts of outliers in the order of time.
+    steps : tuple of Step
+        Lasting changes of level in the order of time.
     temperature : (lowest, highest) or None
         Range of the temperature (°C).
     notes : tuple of str
@@ -94,6 +96,7 @@ class Inspection:
     tilt: float | None
     static: bool
     knocks: tuple[Knock, ...]
+    steps: tuple[Step, ...]
     temperature: tuple[float, float] | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -126,6 +129,11 @@ class Inspection:
             lines.append(f"knock at {knock.time:.6g} s {long} ({what})")
         if len(self.knocks) > 5:
             lines.append(f"and {counted(len(self.knocks) - 5, 'more knock')}")
+        for step in self.steps[:5]:
+            change = f"{step.size:+.3g} {self.axes[step.axis].unit}, {step.times:.0f} times the usual"
+            lines.append(f"step of {step.axis} at {step.time:.6g} s ({change})")
+        if len(self.steps) > 5:
+            lines.append(f"and {counted(len(self.steps) - 5, 'more step')}")
         lines += [f"note: {note}" for note in self.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
@@ -174,19 +182,23 @@ def inspect(imu: Imu) -> Inspection:
     means = {axis: _piece_means(imu[axis].values, pieces) for axis in imu}
     axes = {axis: _axis(imu[axis], means[axis]) for axis in imu}
     gravity, tilt, tilt_noise = _gravity(imu, means, axes)
-    knocks, outliers = find_knocks(imu, {name: axis.lsb for name, axis in axes.items()})
+    resolutions = {name: axis.lsb for name, axis in axes.items()}
+    knocks, outliers = find_knocks(imu, resolutions)
+    steps = find_steps(imu, resolutions)
     restless = _restless(imu, pieces, outliers)
     turned = tilt is not None and tilt > max(_TURN, 5 * tilt_noise)
     moved = tilt is not None and turned and tilt > MOVED
     warnings = [
         *about_time(imu, time_base),
         *about_motion(restless, tilt if turned else None, knocks),
+        *about_steps(steps),
         *about_values(axes, gravity),
         *about_units(imu, pieces),
+        *about_declared(imu.notes),
     ]
     return Inspection(
         imu.source, imu.rate, imu.duration, len(imu), len(imu.segments), time_base, axes, gravity, tilt,
-        not (moved or restless), knocks, _range(imu.temperature), imu.notes, tuple(warnings),
+        not (moved or restless), knocks, steps, _range(imu.temperature), imu.notes, tuple(warnings),
     )  # fmt: skip
 
 

@@ -20,7 +20,6 @@ from gmwm.processes.model import ModelLike
 from gmwm.signals import Signal
 from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.transform import degrees_of_freedom
 
 LEAST_FREEDOM = 30.0
 """More degrees of freedom M_j / 2^j than this a level must have for the law of the ratio to hold far out."""
@@ -279,7 +278,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     classical, robust = x
     if not all(Setting.of(part).running_sum for part in x):
         raise OptionError("the test is of Haar MODWT variances: filter='haar', transform='modwt'")
-    same = ("samples", "rate", "unit", "axis")
+    same = ("samples", "segments", "rate", "unit", "axis")
     differ = [name for name in same if getattr(classical, name) != getattr(robust, name)]
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
@@ -291,7 +290,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     """Levels that cannot be tested, and why."""
-    freedom = degrees_of_freedom(robust.counts, robust.levels, robust.transform)
+    freedom = Setting.of(robust).degrees_of_freedom
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
     zeros = np.array(found.get("zeros", np.zeros(len(robust))))

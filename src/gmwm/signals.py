@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._late import LateMethod
 from gmwm.errors import DataError, OptionError
 from gmwm.units import SI_UNIT, Quantity, parse_unit
 
@@ -129,6 +130,14 @@ class Signal:
                 "or read(..., gaps='longest')"
             )
         return self.values
+
+    def pieces(self) -> list[Vector]:
+        """The values of each segment.
+
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).pieces()
+        [array([1., 2.]), array([3.])]
+        """
+        return [self.values[first:last] for first, last in self.segments]
 
     def longest(self) -> Signal:
         """The longest stretch without a gap, as a signal of its own."""
@@ -268,6 +277,11 @@ class Imu:
     def segments(self) -> tuple[tuple[int, int], ...]:
         """Index ranges without a gap."""
         return next(iter(self.signals.values())).segments
+
+    between: ClassVar[LateMethod[..., Imu]] = LateMethod(
+        "gmwm.cuts:cut",
+        "The part between two times, as between(start, stop, skip=[(from, to), …]) in seconds from the first sample.",
+    )
 
     def longest(self) -> Imu:
         """The longest stretch without a gap, as a recording of its own; says so in its notes."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.covariance import filtered, gaussian
 from gmwm.covariance.setting import Setting as Setting
+from gmwm.covariance.stretches import pooled
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.model import Model, ModelLike, as_model
@@ -17,6 +20,8 @@ from gmwm.variance.transform import Transform, deepest_level
 
 def covariance(model: Model, setting: Setting) -> Matrix:
     """V = Cov(ν̂², ν̂²) (J, J) in u⁴ of a model whose values are complete; see `wavelet_covariance`."""
+    if setting.segments:
+        return pooled(setting, lambda stretch: covariance(model, stretch))
     if gaussian.knows(model, setting):
         return gaussian.covariance(model, setting)
     return filtered.covariance(model, setting)
@@ -24,6 +29,8 @@ def covariance(model: Model, setting: Setting) -> Matrix:
 
 def variances(model: Model, setting: Setting) -> Vector:
     """The diagonal of `covariance` (J,), at about a tenth of the cost."""
+    if setting.segments:
+        return pooled(setting, lambda stretch: variances(model, stretch))
     if gaussian.knows(model, setting):
         return gaussian.variances(model, setting)
     return filtered.variances(model, setting)
@@ -35,6 +42,8 @@ def ratio_variances(model: Model, setting: Setting) -> Vector:
     The classical one is the first term of the Hermite expansion of the robust one. So Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
     ν̂_k²), and of the ratio is left what the robust one has beyond: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
     """
+    if setting.segments:
+        return pooled(setting, lambda stretch: ratio_variances(model, stretch))
     if gaussian.knows(model, setting):
         return gaussian.ratio_variances(model, setting)
     return filtered.ratio_variances(model, setting)
@@ -42,7 +51,7 @@ def ratio_variances(model: Model, setting: Setting) -> Vector:
 
 def wavelet_covariance(
     model: ModelLike,
-    samples: int,
+    samples: int | Sequence[int],
     rate: float,
     *,
     levels: int | ArrayLike | None = None,
@@ -67,12 +76,21 @@ def wavelet_covariance(
     with the same term for a drift. That rounding errors are uniform is left out there: where nothing else is felt, V is
     some 10 % too large. Levels of one or two coefficients are not estimated robustly, and are as of the classical one.
 
+    Of stretches s between gaps, measured together and taken for independent,
+
+        V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj,
+
+    which is exact of white and quantization noise and of random walks, whose coefficients hold increments of their own
+    stretch alone; a Gauss-Markov process that outlasts a gap correlates what lies on both sides of it a little, which
+    is left out. If more than 64 lengths differ, V_s M_s² is interpolated between lengths an eighth of an octave apart,
+    which makes V of the coarsest levels up to 1 % too large.
+
     Parameters
     ----------
     model : Model, Process or str
         With all its values.
-    samples : int
-        Length N of the record.
+    samples : int or sequence of int
+        Length N of the record, or that of each of its stretches if it has gaps.
     rate : float
         Samples per second (Hz).
     levels : int or (J,) array, optional
@@ -99,6 +117,8 @@ def wavelet_covariance(
            [0.0001876, 0.0002192]])
     >>> wavelet_covariance(WN(sigma2=1.0), samples=1000, rate=1.0, levels=1, robust=True).round(7)
     array([[0.0011196]])
+    >>> wavelet_covariance(WN(sigma2=1.0), samples=(600, 400), rate=1.0, levels=1).round(7)
+    array([[0.000751]])
     """
     require_robust(robust, efficiency)
     setting = as_setting(samples, rate, levels, filter, transform, efficiency if robust else None)
@@ -106,7 +126,7 @@ def wavelet_covariance(
 
 
 def as_setting(
-    samples: int,
+    samples: int | Sequence[int],
     rate: float,
     levels: int | ArrayLike | None,
     filter: str | WaveletFilter,
@@ -115,15 +135,20 @@ def as_setting(
 ) -> Setting:
     """The setting, checked: every level has a coefficient."""
     rate, wavelet = as_rate(rate), find_filter(filter)
-    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < 2:
+    lengths = list(samples) if isinstance(samples, Sequence) else [samples]
+    if not lengths or any(isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in lengths):
+        raise OptionError(f"samples must be an integer of at least 2, or the lengths of stretches, got {samples!r}")
+    longest = int(max(lengths))
+    if longest < 2:
         raise OptionError(f"samples must be an integer of at least 2, got {samples!r}")
     if transform not in ("modwt", "dwt"):
         raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
     if efficiency is not None:
         biweight(efficiency)
-    deepest = deepest_level(int(samples), wavelet, transform)
+    deepest = deepest_level(longest, wavelet, transform)
     wanted = as_levels(max(deepest, 1) if levels is None else levels)
     if wanted[-1] > deepest:
         needed = wavelet.width(int(wanted[-1]))
         raise OptionError(f"level {wanted[-1]} needs {needed} samples, got samples={samples}; take fewer levels")
-    return Setting(wanted, int(samples), rate, wavelet, transform, efficiency)
+    segments = tuple(map(int, lengths)) if len(lengths) > 1 else ()
+    return Setting(wanted, sum(map(int, lengths)), rate, wavelet, transform, efficiency, segments)

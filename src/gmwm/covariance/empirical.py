@@ -62,7 +62,7 @@ def empirical_covariance(
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
+        Finite samples, at least 8 without a gap; segments of a Signal are measured together.
     rate : float
         Samples per second (Hz); taken from a Signal.
     levels : int, optional
@@ -108,7 +108,7 @@ def empirical_covariance(
     # By a power of two, which changes no digit, so that fourth powers stay in range.
     unit = 2.0 ** np.floor(0.5 * np.log2(wv.variance.max()))
     variance = wv.variance / unit**2
-    values = (x.whole() if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
+    values = (x.values if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
     curve, model = mixture(variance, wv.degrees_of_freedom, setting)
     theory = covariance(model, setting)
     variance_share, correlation, tapers = _measured(values, variance, setting)
@@ -173,7 +173,20 @@ def _measured(values: Vector, variance: Vector, setting: Setting) -> tuple[Vecto
 
 
 def _squares(values: Vector, setting: Setting) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Times and squares of the coefficients that no boundary reaches, level by level."""
+    """Times and squares of the coefficients that no boundary reaches, level by level; times count gaps for nothing."""
+    stretches, first = [], 0
+    for length in setting.lengths:
+        stretch = setting.stretch(length, setting.counts)
+        if stretch is not None:
+            stretches.append((first, _squares_of(values[first : first + length], stretch)))
+        first += length
+    for _ in setting.levels:
+        here = [(first, *found) for first, squares in stretches if (found := next(squares, None)) is not None]
+        yield np.concatenate([first + places for first, places, _ in here]), np.concatenate([w for _, _, w in here])
+
+
+def _squares_of(values: Vector, setting: Setting) -> Iterator[tuple[NDArray[np.int64], Vector]]:
+    """The same of one stretch."""
     filter, wanted = setting.filter, setting.levels.tolist()
     if setting.transform == "dwt":
         inner = inner_coefficients(values, filter, "dwt", wanted[-1])

@@ -27,7 +27,6 @@ from gmwm.covariance.setting import Setting
 from gmwm.filters import WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.model import Model
-from gmwm.variance.robust import FEW
 
 OVERSAMPLED = 4
 """A pair of levels is summed over lags 2^(j − 4) apart, j the finer one, or less where V_jj changes by `_ALIKE`."""
@@ -69,7 +68,7 @@ class _Lags:
     """The sums over lags of a model in a setting; `beyond`: of what a robust estimate has beyond the classical one."""
 
     def __init__(self, model: Model, setting: Setting, *, beyond: bool = False) -> None:
-        self.setting, self.beyond = setting, beyond
+        self.setting, self.beyond, self.few = setting, beyond, setting.few
         self.known = [_signal_covariance(model, setting)]
         self.smooth: dict[int, tuple[int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
@@ -127,7 +126,7 @@ class _Lags:
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
         """Covariance of the squares of two coefficients, or of what a robust estimate has in place of squares."""
         terms = values * values
-        if self.setting.efficiency is None or min(self.setting.counts[a], self.setting.counts[b]) <= FEW:
+        if self.setting.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
         else:
             terms = _robust(terms, float(self.own[a] * self.own[b]), self.setting.efficiency)

@@ -18,7 +18,6 @@ from gmwm.covariance.setting import Setting
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.model import Model
-from gmwm.variance.robust import FEW
 
 
 def knows(model: Model, setting: Setting) -> bool:
@@ -67,11 +66,6 @@ class _Pairs:
         """x_j x_k of each pair."""
         return np.asarray(values[self.finer] * values[self.coarser])
 
-    @property
-    def least_count(self) -> Vector:
-        """Number of coefficients of the level that has fewer of them."""
-        return np.minimum(self.counts[self.finer], self.counts[self.coarser])
-
 
 def _entries(model: Model, setting: Setting, *, diagonal: bool) -> Vector:
     """V_jk of all pairs, or of each level with itself."""
@@ -89,7 +83,7 @@ def _entries(model: Model, setting: Setting, *, diagonal: bool) -> Vector:
     squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
     if setting.efficiency is not None:
         robust = _robust_sum(present, pairs, setting, covariance, weight, starts)
-        squares = np.where(pairs.least_count <= FEW, squares, robust)
+        squares = np.where(setting.few[finer] | setting.few[coarser], squares, robust)
     elif cumulant := sum(process.error_cumulant for process in present):
         # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.
         squares += cumulant * _excess(pairs, setting.samples) / scale**2

@@ -36,7 +36,7 @@ def smoothed(wv: WaveletVariance) -> Vector:
     unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
     observed, freedom = wv.variance / unit, wv.degrees_of_freedom
     setting = Setting.of(wv)
-    _, shapes = _candidates(tuple(wv.levels.tolist()), wv.samples, wv.rate, setting.filter)
+    _, shapes = _candidates(tuple(wv.levels.tolist()), setting.longest, wv.rate, setting.filter)
     curve, _ = _likeliest(observed, freedom, shapes)
     return drawn(unit * observed, freedom, unit * curve)
 
@@ -51,7 +51,7 @@ def mixture(variance: Vector, freedom: Vector, setting: Setting) -> tuple[Vector
 
     Of processes whose covariance is known alone.
     """
-    processes, shapes = _candidates(tuple(setting.levels.tolist()), setting.samples, setting.rate, setting.filter)
+    processes, shapes = _candidates(tuple(setting.levels.tolist()), setting.longest, setting.rate, setting.filter)
     known = [k for k, process in enumerate(processes) if process.has("generalised_covariance")]
     curve, weights = _likeliest(variance, freedom, shapes[known])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]

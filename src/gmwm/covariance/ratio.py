@@ -14,7 +14,6 @@ from gmwm.covariance.robust import ratio_skewness
 from gmwm.covariance.setting import Setting
 from gmwm.processes.model import ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.transform import degrees_of_freedom
 
 _OVERLAP = 1.3
 """Overlapping coefficients make the ratio the more skewed: 1.1 to 1.45 times, in simulations."""
@@ -52,7 +51,7 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
     assert robust.efficiency is not None
     beyond = 2 / robust.efficiency - 2
     # Where the curve is that of a drift alone, or of no noise that there is: as if one coefficient in 2^j told more.
-    square = np.where(square > 0, square, beyond / degrees_of_freedom(whole.counts, whole.levels, "modwt")[tested])
+    square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
     square *= np.where(fallen, max((2 / _MEDIAN_EFFICIENCY - 2) / beyond, 1.0), 1.0)

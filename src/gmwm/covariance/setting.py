@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import freeze
+from gmwm._arrays import Vector, freeze
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.transform import Transform, coefficient_counts
+from gmwm.variance.robust import FEW
+from gmwm.variance.transform import Transform, coefficient_counts, pooled_counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,10 @@ class Setting:
     transform : "modwt" or "dwt"
     efficiency : float or None
         Of a robust estimate; None of a classical one.
+    segments : tuple of int
+        Lengths of the stretches that are measured together; () for a record without a gap.
+    pooled : (J,) int array or None
+        Of one stretch among several: how many coefficients they all have together.
 
     Examples
     --------
@@ -42,6 +47,8 @@ class Setting:
     filter: WaveletFilter = HAAR
     transform: Transform = "modwt"
     efficiency: float | None = None
+    segments: tuple[int, ...] = ()
+    pooled: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         # A copy of its own: freezing the caller's array would be a surprise.
@@ -50,12 +57,40 @@ class Setting:
     @classmethod
     def of(cls, wv: WaveletVariance) -> Setting:
         """The setting in which `wv` was measured."""
-        return cls(wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency)
+        return cls(wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Length of each stretch without a gap."""
+        return self.segments or (self.samples,)
+
+    @property
+    def longest(self) -> int:
+        """Length of the longest stretch without a gap: how far back one coefficient can look."""
+        return max(self.lengths)
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Number M_j of coefficients behind each estimate (J,)."""
-        return coefficient_counts(self.samples, self.levels, self.filter, self.transform)
+        """Number M_j of coefficients behind each estimate (J,), of all stretches."""
+        return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
+
+    @property
+    def degrees_of_freedom(self) -> Vector:
+        """η_j of a classical estimate without a model (J,)."""
+        return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
+
+    @property
+    def few(self) -> NDArray[np.bool_]:
+        """At which levels there are too few coefficients, all stretches together, to tell an outlier (J,)."""
+        return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
+
+    def stretch(self, length: int, counts: NDArray[np.int64]) -> Setting | None:
+        """That of one stretch by itself, with the levels it has and the `counts` of all; None if it has no level."""
+        own = coefficient_counts(length, self.levels, self.filter, self.transform)
+        reach = int(np.count_nonzero(own > 0))
+        if reach == 0:
+            return None
+        return replace(self, levels=self.levels[:reach], samples=length, segments=(), pooled=counts[:reach])
 
     @property
     def running_sum(self) -> bool:

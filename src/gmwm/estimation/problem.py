@@ -113,7 +113,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     observed = wv.variance - known
     root, unit, target = _weighed(observed, matrix)
     return Problem(
-        model, levels, rate, filter, wv.samples, observed, matrix, root, unit, target,
+        model, levels, rate, filter, wv.longest, observed, matrix, root, unit, target,
         linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
     )  # fmt: skip
 

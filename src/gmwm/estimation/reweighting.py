@@ -21,7 +21,6 @@ from gmwm.estimation.solve import Solution, estimated, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.transform import degrees_of_freedom
 
 REWEIGHTED = ("diagonal", "optimal")
 """The weightings that hang on the estimate."""
@@ -208,7 +207,7 @@ def _drawn_scale(model: Model, setting: Setting, observed: Vector | None) -> Vec
     """ν̄² / ν²."""
     if observed is not None:
         curve = model.wavelet_variance(setting.levels, setting.rate, setting.filter)
-        freedom = degrees_of_freedom(setting.counts, setting.levels, setting.transform)
+        freedom = setting.degrees_of_freedom
         if np.all(curve > 0):
             return np.asarray((freedom * observed / curve + PRIOR) / (freedom + PRIOR))
     return np.ones(setting.levels.size)

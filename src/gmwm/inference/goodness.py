@@ -20,7 +20,6 @@ from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.transform import degrees_of_freedom
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -172,7 +171,7 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
     """Which levels have the degrees of freedom that the test needs."""
-    return np.asarray(degrees_of_freedom(wv.counts, wv.levels, wv.transform) > LEAST_FREEDOM)
+    return np.asarray(Setting.of(wv).degrees_of_freedom > LEAST_FREEDOM)
 
 
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:

@@ -36,7 +36,7 @@ def simulated_variances(
 
     Paths are drawn in batches, batch b from a stream of its own, child b of the seed: the numbers depend on neither
     `threads` nor `draws`, and the first rows of a longer run are those of a shorter one. Stationary processes start
-    stationary, and quantization noise is uniform.
+    stationary, and quantization noise is uniform. Stretches between gaps are independent paths, measured together.
 
     Parameters
     ----------
@@ -105,8 +105,8 @@ def simulated_variances(
 def _measure(model: Model, setting: Setting, together: int, rng: np.random.Generator, rows: Matrix) -> None:
     """Fill `rows` from the first paths of a batch; the batch is always drawn whole, as the paths depend on its size."""
     deepest, wanted = int(setting.levels[-1]), setting.levels - 1
-    paths = model.simulate(setting.samples, setting.rate, rng, together)
-    for row, path in zip(rows, paths, strict=False):
+    stretches = [model.simulate(length, setting.rate, rng, together) for length in setting.lengths]
+    for row, *path in zip(rows, *stretches, strict=False):
         row[:] = variances_alone(path, setting.filter, setting.transform, deepest, setting.efficiency)[wanted]
 
 

@@ -202,7 +202,7 @@ def head(fit: Fit, way: Way) -> list[str]:
     _, words = test_in_words(fit, way)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
-        f"{wv.samples} samples at {wv.rate:g} Hz, {len(wv)} levels, "
+        f"{wv.extent}, {len(wv)} levels, "
         f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
         f"objective {fit.objective:.6g}: {certificate}",
         f"any number of terms: at least {fit.relaxed_bound:.6g}",

@@ -96,7 +96,7 @@ def automatic_labels(results: Sequence[WaveletVariance]) -> list[str]:
         [axis_title(wv.axis) for wv in results],
         _estimators(results),
         [f"{wv.filter} {wv.transform.upper()}" for wv in results],
-        [f"{wv.samples} samples at {wv.rate:g} Hz" for wv in results],
+        [wv.extent for wv in results],
     ]
     telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
     names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]

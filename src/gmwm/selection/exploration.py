@@ -173,5 +173,5 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
     rows: list[Vector] = list(problem.shapes)
     if problem.family is not None:
-        rows += list(grid(problem.family, wv.levels, wv.samples, wv.rate, problem.filter).values[::EVERY])
+        rows += list(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
     return np.array(rows), len(problem.shapes)

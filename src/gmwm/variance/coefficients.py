@@ -1,4 +1,4 @@
-"""Where wavelet coefficients come from: a running sum, or an array for each level. Both are read the same way."""
+"""Where wavelet coefficients come from: a running sum, an array for each level, or several of these. All read alike."""
 
 from __future__ import annotations
 
@@ -89,3 +89,43 @@ class PlainCoefficients:
     def resolution(self, k: int) -> float:
         """As given."""
         return self._resolutions[k]
+
+
+class PooledCoefficients:
+    """Those of several stretches together, each with as many levels as it has."""
+
+    def __init__(self, sources: Sequence[Coefficients]) -> None:
+        self.sources = sources
+        self.counts = np.zeros(max(len(source.counts) for source in sources), dtype=np.int64)
+        for source in sources:
+            self.counts[: len(source.counts)] += source.counts
+
+    def _reaching(self, k: int) -> list[Coefficients]:
+        return [source for source in self.sources if len(source.counts) > k]
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Added up."""
+        total = np.zeros((3, limits.size))
+        for source in self.sources:
+            reach = len(source.counts)
+            if np.any(limits[:reach] > 0):
+                total[:, :reach] += source.sums(np.ascontiguousarray(limits[:reach]), every)
+        return total[0], total[1], total[2]
+
+    def sample(self, k: int, size: int) -> Vector:
+        """Of each stretch its share."""
+        sources, count = self._reaching(k), int(self.counts[k])
+        ends = np.cumsum([0, *(int(source.counts[k]) for source in sources)])
+        # Rounded at the ends, not each by itself: so they add up, and many short stretches are not all left out.
+        shares = np.diff(ends if size >= count else ends * size // count).tolist()
+        parts = [source.sample(k, share) for source, share in zip(sources, shares, strict=True) if share]
+        return np.concatenate(parts)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """Of all stretches."""
+        found = [source.between(k, low, high) for source in self._reaching(k)]
+        return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
+
+    def resolution(self, k: int) -> float:
+        """That of the coarsest stretch."""
+        return max(source.resolution(k) for source in self._reaching(k))

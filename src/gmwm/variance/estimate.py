@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,17 +16,17 @@ from gmwm.errors import DataError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.variance.biweight import require_robust
-from gmwm.variance.coefficients import PlainCoefficients
+from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
-from gmwm.variance.robust import RobustVariances, haar_robust_variances, robust_variances
+from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.transform import (
     Transform,
     as_level_count,
     coefficient_counts,
     deepest_level,
-    degrees_of_freedom,
     inner_coefficients,
+    pooled_counts,
     variances,
 )
 
@@ -60,7 +62,8 @@ def wavelet_variance(
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
-        At least 8 finite samples without a gap.
+        Finite samples, at least 8 without a gap. Of a Signal with gaps the coefficients of all segments are taken
+        together, none across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj, or the robust estimate of them all.
     rate : float
         Samples per second (Hz); taken from a Signal.
     filter : str
@@ -91,7 +94,8 @@ def wavelet_variance(
     Raises
     ------
     DataError
-        If the signal has gaps, NaN or infinities, fewer than 8 samples, or fewer than the filter has taps.
+        If the signal has NaN or infinities, or its longest segment fewer than 8 samples, or fewer than the filter has
+        taps.
     OptionError
         If an option is not one of those it may be, or `rate` contradicts the Signal's.
 
@@ -118,14 +122,15 @@ def wavelet_variance(
     require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
-        values = as_vector(x, "x", finite=False)
+        pieces = [as_vector(x, "x", finite=False)]
         rate = as_rate(rate)
     else:
-        values = signal.whole()
+        pieces = signal.pieces()
         if rate is not None and rate != signal.rate:
             raise OptionError(f"rate={rate:g} contradicts the signal's {signal.rate:g} Hz; leave rate out")
         rate = signal.rate
-    n = values.size
+    lengths = tuple(piece.size for piece in pieces)
+    n = max(lengths)
     if n < MINIMUM_SAMPLES:
         raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples for a wavelet variance, got {n}")
     deepest = deepest_level(n, wavelet, transform)
@@ -133,51 +138,78 @@ def wavelet_variance(
         raise DataError(f"x must have at least {wavelet.length} samples for filter={wavelet.name!r}, got {n}")
     levels = as_level_count(levels, deepest, n)
 
-    slope = _slope(values)
+    slope = _slope(pieces)
     numbers = np.arange(1, levels + 1, dtype=np.int64)
-    counts = coefficient_counts(n, numbers, wavelet, transform)
+    counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
     if robust:
-        found = _robust(values, wavelet, transform, levels, efficiency)
+        found = _robust(pieces, wavelet, transform, levels, efficiency)
         variance, diagnostics["robust"] = found.variance, found.diagnostics
-        slope = _slope(_clipped(values))
+        slope = _slope([_clipped(piece) for piece in pieces])
+        eta = eta * efficiency
     else:
-        variance = _classical(values, wavelet, transform, levels)
+        variance = _classical(pieces, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
         raise DataError("x is too large to be squared in double precision; scale it down")
-    eta = degrees_of_freedom(counts, numbers, transform) * (efficiency if robust else 1.0)
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(
-        numbers, variance, lower, upper, counts, rate, n,
+        numbers, variance, lower, upper, counts, rate, sum(lengths),
         unit="" if signal is None else signal.unit,
         axis="" if signal is None else signal.axis,
         confidence=confidence, filter=wavelet.name, transform=transform,
         robust=robust, efficiency=efficiency if robust else None, slope=slope,
-        diagnostics=diagnostics,
+        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (),
     )  # fmt: skip
 
 
 def variances_alone(
-    values: Vector, filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
+    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """ν̂_j² of levels 1 … J of samples that are known to be good, robust where an efficiency is given."""
+    """ν̂_j² of levels 1 … J of stretches of samples that are known to be good, robust where an efficiency is given."""
     if efficiency is None:
-        return _classical(values, filter, transform, levels)
-    return _robust(values, filter, transform, levels, efficiency).variance
+        return _classical(pieces, filter, transform, levels)
+    return _robust(pieces, filter, transform, levels, efficiency).variance
 
 
-def _classical(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    if _by_running_sum(filter, transform):
-        return _core.haar_variance(values, levels)
+def _classical(pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
+    """Means of squares over all coefficients of all stretches."""
+    alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
+    if len(pieces) == 1:
+        return alone(pieces[0], levels)
+    total, counts = np.zeros(levels), np.zeros(levels)
+    numbers = np.arange(1, levels + 1, dtype=np.int64)
+    for piece, reach in _reaching(pieces, filter, transform, levels):
+        own = coefficient_counts(piece.size, numbers[:reach], filter, transform)
+        total[:reach] += own * alone(piece, reach)
+        counts[:reach] += own
+    return np.asarray(total / counts)
+
+
+def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, levels: int) -> Vector:
     return variances(values, filter, transform, levels)
 
 
 def _robust(
-    values: Vector, filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
+    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
-    if _by_running_sum(filter, transform):
-        return haar_robust_variances(values, levels, efficiency)
-    return robust_variances(_plain(values, filter, transform, levels), efficiency)
+    """One equation for each level, over all coefficients of all stretches."""
+    sources: list[Coefficients] = [
+        HaarCoefficients(piece, reach)
+        if _by_running_sum(filter, transform)
+        else _plain(piece, filter, transform, reach)
+        for piece, reach in _reaching(pieces, filter, transform, levels)
+    ]
+    return robust_variances(sources[0] if len(sources) == 1 else PooledCoefficients(sources), efficiency)
+
+
+def _reaching(
+    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
+) -> Iterator[tuple[Vector, int]]:
+    """The stretches that have a coefficient, and how many levels each has."""
+    for piece in pieces:
+        reach = min(levels, deepest_level(piece.size, filter, transform))
+        if reach > 0:
+            yield piece, reach
 
 
 def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
@@ -190,8 +222,20 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
-def _slope(values: Vector) -> float:
-    """Mean rise in a sample, from the means of the two halves; raises where the values cannot be used."""
+def _slope(pieces: Sequence[Vector]) -> float:
+    """Mean rise in a sample; raises where the values cannot be used.
+
+    Of several stretches by the squares of their lengths: what is best lies between the lengths themselves, in a random
+    walk, and their cubes, in white noise.
+    """
+    long = [piece for piece in pieces if piece.size > 1]
+    if len(long) == 1:
+        return _rise(long[0])
+    return float(np.average([_rise(piece) for piece in long], weights=[float(piece.size) ** 2 for piece in long]))
+
+
+def _rise(values: Vector) -> float:
+    """Mean rise in a sample, from the means of the two halves."""
     half = values.size // 2
     with np.errstate(over="ignore", invalid="ignore"):
         first, second = float(values[:half].sum()), float(values[half:].sum())

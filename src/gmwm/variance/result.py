@@ -15,7 +15,7 @@ from gmwm._late import LateMethod
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
 from gmwm.variance.limits import chi_square_limits
-from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom
+from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +44,9 @@ class WaveletVariance:
     rate : float
         Samples per second (Hz).
     samples : int
-        Length N of the signal.
+        Length N of the signal, gaps left out.
+    segments : tuple of int
+        Lengths of the stretches between gaps that were measured together; () for a signal without a gap.
     robust, efficiency : bool, float or None
         Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
     diagnostics : mapping
@@ -69,6 +71,7 @@ class WaveletVariance:
     efficiency: float | None = None
     slope: float | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    segments: tuple[int, ...] = ()
 
     plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
         "gmwm.plots.variance:plot_wavelet_variance",
@@ -93,10 +96,25 @@ class WaveletVariance:
     def degrees_of_freedom(self) -> Vector:
         """Equivalent degrees of freedom η_j of each estimate: max(M_j / 2^j, 1), M_j of a DWT (Percival 1995).
 
-        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less.
+        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several stretches
+        M_j² / Σ_s (M_sj² / η_sj), each with one at least.
         """
-        eta = degrees_of_freedom(self.counts, self.levels, self.transform)
+        if self.segments:
+            _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
+        else:
+            eta = degrees_of_freedom(self.counts, self.levels, self.transform)
         return eta * (1.0 if self.efficiency is None else self.efficiency)
+
+    @property
+    def longest(self) -> int:
+        """Length of the longest stretch without a gap (samples)."""
+        return max(self.segments, default=self.samples)
+
+    @property
+    def extent(self) -> str:
+        """How much was measured, in words: samples, segments, rate."""
+        apart = f" in {len(self.segments)} segments" if self.segments else ""
+        return f"{self.samples} samples{apart} at {self.rate:g} Hz"
 
     @classmethod
     def from_values(
@@ -185,6 +203,7 @@ class WaveletVariance:
             "counts": self.counts.tolist(),
             "rate": self.rate,
             "samples": self.samples,
+            "segments": list(self.segments),
             "unit": self.unit,
             "axis": self.axis,
             "confidence": self.confidence,
@@ -205,6 +224,7 @@ class WaveletVariance:
             fields[name] = np.asarray(fields[name], dtype=kind)
         for name in ("variance", "lower", "upper"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
+        fields["segments"] = tuple(int(length) for length in fields.get("segments", ()))
         return cls(**fields)
 
     def notes(self) -> list[str]:
@@ -223,7 +243,7 @@ class WaveletVariance:
         name = self.filter.capitalize() if self.filter == "haar" else self.filter.upper()
         title = f"{name} {self.transform.upper()} wavelet variance"
         lines = [
-            f"{title}{' of ' + self.axis if self.axis else ''}: {self.samples} samples at {self.rate:g} Hz",
+            f"{title}{' of ' + self.axis if self.axis else ''}: {self.extent}",
             f"{'level':>5} {'tau [s]':>12} {'variance' + unit:>20} {'lower':>12} {'upper':>12} {'coefficients':>13}",
         ]
         lines += [
@@ -243,10 +263,7 @@ class WaveletVariance:
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""
-        return (
-            f"WaveletVariance({self.axis or 'unnamed'}, {kind}{self.filter}, {len(self)} levels, "
-            f"{self.samples} samples at {self.rate:g} Hz)"
-        )
+        return f"WaveletVariance({self.axis or 'unnamed'}, {kind}{self.filter}, {len(self)} levels, {self.extent})"
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"

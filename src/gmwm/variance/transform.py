@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -302,7 +302,7 @@ def _first_interior(filter: WaveletFilter, level: int) -> int:
 
 
 def coefficient_counts(
-    samples: int, levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
+    samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
     """Number M_j of coefficients that need no sample outside the record; not positive where there is none.
 
@@ -310,7 +310,25 @@ def coefficient_counts(
     """
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
-    return np.array([(samples >> int(j)) - _first_interior(filter, int(j)) for j in levels], dtype=np.int64)
+    first = np.array([_first_interior(filter, int(j)) for j in levels], dtype=np.int64)
+    return np.asarray((samples >> levels) - first, dtype=np.int64)
+
+
+def pooled_counts(
+    lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Number M_j of coefficients of several stretches together, and degrees of freedom of the mean of their squares.
+
+    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no stretch is shorter than two scales, and more
+    where stretches that hold one coefficient or a few, which count for one degree of freedom each, are many.
+    """
+    sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
+    own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
+    counts = np.asarray(times @ own, dtype=np.int64)
+    if sizes.size == 1 and times[0] == 1:
+        return counts, degrees_of_freedom(counts, levels, transform)
+    spread = times @ (own.astype(np.float64) ** 2 / degrees_of_freedom(own, levels, transform))
+    return counts, np.asarray(counts.astype(np.float64) ** 2 / np.where(counts > 0, spread, 1.0))
 
 
 def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> int:
