@@ -1,36 +1,51 @@
-"""Recordings written to CSV or Parquet, so that `gmwm.read` gives the same numbers back, bit for bit."""
+"""Recordings written to CSV, Parquet or .imu records; the first two give the same numbers back, bit for bit."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import numpy as np
+
 from gmwm._files import written_whole
-from gmwm.errors import OptionError
-from gmwm.signals import Imu
+from gmwm.errors import DataError, OptionError
+from gmwm.records import TYPES, RecordType, counts
+from gmwm.signals import AXES, Imu
 
 SUFFIXES = (".csv", ".parquet")
-"""The file name extensions that choose a format."""
+"""The file name extensions of tables, which choose their format."""
+
+RECORDS = ".imu"
+"""The extension of bare records; which of the six types they are is said by `format`."""
 
 
-def write(imu: Imu, path: str | os.PathLike[str]) -> None:
-    """Write a recording; the suffix of the path chooses the format, .csv or .parquet.
+def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+    """Write a recording; the suffix of the path chooses the format: .csv, .parquet or .imu.
 
-    The columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]` if
-    there is one. Numbers keep full precision. Times are those of the uniform clock of each segment, from
-    the segment's start on, so gaps stay gaps. The file appears whole or not at all.
+    In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and
+    `temperature [°C]` if there is one. Numbers keep full precision. Times are those of the uniform clock of each
+    segment, from the segment's start on, so gaps stay gaps. The file appears whole or not at all.
+
+    An .imu file holds the time and the increments v/f of six axes in counts of its type. Where these are whole
+    numbers, what rounding leaves of a sample goes into the next, as a sensor of that type does it: no angle or
+    velocity is lost, and the noise gained is quantization noise of one count. A temperature has no place in it.
 
     Parameters
     ----------
     imu : Imu
         The recording.
     path : path
-        Where to; folders on the way are made.
+        Where to.
+    format : str, optional
+        For .imu, the type of its records: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA",
+        "imu:NAVCHIP_INT" or "imu:NAVCHIP_FLT".
 
     Raises
     ------
     OptionError
-        If the suffix is neither .csv nor .parquet.
+        If the suffix is none of these, or the format is not one of .imu files.
+    DataError
+        If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
 
     Examples
     --------
@@ -42,12 +57,21 @@ def write(imu: Imu, path: str | os.PathLike[str]) -> None:
     ['time [s],gyro_x [rad/s]', '0.0,0.1']
     >>> folder.cleanup()
     """
-    import polars as pl
-
     target = Path(path)
     suffix = target.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise OptionError(f"path must end in {' or '.join(SUFFIXES)}, got {target.name!r}")
+    if suffix not in (*SUFFIXES, RECORDS):
+        raise OptionError(f"path must end in {', '.join(SUFFIXES)} or {RECORDS}, got {target.name!r}")
+    if suffix == RECORDS:
+        _write_records(imu, target, _record_type(format, target))
+    elif format is not None:
+        raise OptionError(f"format is for {RECORDS} files alone, {target.name!r} needs none; got {format!r}")
+    else:
+        _write_table(imu, target)
+
+
+def _write_table(imu: Imu, target: Path) -> None:
+    import polars as pl
+
     columns = {"time [s]": imu[imu.axes[0]].times()}
     for axis in imu:
         unit = imu[axis].unit
@@ -56,7 +80,38 @@ def write(imu: Imu, path: str | os.PathLike[str]) -> None:
         columns["temperature [°C]"] = imu.temperature
     frame = pl.DataFrame(columns)
     with written_whole(target) as temporary:
-        if suffix == ".csv":
+        if target.suffix.lower() == ".csv":
             frame.write_csv(temporary)
         else:
             frame.write_parquet(temporary)
+
+
+def _record_type(format: str | None, target: Path) -> RecordType:
+    named = {kind.format.casefold(): kind for kind in TYPES}
+    if format is None:
+        known = ", ".join(kind.format for kind in TYPES)
+        raise OptionError(f"{target.name!r} needs the type of its records; pass format=, one of {known}")
+    if not isinstance(format, str) or format.casefold() not in named:
+        raise OptionError(f"format must be one of {', '.join(kind.format for kind in TYPES)}; got {format!r}")
+    return named[format.casefold()]
+
+
+def _write_records(imu: Imu, target: Path, kind: RecordType) -> None:
+    """Time and six increments a record, in the counts of the type."""
+    missing = [axis for axis in AXES if axis not in imu.axes]
+    if missing:
+        raise DataError(f"an {RECORDS} file holds six axes, the recording has no {', '.join(missing)}; write a table")
+    records = np.empty(len(imu), kind.dtype)
+    records["time"] = imu[AXES[0]].times()
+    for axis, scale in zip(AXES, kind.scales, strict=True):
+        values = imu[axis].values
+        if kind.word == "f8":
+            records[axis] = values / (scale * imu.rate)
+            continue
+        limit = np.iinfo(np.int32).max
+        largest = float(np.max(np.abs(values))) / (scale * imu.rate)
+        if largest >= limit:
+            raise DataError(f"{axis} reaches {largest:.3g} counts of {kind.format}, more than the {limit} of 32 bits")
+        records[axis] = counts(values, scale * imu.rate)
+    with written_whole(target) as temporary:
+        records.tofile(temporary)

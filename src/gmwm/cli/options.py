@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
@@ -12,12 +16,15 @@ from gmwm.errors import DataError, OptionError
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
+    from gmwm.processes.model import Model
     from gmwm.signals import Imu, Signal
 
 INPUT = "Input"
 RESULT = "Result"
 
-File = Annotated[Path, typer.Argument(help="Recording: CSV, TXT or Parquet.", metavar="FILE", show_default=False)]
+File = Annotated[
+    Path, typer.Argument(help="Recording, in any format that is read.", metavar="FILE", show_default=False)
+]
 Rate = Annotated[
     float | None,
     typer.Option(help="Samples per second (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),
@@ -29,6 +36,25 @@ Units = Annotated[
         "accelerometers: m/s², g, mg, mGal, µg; time: s, ms, us, ns.",
         metavar="gyro=deg/s,accel=g",
         rich_help_panel=INPUT,
+    ),
+]
+Scale = Annotated[
+    str | None,
+    typer.Option(
+        help="Factors for raw counts, by sensor or axis: a number of the file times its factor is in the unit.",
+        metavar="gyro=1/131,accel_x=6.1e-5",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+Increments = Annotated[
+    str | None,
+    typer.Option(
+        help="Sensors or axes whose numbers are angles and velocities gained in a sample: they are multiplied by the "
+        "rate; their unit is told as that of the rate, deg/s for degrees.",
+        metavar="gyro,accel",
+        rich_help_panel=INPUT,
+        show_default=False,
     ),
 ]
 Columns = Annotated[
@@ -47,6 +73,97 @@ Gaps = Annotated[
         rich_help_panel=INPUT,
     ),
 ]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        help="Format of the file, where its content should not decide or cannot: imu:LN200 for .imu records of that "
+        "sensor, say. A wrong name is answered with all of them.",
+        metavar="NAME",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+
+
+Start = Annotated[
+    str | None,
+    typer.Option(
+        help="Leave out what comes before, counted from the first sample: 90s, 10min, 1h30m or seconds.",
+        metavar="LENGTH",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+Stop = Annotated[
+    str | None,
+    typer.Option(
+        help="Leave out what comes after, counted from the first sample.",
+        metavar="LENGTH",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+Skip = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Leave out what lies between two times from the first sample, as 20min-25min; repeat it or use commas.",
+        metavar="FROM-TO",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+Topic = Annotated[
+    str | None,
+    typer.Option(
+        help="Which recording of several in one file, a topic of a ROS bag for one, where not exactly one is inertial; "
+        "without it they are listed.",
+        metavar="NAME",
+        rich_help_panel=INPUT,
+        show_default=False,
+    ),
+]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opening:
+    """How a recording is opened: the options that all commands with a recording share, in the order of their help."""
+
+    rate: Rate = None
+    units: Units = None
+    columns: Columns = None
+    gaps: Gaps = "keep"
+    start: Start = None
+    stop: Stop = None
+    skip: Skip = None
+    format: Format = None
+    topic: Topic = None
+    scale: Scale = None
+    increments: Increments = None
+
+
+def opens(command: Callable[..., None]) -> Callable[..., None]:
+    """A command whose parameter `opening` becomes the options of `Opening`: each is written once, there."""
+    hints, options = (get_type_hints(of, include_extras=True) for of in (command, Opening))
+    parameters: list[Parameter] = []
+    for given in signature(command).parameters.values():
+        if given.name == "opening":
+            parameters += (
+                Parameter(option.name, Parameter.KEYWORD_ONLY, default=option.default, annotation=options[option.name])
+                for option in fields(Opening)
+            )
+        else:
+            parameters.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[given.name]))
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        opening = Opening(**{option.name: given.pop(option.name) for option in fields(Opening)})
+        command(opening=opening, **given)
+
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
 Axes = Annotated[
     list[str] | None,
     typer.Option(
@@ -129,9 +246,20 @@ CriterionName = Annotated[
         rich_help_panel="Estimation",
     ),
 ]
+
+
+def confidence_level(given: float) -> float:
+    """A level as it is computed with; an error that names the option where it is none."""
+    if not 0 < given < 1:
+        hint = f"; {given:g} % is {given / 100:g}" if 1 < given < 100 else "; 95 % is 0.95"
+        raise OptionError(f"--confidence must be between 0 and 1, got {given:g}{hint}")
+    return given
+
+
 Confidence = Annotated[
     float,
     typer.Option(
+        callback=confidence_level,
         help="Level of the intervals, and of what counts as equally good.",
         metavar="LEVEL",
         rich_help_panel="Estimation",
@@ -142,6 +270,21 @@ Seed = Annotated[
 ]
 
 
+def parse_within(text: str) -> Model:
+    """The model of --within.
+
+    >>> parse_within("GM + WN")
+    Model('GM + WN')
+    """
+    from gmwm import parse_model
+    from gmwm.errors import ModelError
+
+    try:
+        return parse_model(text)
+    except ModelError as error:
+        raise ModelError(f"--within: {error}") from None
+
+
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
     """The efficiency of what --robust asks for; an error if it is given for nothing."""
     if efficiency is not None and not robust:
@@ -149,15 +292,51 @@ def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
     return 0.6 if efficiency is None else efficiency
 
 
-def load(
-    path: Path, rate: float | None, units: str | None, columns: str | None, gaps: Literal["keep", "longest"]
-) -> Imu:
+def load(path: Path, opening: Opening) -> Imu:
     """The recording in a file, read as the options say."""
     from gmwm.cli.output import progress
     from gmwm.readers import read
 
     with progress(f"reading {path.name}"):
-        return read(path, rate=rate, columns=parse_columns(columns), units=parse_units(units), gaps=gaps)
+        return read(
+            path,
+            rate=opening.rate,
+            columns=parse_columns(opening.columns),
+            units=parse_units(opening.units),
+            gaps=opening.gaps,
+            start=_length(opening.start, "--start"),
+            stop=_length(opening.stop, "--stop"),
+            skip=parse_skips(opening.skip),
+            format=opening.format,
+            topic=opening.topic,
+            scale=parse_scale(opening.scale),
+            increments=[part.strip() for part in (opening.increments or "").split(",") if part.strip()],
+        )
+
+
+def _length(text: str | None, option: str) -> float | None:
+    from gmwm.cli.plan import parse_length
+
+    return None if text is None else parse_length(text, option)
+
+
+def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
+    """Stretches of time to leave out (s).
+
+    >>> parse_skips(["20min-25min,1h-1h30s"])
+    [(1200.0, 1500.0), (3600.0, 3630.0)]
+    """
+    from gmwm.cli.plan import parse_length
+
+    skips = []
+    for part in (part.strip() for text in texts or () for part in text.split(",")):
+        # A number may have a minus sign after its e.
+        ends = re.split(r"(?<![0-9.][eE])-", part)
+        if len(ends) != 2:
+            raise OptionError(f"--skip takes two times with a minus sign between, as 20min-25min; got {part!r}")
+        begin, end = (parse_length(text, "--skip") for text in ends)
+        skips.append((begin, end))
+    return skips
 
 
 def parse_units(text: str | None) -> dict[str, str] | None:
@@ -178,6 +357,27 @@ def parse_units(text: str | None) -> dict[str, str] | None:
             )
         units[name] = unit
     return units
+
+
+def parse_scale(text: str | None) -> dict[str, float] | None:
+    """Factors as `gmwm.read` takes them, each a number or a fraction.
+
+    >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
+    {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
+    """
+    if text is None:
+        return None
+    factors = {}
+    for part in text.split(","):
+        name, mark, number = (piece.strip() for piece in part.partition("="))
+        above, _, below = number.partition("/")
+        try:
+            factors[name] = float(above) / float(below or 1)
+        except (ValueError, ZeroDivisionError):
+            mark = ""
+        if not mark or not name:
+            raise OptionError(f"--scale takes a factor for each, as gyro=1/131,accel_x=6.1e-5; got {part.strip()!r}")
+    return factors
 
 
 def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
@@ -202,14 +402,18 @@ def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] |
     return columns
 
 
-def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
-    """The signals that --axis names, all by default; the recording has no gaps."""
+def require_whole(imu: Imu) -> None:
+    """An error where a recording has gaps, for what is not measured over several segments."""
     if len(imu.segments) > 1:
         sizes = ", ".join(str(stop - start) for start, stop in imu.segments[:5])
         raise DataError(
             f"the recording has gaps: {len(imu.segments)} segments of {sizes}{', …' if len(imu.segments) > 5 else ''} "
             "samples, which are never glued; pass --gaps longest to use the longest of them"
         )
+
+
+def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
+    """The signals that --axis names, all by default."""
     if not wanted:
         return imu.signals
     axes: list[str] = []

@@ -1,11 +1,24 @@
 """Readers of recordings: one file a format, one front door, `read`.
 
->>> [reader.name for reader in registered()]
-['parquet', 'text']
+>>> "parquet" in [reader.name for reader in registered()]
+True
 """
 
+from gmwm.readers import archive as archive
+from gmwm.readers import compressed as compressed
+from gmwm.readers import epson as epson
+from gmwm.readers import hdf5 as hdf5
+from gmwm.readers import imr as imr
+from gmwm.readers import kalibr as kalibr
+from gmwm.readers import matlab as matlab
+from gmwm.readers import npy as npy
 from gmwm.readers import parquet as parquet
+from gmwm.readers import rosbag as rosbag
+from gmwm.readers import sensorlogger as sensorlogger
 from gmwm.readers import text as text
+from gmwm.readers import ulog as ulog
+from gmwm.readers import waypoint as waypoint
+from gmwm.readers import xsens as xsens
 from gmwm.readers.base import Channel, Chunk, Layout, Reader, find_reader, register, registered
 from gmwm.readers.recording import read
 

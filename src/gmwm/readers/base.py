@@ -40,12 +40,15 @@ class Channel:
         "gyro_x" … "accel_z", "time" or "temperature" where the format fixes it; "" to go by the name.
     increments : bool
         Whether a value is the integral over its sample (rad, m/s), to be multiplied by the rate.
+    scale : float
+        What a number of the file is to be multiplied by before `unit` holds: counts to units.
     """
 
     name: str
     unit: str = ""
     axis: str = ""
     increments: bool = False
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,8 @@ class Layout:
         What was understood, in plain words.
     state : object
         What the reader itself needs to find the numbers.
+    inertial : bool
+        Of several recordings in one file, whether this is one of an inertial sensor, by what the file says.
     """
 
     channels: tuple[Channel, ...]
@@ -77,6 +82,7 @@ class Layout:
     units: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     state: Any = None
+    inertial: bool = True
 
     @property
     def named(self) -> bool:
@@ -90,7 +96,9 @@ class Reader(ABC):
     name: ClassVar[str]
     """Name of the format, for `gmwm.read(…, format=)`."""
     extensions: ClassVar[tuple[str, ...]]
-    """Usual file name extensions, lower case, with the dot."""
+    """Usual file name extensions, lower case, with the dot; none for a format that only its name chooses."""
+    folder_sign: ClassVar[str] = ""
+    """Name of the file that stands for a directory in this format; "" where a recording is one file."""
 
     @abstractmethod
     def sniff(self, path: Path, head: bytes) -> float:
@@ -141,7 +149,7 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         )
     file = Path(os.fsdecode(path))
     if file.is_dir():
-        raise ReadError(f"{file} is a directory; pass the path of one recording in it")
+        file = _sign_of(file)
     if not file.exists():
         raise ReadError(f"{file} does not exist; looked in {file.absolute().parent}")
     if not file.is_file():
@@ -151,12 +159,21 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     return file
 
 
+def _sign_of(folder: Path) -> Path:
+    """The file that stands for a directory which is one recording."""
+    for reader in _READERS.values():
+        if reader.folder_sign and (folder / reader.folder_sign).is_file():
+            return folder / reader.folder_sign
+    raise ReadError(f"{folder} is a directory; pass the path of one recording in it")
+
+
 def find_reader(path: Path, format: str | None = None) -> Reader:
     """The reader of a file: the one named `format`, or the one whose signs its first bytes show."""
     if format is not None:
-        if format not in _READERS:
+        named = {name.casefold(): reader for name, reader in _READERS.items()}
+        if not isinstance(format, str) or format.casefold() not in named:
             raise OptionError(f"format must be one of {', '.join(_READERS)}; got {format!r}")
-        return _READERS[format]
+        return named[format.casefold()]
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
@@ -166,7 +183,7 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
     best = max(_READERS.values(), key=lambda r: (r.sniff(path, head), suffix in r.extensions))
     if best.sniff(path, head) > 0:
         return best
-    known = "; ".join(f"{r.name} ({', '.join(r.extensions)})" for r in _READERS.values())
+    known = "; ".join(f"{r.name} ({', '.join(r.extensions)})" for r in _READERS.values() if r.extensions)
     begin = " ".join(f"{byte:02x}" for byte in head[:8])
     raise ReadError(
         f"{path} is in none of the formats known here: {known}. It begins with the bytes {begin}; "

@@ -50,6 +50,8 @@ class Dialect:
         The first row of numbers, as text.
     integers : tuple of bool
         For each column, whether the first rows hold integers only.
+    rate : float or None
+        Samples per second (Hz) where a comment states them.
     """
 
     delimiter: str
@@ -63,6 +65,7 @@ class Dialect:
     comment: str
     first_row: tuple[str, ...]
     integers: tuple[bool, ...]
+    rate: float | None = None
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -118,7 +121,18 @@ def detect(lines: list[str], path: object) -> Dialect:
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     return Dialect(
-        delimiter, decimal_comma, fields, columns, first_line, names, units, stated, sign, first_row, integers
+        delimiter,
+        decimal_comma,
+        fields,
+        columns,
+        first_line,
+        names,
+        units,
+        stated,
+        sign,
+        first_row,
+        integers,
+        _stated_rate(comments),
     )
 
 
@@ -242,4 +256,15 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
     return found
 
 
+def _stated_rate(comments: list[str]) -> float | None:
+    """The one sampling rate (Hz) that comments state: "// Update Rate: 100.0Hz", "#Log,Output Rate,200.0"."""
+    found = {float(number) * (1e3 if kilo else 1) for line in comments for number, kilo in _RATE.findall(line)}
+    return found.pop() if len(found) == 1 and min(found) > 0 else None
+
+
+_RATE = re.compile(
+    r"\b(?:update|output|sampl(?:e|ing)|data)[ _]*(?:rate|frequency)\s*[:=,]?\s*(?:\(hz\)\s*[:=,]?)?\s*"
+    r"(\d+(?:\.\d+)?)\s*(k)?(?:hz|sps|,|;|\s|$)",
+    re.IGNORECASE,
+)
 _CLEAR = {"s", "ms", "us", "ns", "µs", "seconds", "milliseconds", "microseconds", "nanoseconds"}

@@ -40,7 +40,7 @@ _ACCEL = {
 _OTHER = {
     "mag", "magnetometer", "magnetic", "std", "stddev", "sigma", "cov", "covariance", "bias", "var",
     "variance", "quat", "quaternion", "orientation", "inc", "increment", "delta", "jerk", "temp", "valid",
-    "status", "counts", "reference", "ref", "user",
+    "status", "counts", "reference", "ref", "user", "free",
 }  # fmt: skip
 _TIME = {
     "time", "t", "timestamp", "timestamps", "stamp", "timestamputc", "sensortime", "gpstime", "tow",
@@ -123,7 +123,7 @@ def unit_of(text: str, axis: str) -> str:
     if axis == "time":
         return _TIME_WORDS.get(key, "")
     if axis == "temperature":
-        return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c"} else text.strip()
+        return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
     unit = find_unit(_UNIT_WORDS.get(key, key))
     return unit.name if unit is not None and axis.startswith(unit.quantity) else ""
 

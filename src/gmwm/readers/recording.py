@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, as_rate
 from gmwm._words import counted
+from gmwm.cuts import cut
 from gmwm.errors import DataError, GmwmWarning, InferredUnitWarning, OptionError, ReadError, TimeBaseWarning
 from gmwm.readers.base import Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose, described
+from gmwm.readers.factors import checked_increments, checked_scale, multiply
 from gmwm.readers.scales import Scales, checked_units, resolve, time_unit
 from gmwm.readers.timebase import Timing, as_stamps, timing, unstamped
-from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, axis_quantity
+from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.units import SI_UNIT
 
 Gaps = Literal["keep", "longest"]
@@ -35,13 +37,19 @@ def read(
     *,
     gaps: Gaps = "keep",
     format: str | None = None,
+    scale: Mapping[str, float] | None = None,
+    increments: bool | Sequence[str] = (),
+    topic: str | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    skip: Sequence[tuple[float, float]] = (),
 ) -> Imu:
     """A static recording from a file, in rad/s and m/s².
 
     Parameters
     ----------
     path : path
-        CSV or text with any common delimiter, or Parquet; the content decides, not the name.
+        A file in any of the formats of docs/formats.md; the content decides which, not the name.
     rate : float, optional
         Samples per second (Hz). Needed where there are no time stamps; where there are, it must agree with
         them within 1 %, and is then what counts.
@@ -55,7 +63,21 @@ def read(
     gaps : "keep" or "longest"
         Keep all segments between gaps, or the longest one only. Segments are never glued.
     format : str, optional
-        Name of the reader, where the content should not decide.
+        Name of the reader, where the content should not decide, or cannot: "imu:LN200" for the .imu records of
+        that sensor. `[reader.name for reader in gmwm.readers.registered()]` are all.
+    scale : mapping, optional
+        Factors for raw counts, by axis or for all three of a sensor: {"gyro": 1 / 131, "accel_x": 6.1e-5}. Each
+        number of the file is multiplied by its factor, the result is in the unit of `units` or of the file.
+    increments : bool or sequence, optional
+        True, or the sensors or axes whose numbers are integrals over a sample: ["gyro"]. They are multiplied by the
+        rate; their unit is told as that of the rate, "deg/s" for degrees.
+    topic : str, optional
+        Which recording of a file that holds several: the topic of a ROS bag. Needed where not exactly one of them is
+        known as inertial.
+    start, stop : float, optional
+        Leave out what comes before and after these times, in seconds from the first sample: warm-up, handling.
+    skip : sequence of (from, to)
+        Leave out these stretches of time too, in seconds from the first sample; each leaves a gap.
 
     Returns
     -------
@@ -93,20 +115,31 @@ def read(
         raise OptionError(f"gaps must be 'keep' or 'longest', got {gaps!r}")
     declared_rate = None if rate is None else as_rate(rate)
     declared_units = checked_units(units)
+    factors, integrals = checked_scale(scale), checked_increments(increments)
     file = existing_file(path)
     reader = find_reader(file, format)
-    layout = _one_layout(reader, file)
+    layout = _one_layout(reader, file, topic)
     choice = choose(layout, columns, file)
     _require_time(layout, choice, declared_rate, file)
     raw = _numbers(reader, file, layout, choice)
     time, time_notes = _timing(layout, choice, declared_units, raw, declared_rate)
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
+    scale_notes = multiply(layout, choice, factors, integrals, raw, time.base.rate)
     scales = resolve(layout, choice, declared_units, raw, time.base.rate)
     imu = Imu(
         _signals(layout, choice, raw, scales, time),
         str(path),
-        (*layout.notes, *choice.notes, *scales.notes, *scales.inferred, *time_notes, *time.notes, *time.troubles),
+        (
+            *layout.notes,
+            *choice.notes,
+            *scale_notes,
+            *scales.notes,
+            *scales.inferred,
+            *time_notes,
+            *time.notes,
+            *time.troubles,
+        ),
         time.base,
         temperature,
     )
@@ -117,15 +150,57 @@ def read(
     ):
         for sentence in sentences:
             warnings.warn(f"{file}: {sentence}", category, stacklevel=2)
+    if start is not None or stop is not None or skip:
+        imu = cut(imu, start, stop, skip)
     return imu.longest() if gaps == "longest" else imu
 
 
-def _one_layout(reader: Reader, path: Path) -> Layout:
+def _one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
+    """The recording that is read: the one asked for, or the only one that is inertial."""
     layouts = reader.layouts(path)
-    if len(layouts) != 1:
-        topics = ", ".join(layout.topic for layout in layouts) or "none"
-        raise ReadError(f"{path} holds {len(layouts)} recordings, expected one; its topics: {topics}")
-    return layouts[0]
+    if topic is not None:
+        named = [layout for layout in layouts if layout.topic == topic]
+        if len(named) == 1:
+            return _understood(named[0], path)
+        what = f"has {len(named)} recordings with the topic {topic!r}" if named else f"has no topic {topic!r}"
+        raise OptionError(f"{path} {what}; its topics: {_topics(layouts)}")
+    fitting = [layout for layout in layouts if layout.inertial] if len(layouts) > 1 else layouts
+    if len(fitting) == 1:
+        return _understood(fitting[0], path)
+    if not fitting:
+        raise ReadError(
+            f"{path} holds {len(layouts)} recordings, none of them known as inertial; choose one with topic= and say "
+            f"which of its columns are which axes with columns=. Its topics: {_topics(layouts)}"
+        )
+    raise ReadError(
+        f"{path} holds {len(fitting)} recordings, expected one; choose one with topic=: {_topics(fitting)}"
+        f"{_apart(fitting)}"
+    )
+
+
+def _understood(layout: Layout, path: Path) -> Layout:
+    """A layout with columns; without any it says why."""
+    if layout.channels:
+        return layout
+    reason = "; ".join(layout.notes) or "no columns"
+    raise ReadError(reason if reason.startswith(str(path)) else f"{path}: {reason}")
+
+
+def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
+    """Topics with the axes in them."""
+    named = []
+    for layout in layouts[:most]:
+        axes = [channel.axis for channel in layout.channels if channel.axis in AXES]
+        named.append(layout.topic + (f" ({', '.join(axes)})" if axes else ""))
+    return ", ".join(named) + (f" and {len(layouts) - most} more" if len(layouts) > most else "") or "none"
+
+
+def _apart(layouts: Sequence[Layout]) -> str:
+    """A remark where gyroscopes and accelerometers stand in recordings of their own."""
+    sensors = [{channel.axis[:-2] for channel in layout.channels if channel.axis in AXES} for layout in layouts]
+    if any(sensor == {"gyro"} for sensor in sensors) and any(sensor == {"accel"} for sensor in sensors):
+        return ". Gyroscopes and accelerometers with clocks of their own are read and calibrated one after the other"
+    return ""
 
 
 def _require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
@@ -203,8 +278,6 @@ def _signals(
     for axis in choice.axes:
         values = raw[axis]
         factor = scales.units[axis].factor
-        if layout.channels[choice.columns[axis]].increments:
-            factor *= time.base.rate
         if factor != 1:
             values *= factor
         unit = SI_UNIT[axis_quantity(axis)]

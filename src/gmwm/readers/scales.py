@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Vector
+from gmwm._words import OVERRULED
 from gmwm.errors import OptionError, UnitError
 from gmwm.readers.base import Layout
 from gmwm.readers.columns import Choice
@@ -121,7 +122,7 @@ def _known(
     if quantity in declared:
         unit = parse_unit(declared[quantity], quantity).name
         other = by_name or by_format
-        return unit, "declared" + (f" (the file says {other})" if other and other != unit else "")
+        return unit, "declared" + (f" ({OVERRULED} {other})" if other and other != unit else "")
     if by_name:
         return by_name, "named in the header"
     if by_format:
@@ -135,7 +136,8 @@ def _known(
 
 def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
     """Norm of the mean of the three accelerometers, in the unit of the file."""
-    return float(np.linalg.norm([np.mean(values[axis]) for axis in axes]))
+    with np.errstate(over="ignore"):  # of damaged numbers: what is infinite is near to nothing
+        return float(np.linalg.norm([np.mean(values[axis]) for axis in axes]))
 
 
 def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, str]:

@@ -19,12 +19,16 @@ from gmwm.errors import ReadError
 from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Reader, register
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
 from gmwm.readers.headers import recognise, unit_of
+from gmwm.readers.sources import FileSource
 
 if TYPE_CHECKING:
     import polars as pl
 
 BLOCK_BYTES = 8 << 20
 """Bytes in a block: large enough to parse in parallel, small enough to stay in the cache of pages."""
+
+LINE_BYTES = 8 * BLOCK_BYTES
+"""Bytes in a line that are not waited for any longer."""
 
 _BIG_INTEGER = 15  # digits that float64 always holds
 _NO_END = "the last line has no line end: if the recording was cut off there, its last value may lack digits"
@@ -48,37 +52,48 @@ class TextReader(Reader):
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """The columns by header, comment or number."""
-        dialect = detect(_head_lines(path), path)
+        return (self.layout(FileSource(path)),)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """One chunk a block; a column whose first rows hold long integers stays int64."""
+        return self.rows(FileSource(path), layout, wanted)
+
+    def layout(self, source: FileSource) -> Layout:
+        """The columns of the text that a source holds, packed or not."""
+        dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         channels = []
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             channels.append(Channel(name, unit_of(unit, axis) if axis else unit))
-        notes = (_NO_END,) if _is_open(path) else ()
-        return (Layout(tuple(channels), dialect.first_row, units=dialect.units, notes=notes, state=dialect),)
+        # Packed bytes say themselves whether they are whole.
+        notes = (_NO_END,) if source.seekable and _is_open(source) else ()
+        return Layout(
+            tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, notes=notes, state=dialect
+        )
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """One chunk a block; a column whose first rows hold long integers stays int64."""
+    def rows(self, source: FileSource, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """The numbers of the text that a source holds."""
         dialect: Dialect = layout.state
-        parser = _Parser(path, dialect, layout, tuple(wanted))
-        for line, block in _blocks(path, dialect.first_line):
+        parser = _Parser(source, dialect, layout, tuple(wanted))
+        for line, block in _blocks(source, dialect.first_line):
             chunk = parser.parse(block, line)
             if chunk is not None:
                 yield chunk
 
 
-def _head_lines(path: Path) -> list[str]:
+def _head_lines(source: FileSource) -> list[str]:
     """The first whole lines as text; the marks some programs put in front are removed or refused."""
-    with path.open("rb") as file:
+    with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ReadError(f"{path} is UTF-16 text; save it as UTF-8 (in a spreadsheet: 'CSV UTF-8')")
+        raise ReadError(f"{source} is UTF-16 text; save it as UTF-8 (in a spreadsheet: 'CSV UTF-8')")
     if b"\0" in head:
-        raise ReadError(f"{path} is binary, no text (it holds zero bytes); name its format with format=")
+        raise ReadError(f"{source} is binary, no text (it holds zero bytes); name its format with format=")
     if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
-        raise ReadError(f"{path} ends its lines with bare carriage returns; convert them to line feeds first")
+        raise ReadError(f"{source} ends its lines with bare carriage returns; convert them to line feeds first")
     if more and b"\n" in head:
         head = head[: head.rfind(b"\n") + 1]
     try:
@@ -88,25 +103,29 @@ def _head_lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").split("\n")
 
 
-def _is_open(path: Path) -> bool:
+def _is_open(source: FileSource) -> bool:
     """Whether the last line ends with the file, without a line end."""
-    with path.open("rb") as file:
+    with source.open() as file:
         file.seek(-1, os.SEEK_END)
         return file.read(1) not in b"\r\n"
 
 
-def _blocks(path: Path, first_line: int) -> Iterator[tuple[int, bytes]]:
+def _blocks(source: FileSource, first_line: int) -> Iterator[tuple[int, bytes]]:
     """Blocks of whole lines from `first_line` on, each with the number of its first line."""
-    with path.open("rb") as file:
+    with source.open() as file:
         for _ in range(first_line - 1):
             file.readline()
-        if first_line == 1 and file.read(3) != b"\xef\xbb\xbf":
-            file.seek(0)
-        line, rest = first_line, b""
+        line, rest = first_line, file.read(3) if first_line == 1 else b""
+        if rest == b"\xef\xbb\xbf":
+            rest = b""
         while read := file.read(BLOCK_BYTES):
             end = read.rfind(b"\n") + 1
             if end == 0:
                 rest += read
+                if len(rest) > LINE_BYTES:
+                    raise ReadError(
+                        f"{source} has a line of more than {LINE_BYTES >> 20} MB behind line {line}: no table"
+                    )
                 continue
             block, rest = rest + read[:end], read[end:]
             yield line, block
@@ -118,10 +137,10 @@ def _blocks(path: Path, first_line: int) -> Iterator[tuple[int, bytes]]:
 class _Parser:
     """Blocks of text into arrays."""
 
-    def __init__(self, path: Path, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
+    def __init__(self, source: FileSource, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
         import polars as pl
 
-        self.path, self.dialect, self.layout, self.wanted = path, dialect, layout, wanted
+        self.source, self.dialect, self.layout, self.wanted = source, dialect, layout, wanted
         cells = enumerate(dialect.first_row)
         self.long = {k for k, cell in cells if dialect.integers[k] and len(cell.lstrip("+-")) > _BIG_INTEGER}
         self.schema: dict[str, type[pl.DataType]] = {str(k): pl.String for k in range(dialect.fields)}
@@ -143,10 +162,10 @@ class _Parser:
         except pl.exceptions.PolarsError as error:
             self._explain(block, line)
             reason = str(error).splitlines()[0]
-            raise ReadError(f"{self.path}, from line {line} on: {reason}") from error
+            raise ReadError(f"{self.source}, from line {line} on: {reason}") from error
         if any(series.null_count() for series in frame):
             self._explain(block, line)
-            raise ReadError(f"{self.path}, from line {line} on: a row is not complete")
+            raise ReadError(f"{self.source}, from line {line} on: a row is not complete")
         if frame.is_empty():
             return None
         return {k: np.ascontiguousarray(frame.get_column(str(k)).to_numpy()) for k in self.wanted}
@@ -190,7 +209,7 @@ class _Parser:
                 last = not block.endswith(b"\n") and number == line + block.count(b"\n")
                 hint = "the file ends there: was it cut off?" if last else "repair or remove the line"
                 raise ReadError(
-                    f"{self.path}, line {number}: {len(cells)} values, expected {d.columns} as in line "
+                    f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
                     f"{d.first_line}; {hint} ({text.strip()[:60]!r})"
                 )
             for k in self.wanted:
@@ -200,17 +219,17 @@ class _Parser:
         name = self.layout.channels[column].name or f"number {column}"
         if cell == "":
             raise ReadError(
-                f"{self.path}, line {line}: column {name!r} is empty; remove or fill such rows first "
+                f"{self.source}, line {line}: column {name!r} is empty; remove or fill such rows first "
                 "(a sample that is missing is a gap, not a zero)"
             )
         if not is_number(cell, self.dialect.decimal_comma):
             raise ReadError(
-                f"{self.path}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number; remove the "
+                f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number; remove the "
                 "line, or leave the column out with columns="
             )
         if column in self.long and not re.fullmatch(r"[+-]?\d+", cell):
             raise ReadError(
-                f"{self.path}, line {line}: column {name!r} holds {cell!r} among integers of more than "
+                f"{self.source}, line {line}: column {name!r} holds {cell!r} among integers of more than "
                 f"{_BIG_INTEGER} digits; write all of them as integers"
             )
 

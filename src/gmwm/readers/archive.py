@@ -1,0 +1,203 @@
+"""Zip archives of text tables, as phones export them: one table a sensor, each with stamps of its own.
+
+Two tables are one recording only where their rows pair off: one and the same number of rows between two
+pairs, never more than half an interval apart. Then rows at either end that have no partner are left out,
+and nothing is resampled. Tables that do not pair off are recordings of their own, chosen by topic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.compressed import packed_text
+from gmwm.readers.headers import named_unit, recognise
+from gmwm.readers.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
+from gmwm.readers.sources import ZIP, MemberSource, PackedError, open_archive
+from gmwm.readers.text import TextReader
+from gmwm.signals import AXES, axis_quantity
+
+_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table in an archive: where it is, who reads it, what is in it."""
+
+    source: MemberSource
+    reader: TextReader
+    layout: Layout
+
+    @property
+    def quantities(self) -> set[str]:
+        """The sensors in it."""
+        axes = {channel.axis or recognise(channel.name).axis for channel in self.layout.channels}
+        return {axis_quantity(axis) for axis in axes if axis in AXES}
+
+    @property
+    def filtered(self) -> bool:
+        """Whether the phone has taken gravity out: then it is its filter's work, not the sensor's."""
+        return isinstance(self.reader, SensorLoggerReader) and sensor(Path(self.source.member)) == WITHOUT_GRAVITY
+
+    @property
+    def time(self) -> int | None:
+        """The column of its stamps, the one that the format names first."""
+        return next(
+            (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
+        )
+
+    def read(self, wanted: Sequence[int]) -> dict[int, NDArray[np.generic]]:
+        """The wanted columns, whole."""
+        parts = list(self.reader.rows(self.source, self.layout, wanted))
+        return {k: np.concatenate([part[k] for part in parts]) if parts else np.empty(0) for k in wanted}
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two tables whose rows pair off: where each begins, and how many rows they share."""
+
+    tables: tuple[_Table, _Table]
+    first: tuple[int, int]
+    rows: int
+
+
+@register
+class ArchiveReader(Reader):
+    """A zip archive with tables in it: Sensor Logger, phyphox, or any text."""
+
+    name: ClassVar[str] = "zip"
+    extensions: ClassVar[tuple[str, ...]] = (".zip",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.8 if the file begins as zip archives do: many formats are archives with names of their own."""
+        return 0.8 if head.startswith(ZIP) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The two tables of a phone as one recording if they pair off, or each table as one."""
+        tables = _tables(path)
+        gyro, accel = (_of_sensor(tables, quantity) for quantity in ("gyro", "accel"))
+        if gyro is not None and accel is not None and gyro is not accel:
+            joined = _joined(gyro, accel)
+            if joined is not None:
+                others = [table.layout.topic for table in tables if table not in (gyro, accel)]
+                note = (f"tables left out: {', '.join(others)}",) if others else ()
+                return (replace(joined, notes=(*joined.notes, *note)),)
+        return tuple(replace(table.layout, state=table) for table in tables)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """The numbers of a table, or of two side by side."""
+        if isinstance(layout.state, _Table):
+            yield from layout.state.reader.rows(layout.state.source, layout.state.layout, wanted)
+            return
+        pair: _Pair = layout.state
+        count = len(pair.tables[0].layout.channels)
+        out: dict[int, NDArray[np.generic]] = {}
+        for table, first, shift in zip(pair.tables, pair.first, (0, count), strict=True):
+            mine = [k - shift for k in wanted if 0 <= k - shift < len(table.layout.channels)]
+            if mine:
+                out |= {k + shift: v[first : first + pair.rows] for k, v in table.read(mine).items()}
+        yield out
+
+
+def _tables(path: Path) -> list[_Table]:
+    """The tables in an archive that hold an inertial sensor; the first error where there is none."""
+    with open_archive(path) as archive:
+        names = [info.filename for info in archive.infolist() if not info.is_dir()]
+    found, first_error = [], None
+    for name in names:
+        inside = PurePosixPath(name)
+        if inside.suffix.lower() not in _SUFFIXES or inside.name.startswith("."):
+            continue
+        source = MemberSource(path, name)
+        try:
+            reader, layout = packed_text(source, Path(inside.name))
+        except PackedError:
+            raise  # a table that is damaged is not one that is not there
+        except ReadError as error:
+            first_error = first_error or error
+            continue
+        table = _Table(source, reader, replace(layout, topic=str(inside.with_suffix(""))))
+        if table.quantities or len(names) == 1:
+            found.append(table)
+    if not found:
+        if first_error is not None and len(names) == 1:
+            raise first_error
+        shown = ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
+        raise ReadError(
+            f"{path} holds no table with a known axis; in it: {shown or 'nothing'}. Unpack it, and pass the table "
+            "with columns="
+        )
+    return found
+
+
+def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
+    """The one table of a sensor; of a phone's, the sensor's own and not what its filter has made of it."""
+    several = [table for table in tables if table.quantities == {quantity}]
+    if len(several) > 1:
+        own = ("gyroscope", "totalacceleration")
+        several = [t for t in several if sensor(Path(t.source.member)) in own] or several
+    if len(several) == 1:
+        return several[0]
+    several = [t for t in several if "linear" not in t.source.member.casefold()]
+    return several[0] if len(several) == 1 else None
+
+
+def _joined(gyro: _Table, accel: _Table) -> Layout | None:
+    """Both tables as one recording, if their rows pair off."""
+    if gyro.time is None or accel.time is None or accel.filtered:
+        return None
+    clocks = [table.layout.channels[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]
+    units = {named_unit(clock.name, "time") or clock.unit for clock in clocks}
+    stamps = [table.read([k])[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]
+    if len(units) > 1:
+        return None
+    matched = _matched(stamps[0], stamps[1])
+    if matched is None:
+        return None
+    first, rows = matched
+    left = stamps[0].size + stamps[1].size - 2 * rows
+    # The accelerometers' stamps go: the gyroscopes' are the recording's.
+    channels = [
+        replace(c, axis="", name=f"{accel.layout.topic}: stamps") if (c.axis or recognise(c.name).axis) == "time" else c
+        for c in accel.layout.channels
+    ]
+    note = (
+        f"{gyro.layout.topic} and {accel.layout.topic}: rows pair off within half an interval, time from the first; "
+        f"rows at the ends without a partner, left out: {left}"
+    )
+    return Layout(
+        (*gyro.layout.channels, *channels),
+        (*gyro.layout.first_row, *accel.layout.first_row),
+        units={**accel.layout.units, **gyro.layout.units},
+        notes=(*gyro.layout.notes, *accel.layout.notes, note),
+        state=_Pair((gyro, accel), first, rows),
+    )
+
+
+def _matched(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
+    """Where two rows of stamps begin to pair off, and for how many rows; None if they do not.
+
+    >>> _matched(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
+    ((2, 0), 7)
+    """
+    if min(one.size, other.size) < 2:
+        return None
+    a, b = ((values - one[0]).astype(np.float64) for values in (one, other))
+    interval = float(np.median(np.diff(a)))
+    if not interval > 0:
+        return None
+    shift = round(float(b[0]) / interval)
+    # The nominal shift may be off by a little where the first stamps jitter or the interval is rounded.
+    for first in (shift, shift - 1, shift + 1):
+        begin = (max(first, 0), max(-first, 0))
+        rows = min(a.size - begin[0], b.size - begin[1])
+        if rows >= 2 and np.all(np.abs(a[begin[0] :][:rows] - b[begin[1] :][:rows]) <= 0.5 * interval):
+            return begin, rows
+    return None

@@ -1,0 +1,306 @@
+"""Named arrays to the columns of a recording: what NumPy, MATLAB and HDF5 files have in common.
+
+A file of arrays holds single columns, tables of a few columns, and numbers that describe the rest. Arrays
+of one length belong together; a table of three columns named for a sensor is its x, y and z.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import Channel, Chunk, Layout
+from gmwm.readers.headers import recognise
+from gmwm.signals import AXES
+
+ROWS = 1 << 20
+"""Rows in a chunk."""
+
+MAX_ARRAYS = 1000
+"""Arrays that a file may hold."""
+
+MAX_COLUMNS = 64
+"""Columns that a table may have: what is wider is no recording."""
+
+Rows = Callable[[int, int, int], NDArray[Any]]
+"""A part of an array: from first to last index, not included, along axis 0 or 1; all of it where it has no axes."""
+
+_RATE_NAMES = {
+    "rate", "fs", "freq", "frequency", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency",
+    "updaterate", "imurate", "f",
+}  # fmt: skip
+_SLASH = re.compile(r"/(?![^\[({]*[\])}])")
+_BRACKET = re.compile(r"\s*[\[({<].*$")
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array in a file: its name, its shape, and how rows of it are read.
+
+    Parameters
+    ----------
+    name : str
+        Path of it in the file, its last part the array's own name.
+    shape : tuple of int
+        (N,) for a column, (N, k) for a table.
+    dtype : dtype
+        Of its numbers.
+    rows : callable
+        From first to last index (not included) along an axis to that part of the array.
+    unit : str
+        Unit that the file states for it.
+    axes : tuple of str
+        Roles of its columns where the format fixes them, "" for none.
+    units : tuple of str
+        Units of its columns where the format fixes them.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    rows: Rows
+    unit: str = ""
+    axes: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> int:
+        """Columns of it: 1 where it is one."""
+        return self.shape[1] if len(self.shape) == 2 else 1
+
+
+def upright(array: Array) -> Array:
+    """An array whose rows are samples: what lies on its side, or is wrapped in axes of length 1, is turned."""
+    shape, load = array.shape, array.rows
+    if len(shape) != 2:
+        return array
+    if shape[1] == 1:
+        return replace(array, shape=shape[:1], rows=lambda start, stop, axis: load(start, stop, 0)[:, 0])
+    if shape[0] == 1:
+        return replace(array, shape=shape[1:], rows=lambda start, stop, axis: load(start, stop, 1)[0])
+    if shape[0] < min(shape[1], MAX_COLUMNS + 1):
+        return replace(array, shape=shape[::-1], rows=lambda start, stop, axis: load(start, stop, 1 - axis).T)
+    return array
+
+
+def is_rate(name: str) -> bool:
+    """Whether a number of this name is a sampling rate.
+
+    >>> is_rate("sample_rate"), is_rate("rate_max")
+    (True, False)
+    """
+    return re.sub(r"[^a-z]", "", name.casefold()) in _RATE_NAMES
+
+
+def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = ()) -> tuple[Layout, ...]:
+    """The recordings that arrays make: those of one length, and of one group where groups repeat an axis.
+
+    Parameters
+    ----------
+    arrays : sequence of Array
+        All that the file holds.
+    path : path
+        The file, for messages.
+    notes : tuple of str
+        What the reader understood.
+
+    Raises
+    ------
+    ReadError
+        If no array has the shape of a recording.
+    """
+    usable = [upright(array) for array in arrays if _is_real(array)]
+    series = [a for a in usable if len(a.shape) in (1, 2) and a.shape[0] > 1 and 0 < a.columns <= MAX_COLUMNS]
+    if not series:
+        shown = ", ".join(f"{a.name} {'×'.join(map(str, a.shape)) or 'number'}" for a in arrays[:8])
+        raise ReadError(
+            f"{path} holds no columns of numbers; in it: {shown or 'nothing'}. A recording is one array of (samples, "
+            "columns), or one array for each axis or sensor"
+        )
+    groups: dict[object, list[Array]] = {}
+    for array in series:
+        groups.setdefault(array.shape[0], []).append(array)
+    split = [part for group in groups.values() for part in _parted(group)]
+    known = [part for part in split if any(axis in AXES for axis in _roles(part))]
+    chosen = known or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
+    left = [a.name for part in split if part not in chosen for a in part]
+    note = (f"arrays left out: {', '.join(left)}",) if left else ()
+    topics = _topics(chosen)
+    return tuple(
+        _layout(part, _rate(usable, part), topic, (*notes, *note)) for part, topic in zip(chosen, topics, strict=True)
+    )
+
+
+def chunks_of(layout: Layout, wanted: Sequence[int], path: object) -> Iterator[Chunk]:
+    """The numbers of the wanted columns, `ROWS` at a time; integers stay int64, all else becomes float64."""
+    columns: tuple[tuple[Array, int], ...] = layout.state
+    total = columns[0][0].shape[0]
+    for start in range(0, total, ROWS):
+        stop = min(start + ROWS, total)
+        read: dict[int, NDArray[Any]] = {}
+        chunk = {}
+        for k in wanted:
+            array, column = columns[k]
+            if id(array) not in read:
+                read[id(array)] = array.rows(start, stop, 0)
+            values = read[id(array)]
+            chunk[k] = _plain(values if values.ndim == 1 else values[:, column], array.name, path)
+        yield chunk
+
+
+def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
+    if values.dtype.kind in "Mm":
+        values = values.astype(np.int64)
+    if values.dtype.kind == "u" and values.size and int(values.max()) > np.iinfo(np.int64).max:
+        raise ReadError(f"{path}: {name} holds integers above 2⁶³; leave it out with columns=")
+    target = np.int64 if values.dtype.kind in "iu" else np.float64
+    return np.ascontiguousarray(values, dtype=target)
+
+
+def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: Rows, unit: str = "") -> list[Array]:
+    """An array, or one for each field where its elements are records."""
+    if dtype.names is None:
+        return [Array(name, shape, dtype, rows, unit or _date_unit(dtype))]
+    found = []
+    for field in dtype.names:
+        base, inner = dtype[field].subdtype or (dtype[field], ())
+        path = f"{name}/{field}" if name else field
+        found.append(Array(path, (*shape, *inner), base, _Field(rows, field), unit or _date_unit(base)))
+    return found
+
+
+class _Field:
+    """One named field of an array of records."""
+
+    def __init__(self, rows: Rows, name: str) -> None:
+        self._rows, self._name = rows, name
+
+    def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
+        if axis == 0:
+            return np.asarray(self._rows(start, stop, 0)[self._name])
+        return np.asarray(self._rows(0, sys.maxsize, 0)[self._name][:, start:stop])
+
+
+def part_of(array: NDArray[Any], start: int, stop: int, axis: int) -> NDArray[Any]:
+    """A part of an array in memory, as `Rows` has it."""
+    if array.ndim == 0:
+        return array
+    return array[start:stop] if axis == 0 else array[:, start:stop]
+
+
+def _date_unit(dtype: np.dtype[Any]) -> str:
+    """The unit of dates and durations; "" for numbers, and for steps of several units."""
+    unit, count = np.datetime_data(dtype) if dtype.kind in "Mm" else ("", 1)
+    return unit if count == 1 else ""
+
+
+def _is_real(array: Array) -> bool:
+    return array.dtype.kind in "iufMm" and len(array.shape) <= 2
+
+
+def _roles(part: Sequence[Array]) -> list[str]:
+    """The roles of all columns of some arrays, "" left out."""
+    channels = _channels(part)
+    return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
+
+
+def _parted(group: list[Array]) -> list[list[Array]]:
+    """Arrays of one length by the group they lie in, if together they would name an axis twice."""
+    roles = [role for role in _roles(group) if role in AXES]
+    if len(set(roles)) == len(roles):
+        return [group]
+    parts: dict[str, list[Array]] = {}
+    for array in group:
+        parts.setdefault(split_path(array.name)[0], []).append(array)
+    return list(parts.values())
+
+
+def _topics(parts: Sequence[Sequence[Array]]) -> list[str]:
+    """Names by which recordings of one file are told apart."""
+    if len(parts) == 1:
+        return [""]
+    folders = [split_path(part[0].name)[0] for part in parts]
+    return folders if len(set(folders)) == len(folders) and all(folders) else [part[0].name for part in parts]
+
+
+def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
+    lonely = len(part) == 1 and part[0].columns > 1 and not part[0].axes
+    out = []
+    for array in part:
+        own = _own_name(array, part)
+        names = _column_names(own, array.columns)
+        if lonely and not any(recognise(name).axis for name in names):
+            names = [""] * array.columns  # a bare matrix: its columns are named in their order
+        for k, name in enumerate(names):
+            unit = array.units[k] if array.units else array.unit
+            out.append(Channel(name, unit, array.axes[k] if array.axes else _fixed(array)))
+    return tuple(out)
+
+
+def _fixed(array: Array) -> str:
+    """Dates can be nothing but time."""
+    return "time" if array.dtype.kind in "Mm" else ""
+
+
+def split_path(name: str) -> tuple[str, str]:
+    """Folder and own name of an array; a slash in a unit parts no folders.
+
+    >>> split_path("imu0/gyro [rad/s]")
+    ('imu0', 'gyro [rad/s]')
+    """
+    folder, found, own = _SLASH.sub("\0", name).rpartition("\0")
+    return (folder.replace("\0", "/"), own) if found else ("", name)
+
+
+def _own_name(array: Array, part: Sequence[Array]) -> str:
+    """The last part of a path that says what an array is, or all of it where that stands twice."""
+    last = split_path(array.name)[1]
+    alone = sum(split_path(other.name)[1] == last for other in part) == 1
+    return (
+        last if alone and (recognise(last).axis or array.columns > 1 or not split_path(array.name)[0]) else array.name
+    )
+
+
+def _column_names(name: str, columns: int) -> list[str]:
+    if columns == 1:
+        return [name]
+    bracket = _BRACKET.search(name)
+    stem, tail = (name[: bracket.start()], name[bracket.start() :]) if bracket else (name, "")
+    if columns == 3:
+        return [f"{stem}_{axis}{tail}" for axis in "xyz"]
+    return [f"{stem}_{k}{tail}" for k in range(columns)]
+
+
+def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
+    """The rate (Hz) that a single number in the file states, in the group of the columns first."""
+    folder = split_path(part[0].name)[0]
+    found = []
+    for array in arrays:
+        where, own = split_path(array.name)
+        if int(np.prod(array.shape)) == 1 and is_rate(own):
+            found.append((where != folder, float(array.rows(0, 1, 0).reshape(-1)[0])))
+    rates = {rate for outside, rate in sorted(found) if outside == min(found)[0]}
+    rate = rates.pop() if len(rates) == 1 else None
+    return rate if rate is not None and np.isfinite(rate) and rate > 0 else None
+
+
+def _layout(part: Sequence[Array], rate: float | None, topic: str, notes: tuple[str, ...]) -> Layout:
+    channels = _channels(part)
+    state = tuple((array, k) for array in part for k in range(array.columns))
+    first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
+    stamped = any((c.axis or recognise(c.name).axis) == "time" for c in channels)
+    if rate is not None and not stamped:
+        notes = (*notes, f"rate {rate:g} Hz, as the file states it")
+    return Layout(channels, first, topic, rate, notes=notes, state=state)
+
+
+def first_line(error: Exception) -> str:
+    """The first line of what a library says, or the kind of error where it says nothing."""
+    return next(iter(str(error).splitlines()), "") or type(error).__name__

@@ -1,0 +1,130 @@
+"""SQLite databases, as ROS 2 records them: a table of topics and one of messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from struct import Struct
+from typing import TYPE_CHECKING
+
+from gmwm.errors import ReadError
+from gmwm.readers.bagfiles import BATCH_BYTES, CHUNK_LIMIT, TEXT_LIMIT, TOPIC_LIMIT, Batch, Storage, Topic, merged
+
+if TYPE_CHECKING:
+    import sqlite3
+
+MAGIC = b"SQLite format 3\0"
+_PAGE, _WORD = Struct(">H"), Struct(">I")
+_FIRST, _MOST = 256, 1 << 11  # rows in the first batch, and in any: few, that Python may take the same memory again
+
+
+class SqliteStorage(Storage):
+    """One file of a ROS 2 bag in SQLite."""
+
+    def topics(self) -> tuple[Topic, ...]:
+        """By the table of topics; definitions of the types are there since ROS 2 Iron."""
+        import sqlite3
+
+        with closing(self._connected()) as base:
+            try:
+                texts = {}
+                if self._table(base, "message_definitions"):
+                    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions LIMIT ?"
+                    texts = {name: (text, kind) for name, kind, text in base.execute(query, (TOPIC_LIMIT,))}
+                rows = base.execute(
+                    "SELECT id, name, type, serialization_format FROM topics ORDER BY id LIMIT ?", (TOPIC_LIMIT,)
+                ).fetchall()
+            except sqlite3.Error as error:
+                raise self._damaged(error) from error
+        found = []
+        for number, name, kind, encoding in rows:
+            text, language = texts.get(kind, ("", ""))
+            if (
+                not all(isinstance(item, str) for item in (name, kind, encoding, text, language))
+                or len(text) > TEXT_LIMIT
+            ):
+                raise ReadError(f"{self.path} is damaged: its table of topics does not hold texts")
+            found.append(Topic(name, kind, encoding, text, language, (number,)))
+        return merged(iter(found))
+
+    def batches(self, topic: Topic) -> Iterator[Batch]:
+        """Messages by the time of recording, for which the table has an index."""
+        import sqlite3
+
+        marks = ",".join("?" * len(topic.ids))
+        with closing(self._connected()) as base:
+            try:
+                order = "timestamp" if _indexed(base) else "id"
+                rows = base.execute(
+                    f"SELECT timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY {order}", topic.ids
+                )
+                count = _FIRST
+                while batch := rows.fetchmany(count):
+                    times, messages = (list(column) for column in zip(*batch, strict=True))
+                    if set(map(type, messages)) != {bytes} or set(map(type, times)) != {int}:
+                        raise ReadError(f"{self.path} is damaged: a message without bytes or time")
+                    yield times, messages
+                    count = max(1, min(_MOST, BATCH_BYTES * len(messages) // max(1, sum(map(len, messages)))))
+            except sqlite3.Error as error:
+                raise self._damaged(error) from error
+
+    def _connected(self) -> sqlite3.Connection:
+        """The database, only to be read, with nothing in it trusted."""
+        import sqlite3
+
+        log = self.path.with_name(self.path.name + "-wal")
+        # Beside a log of what is not yet in the file, the file alone would be a part of the recording.
+        frozen = "" if log.exists() and log.stat().st_size else "&immutable=1"
+        if frozen:
+            self._require_whole()
+        try:
+            base = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro{frozen}", uri=True)
+        except sqlite3.Error as error:
+            raise self._damaged(error) from error
+        try:
+            base.text_factory = lambda text: text.decode("utf-8", "replace")
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
+            base.execute("PRAGMA trusted_schema=OFF")
+            if not all(self._table(base, name) for name in ("topics", "messages")):
+                raise ReadError(
+                    f"{self.path} is an SQLite database without the tables topics and messages: no recording of ROS 2"
+                )
+        except sqlite3.Error as error:
+            base.close()
+            raise self._damaged(error) from error
+        except ReadError:
+            base.close()
+            raise
+        return base
+
+    def _require_whole(self) -> None:
+        """An error where the file has fewer bytes than its header says it has pages; SQLite is more lenient."""
+        with self.path.open("rb") as file:
+            head = file.read(100)
+        if len(head) < 100:
+            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are no database")
+        (size,) = _PAGE.unpack_from(head, 16)
+        changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
+        size = 65536 if size == 1 else size
+        there = self.path.stat().st_size
+        if valid == changed and there < size * count:
+            raise ReadError(f"{self.path} is cut off: {there} bytes, expected {size * count}; was it copied whole?")
+
+    @staticmethod
+    def _table(base: sqlite3.Connection, name: str) -> bool:
+        """Whether there is such a table, a real one: a view may be a program."""
+        query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
+        row = base.execute(query, (name,)).fetchone()
+        return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
+
+    def _damaged(self, error: Exception) -> ReadError:
+        return ReadError(f"{self.path} is damaged ({error}); was it copied whole, and is the recording finished?")
+
+
+def _indexed(base: sqlite3.Connection) -> bool:
+    """Whether the messages have an index by time; without one, sorting would need as much room as the file."""
+    for row in base.execute("PRAGMA index_list(messages)").fetchall():
+        columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()
+        if columns and columns[0][0] == "timestamp":
+            return True
+    return False

@@ -1,0 +1,409 @@
+"""Messages of ROS as bytes, and their numbers: many at a time where they are laid out alike.
+
+ROS 2 serialises a message as CDR: values one after another, each aligned to its own size behind a head of four
+bytes that says the byte order. ROS 1 does without head and alignment. In both, only lengths of strings and
+sequences move what stands behind them. So the first message tells where each number stands, and holds for every
+message of the same size and byte order whose lengths are the same; their columns are read with one stride.
+What is left over goes through the decoder of rosbags, a message at a time.
+
+Sources: OMG Common Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from struct import Struct
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import ReadError
+
+Encoding = Literal["cdr", "ros1"]
+"""How messages are serialised."""
+
+SIZES = {
+    "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
+    "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
+}  # fmt: skip
+"""Types that are one number, and how NumPy names them."""
+
+TIME = "builtin_interfaces/msg/Time"
+"""The type of a time stamp: seconds and nanoseconds, 32 bits each."""
+
+_DEPTH = 32  # of messages in messages: a definition that holds itself has no end
+_LONG = 16  # an array of more numbers is no set of channels
+_LEAVES = 512
+_STEPS = 100_000  # parts of one message that are looked at to find where its numbers stand
+_LENGTHS = 256  # of texts and sequences in one message: more of them are hardly ever the same in the next
+_TEMPLATES = 8  # layouts tried in one batch before the general decoder takes the rest
+_TIME_WORDS = ("i4", "u4")  # of seconds and nanoseconds; without sign in ROS 1, which matters from 2038 on
+_WORDS = {"<": Struct("<I"), ">": Struct(">I")}
+
+# What rosbags calls the kinds of a field; the numbers are part of its interface.
+_BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
+
+Description = Any
+"""A field's type as rosbags has it: (kind, (type, …)), nested for arrays."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A message type with all types that it holds.
+
+    Parameters
+    ----------
+    name : str
+        The type, as "sensor_msgs/msg/Imu".
+    types : mapping
+        For each type its fields: names and descriptions.
+    encoding : "cdr" or "ros1"
+        How its messages are serialised.
+    """
+
+    name: str
+    types: Mapping[str, Sequence[tuple[str, Description]]]
+    encoding: Encoding
+
+    def leaves(self) -> tuple[str, ...]:
+        """Names of the numbers that every message has, as "angular_velocity.x" and "gyro[0]".
+
+        A time stamp is one number, in nanoseconds. Texts, sequences and long arrays are left out.
+        """
+        names: list[str] = []
+        for name in self._leaves(self.name, "", 0):
+            names.append(name)
+            if len(names) == _LEAVES:
+                break
+        return tuple(names)
+
+    def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
+        if depth > _DEPTH:
+            raise ReadError(f"the message type {self.name} holds itself")
+        for name, description in self.fields(kind):
+            path = prefix + name
+            sort, inner = description
+            if sort == _ARRAY:
+                part, count = inner
+                if count <= _LONG:
+                    for k in range(count):
+                        yield from self._leaf(part, f"{path}[{k}]", depth)
+            elif sort != _SEQUENCE:
+                yield from self._leaf(description, path, depth)
+
+    def _leaf(self, description: Description, path: str, depth: int) -> Iterator[str]:
+        sort, inner = description
+        if sort == _BASE:
+            if inner[0] in SIZES:
+                yield path
+        elif inner == TIME:
+            yield path
+        else:
+            yield from self._leaves(inner, f"{path}.", depth + 1)
+
+    def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
+        """The fields of one of the types."""
+        if kind not in self.types:
+            raise ReadError(f"the message type {self.name} holds {kind}, which the recording does not define")
+        return self.types[kind]
+
+
+@dataclass(frozen=True)
+class Template:
+    """Where the numbers of a message stand, and what must be the same in another for that to hold there too.
+
+    Parameters
+    ----------
+    order : "<" or ">"
+        Byte order.
+    places : mapping
+        For each wanted number its NumPy type and its offset (bytes); "time" is a type of two words.
+    words : tuple of (offset, value)
+        The lengths of all strings and sequences.
+    size : int
+        Length of the message (bytes).
+    """
+
+    order: str
+    places: Mapping[str, tuple[str, int]]
+    words: tuple[tuple[int, int], ...]
+    size: int
+
+
+@dataclass
+class _Walk:
+    """One pass over a message: where am I, and what have I seen."""
+
+    definition: Definition
+    message: bytes
+    wanted: frozenset[str]
+    order: str
+    base: int
+    position: int
+    steps: int = 0
+    places: dict[str, tuple[str, int]] = field(default_factory=dict)
+    words: list[tuple[int, int]] = field(default_factory=list)
+
+    def align(self, size: int) -> None:
+        if self.definition.encoding == "cdr":
+            self.position += -(self.position - self.base) % size
+
+    def length(self) -> int:
+        self.align(4)
+        if self.position + 4 > len(self.message):
+            raise self.broken()
+        value = int(_WORDS[self.order].unpack_from(self.message, self.position)[0])
+        self.words.append((self.position, value))
+        self.position += 4
+        return value
+
+    def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
+        if depth > _DEPTH:
+            raise ReadError(f"the message type {self.definition.name} holds itself")
+        for name, description in self.definition.fields(kind):
+            self.value(description, prefix + name, depth)
+
+    def value(self, description: Description, path: str, depth: int) -> None:
+        self.step()
+        sort, inner = description
+        if sort == _BASE:
+            self.base_value(inner[0], path)
+        elif sort == _NAME and inner == TIME:
+            self.align(4)
+            self.number("time", 8, path)
+        elif sort == _NAME:
+            self.struct(inner, f"{path}.", depth + 1)
+        else:
+            part, count = inner
+            self.several(part, count if sort == _ARRAY else self.length(), path, depth)
+
+    def several(self, part: Description, count: int, path: str, depth: int) -> None:
+        if part[0] == _BASE and part[1][0] in SIZES and count > _LONG:
+            size = int(SIZES[part[1][0]][1])
+            self.align(size)
+            self.position += size * count
+            return
+        for k in range(count):
+            self.value(part, f"{path}[{k}]", depth)
+
+    def base_value(self, kind: str, path: str) -> None:
+        if kind == "string":
+            length = self.length()
+            self.position += length
+        elif kind in SIZES:
+            size = int(SIZES[kind][1])
+            self.align(size)
+            self.number(SIZES[kind], size, path)
+        else:
+            raise ReadError(f"the message type {self.definition.name} holds a {kind} ({path}), which is not supported")
+
+    def number(self, kind: str, size: int, path: str) -> None:
+        if path in self.wanted:
+            self.places[path] = (kind, self.position)
+        self.position += size
+
+    def step(self) -> None:
+        self.steps += 1
+        if self.steps > _STEPS:
+            raise ReadError(f"a message of type {self.definition.name} has more than {_STEPS} parts")
+        if self.position > len(self.message):
+            raise self.broken()
+
+    def broken(self) -> ReadError:
+        return ReadError(
+            f"a message of {len(self.message)} bytes does not fit its type {self.definition.name}: damaged, or of "
+            "another version of it"
+        )
+
+
+def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> Template:
+    """Where the numbers of a message stand.
+
+    Raises
+    ------
+    ReadError
+        If the message does not fit its type.
+    """
+    cdr = definition.encoding == "cdr"
+    if cdr and message[:2] not in (b"\0\0", b"\0\1"):
+        begin = " ".join(f"{byte:02x}" for byte in message[:4])
+        raise ReadError(
+            f"a message of type {definition.name} begins with the bytes {begin or '(none)'}, expected CDR (00 00 or "
+            "00 01)"
+        )
+    start = 4 if cdr else 0
+    walk = _Walk(definition, message, frozenset(wanted), ">" if message[:2] == b"\0\0" and cdr else "<", start, start)
+    if cdr and len(message) < 4:
+        raise walk.broken()
+    walk.struct(definition.name, "")
+    if not 0 <= len(message) - walk.position <= (3 if cdr else 0):
+        raise walk.broken()
+    return Template(walk.order, walk.places, tuple(walk.words), len(message))
+
+
+class Decoder:
+    """Numbers of messages of one type.
+
+    Parameters
+    ----------
+    definition : Definition
+        Their type.
+    wanted : sequence of str
+        Which of its `leaves`.
+    """
+
+    def __init__(self, definition: Definition, wanted: Sequence[str]) -> None:
+        self.definition = definition
+        self.wanted = tuple(wanted)
+        self.slow = 0
+        """How many messages the general decoder had to take."""
+        self._known: list[Template] = []
+        self._store: Any = None
+
+    def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
+        """The wanted numbers of messages, each (N,), int64 or float64.
+
+        Raises
+        ------
+        ReadError
+            If a message does not fit its type.
+        """
+        sizes = np.fromiter(map(len, messages), np.int64, len(messages))
+        out: dict[str, NDArray[Any]] = {}
+        left = np.arange(len(messages))
+        for _ in range(_TEMPLATES):
+            if not left.size:
+                break
+            first = messages[int(left[0])]
+            alike = left[sizes[left] == len(first)]
+            # Usually all of them: then nothing needs to be picked out.
+            rows = messages if alike.size == len(messages) else [messages[k] for k in alike.tolist()]
+            plan = self._template(first)
+            if len(plan.words) > _LENGTHS:
+                break
+            numbers, fits = self._strided(b"".join(rows), plan)
+            for name, values in numbers.items():
+                _put(out, name, values[fits], alike[fits], len(messages))
+            left = np.setdiff1d(left, alike[fits], assume_unique=True)
+        if left.size:
+            for name, values in self.general([messages[k] for k in left.tolist()]).items():
+                _put(out, name, values, left, len(messages))
+        return out
+
+    def _template(self, message: bytes) -> Template:
+        """A template that fits a message, of those known or a new one."""
+        for plan in self._known:
+            if plan.size == len(message) and bool(self._strided(message, plan)[1][0]):
+                return plan
+        plan = template(self.definition, message, self.wanted)
+        self._known = [plan, *self._known[: _TEMPLATES - 1]]
+        return plan
+
+    def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+        """The numbers of messages of one size by their offsets, and for which of them these hold."""
+        names, formats, offsets = [], [], []
+        for name, (kind, offset) in plan.places.items():
+            for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):
+                names.append(f"{name}#{k}")
+                formats.append(plan.order + word)
+                offsets.append(offset + 4 * k)
+        for k, (offset, _) in enumerate(plan.words):
+            names.append(f"#{k}")
+            formats.append(plan.order + "u4")
+            offsets.append(offset)
+        cdr = self.definition.encoding == "cdr"
+        if cdr:
+            names.append("#order")
+            formats.append("<u2")
+            offsets.append(0)
+        record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": plan.size})
+        table = np.frombuffer(joined, record)
+        fits = np.ones(table.size, dtype=bool)
+        if cdr:
+            fits &= table["#order"] == (0x0100 if plan.order == "<" else 0)
+        for k, (_, value) in enumerate(plan.words):
+            fits &= table[f"#{k}"] == value
+        numbers = {}
+        for name, (kind, _) in plan.places.items():
+            if kind == "time":
+                seconds, rest = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
+                numbers[name] = seconds * 10**9 + rest
+            else:
+                numbers[name] = _wide(table[f"{name}#0"])
+        return numbers, fits
+
+    def general(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
+        """The same as `decode`, by the decoder of rosbags, a message at a time.
+
+        Raises
+        ------
+        ReadError
+            If a message does not fit its type.
+        """
+        self.slow += len(messages)
+        if self._store is None:
+            self._store = _store(self.definition)
+        store, name = self._store, self.definition.name
+        decode = store.deserialize_cdr if self.definition.encoding == "cdr" else store.deserialize_ros1
+        paths = [(leaf, _path(leaf)) for leaf in self.wanted]
+        found: dict[str, list[Any]] = {leaf: [] for leaf in self.wanted}
+        for message in messages:
+            try:
+                decoded = decode(message, name)
+            except Exception as error:  # of a library, on bytes of a stranger: any kind
+                raise ReadError(f"a message of {len(message)} bytes does not fit its type {name}: {error}") from error
+            for leaf, path in paths:
+                found[leaf].append(_follow(decoded, path))
+        return {leaf: _wide(np.array(values)) for leaf, values in found.items()}
+
+
+def _put(out: dict[str, NDArray[Any]], name: str, values: NDArray[Any], rows: NDArray[np.int64], count: int) -> None:
+    """Write values into the rows of a column."""
+    if values.size == count:
+        out[name] = values
+        return
+    column = out.setdefault(name, np.zeros(count, dtype=values.dtype))
+    if column.dtype != values.dtype:
+        column = out[name] = column.astype(np.float64)
+    column[rows] = values
+
+
+def _wide(values: NDArray[Any]) -> NDArray[Any]:
+    """Integers as int64 where they fit, all else as float64."""
+    if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and int(values.max()) > 2**63 - 1:
+        return values.astype(np.float64)
+    return values.astype(np.int64 if values.dtype.kind in "iub" else np.float64)
+
+
+def _path(leaf: str) -> list[str | int]:
+    """The steps to a number: "a.b[2]" is a, b, 2."""
+    steps: list[str | int] = []
+    for part in leaf.split("."):
+        name, *indices = part.replace("]", "").split("[")
+        steps += [name, *map(int, indices)]
+    return steps
+
+
+def _follow(message: Any, path: Sequence[str | int]) -> Any:
+    """The number in a decoded message; a time stamp in nanoseconds."""
+    from rosbags.typesys.base import normalize_fieldname
+
+    for step in path:
+        message = message[step] if isinstance(step, int) else getattr(message, normalize_fieldname(step))
+    return message.sec * 10**9 + message.nanosec if hasattr(message, "nanosec") else message
+
+
+def _store(definition: Definition) -> Any:
+    """The types as rosbags' decoder wants them."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    try:
+        known = set(store.fielddefs)
+        # Its constants are of no use here, and less is better where code is made of what a file says.
+        store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
+    except Exception as error:  # of a library, on a text of a stranger: any kind
+        raise ReadError(f"the message type {definition.name} is not understood: {error}") from error
+    return store

@@ -1,0 +1,64 @@
+"""Text packed with gzip or Zstandard: unpacked as it is read, by the text format that its first bytes show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from gmwm.errors import ReadError
+from gmwm.readers.base import HEAD_BYTES, Chunk, Layout, Reader, register, registered
+from gmwm.readers.sources import GZIP, ZSTD, CompressedSource, FileSource
+from gmwm.readers.text import TextReader
+
+
+@register
+class CompressedReader(Reader):
+    """Any of the text formats inside .gz or .zst."""
+
+    name: ClassVar[str] = "compressed"
+    extensions: ClassVar[tuple[str, ...]] = (".gz", ".zst", ".zstd")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.9 if the file begins as gzip or Zstandard do: a format of its own may be packed that way."""
+        return 0.9 if head.startswith((GZIP, ZSTD)) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the text inside."""
+        source = CompressedSource(path)
+        reader, layout = packed_text(source, path.with_suffix(""))
+        return (replace(layout, state=(reader, layout)),)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """The numbers, unpacked on the way."""
+        reader, inner = layout.state
+        return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
+
+
+def packed_text(source: FileSource, name: Path) -> tuple[TextReader, Layout]:
+    """The text format of packed bytes, and what they say of their columns.
+
+    Parameters
+    ----------
+    source : FileSource
+        Where the bytes come from.
+    name : Path
+        The name the file would have unpacked.
+
+    Raises
+    ------
+    ReadError
+        If they are no text.
+    """
+    with source.open() as file:
+        head = file.read(HEAD_BYTES)
+    if not head:
+        raise ReadError(f"{source} is empty when unpacked; was the recording interrupted?")
+    readers = [reader for reader in registered() if isinstance(reader, TextReader)]
+    best = max(readers, key=lambda reader: reader.sniff(name, head))
+    if best.sniff(name, head) == 0:
+        raise ReadError(
+            f"{source} is no text when unpacked; only text is read packed: unpack it and pass the file in it"
+        )
+    return best, best.layout(source)

@@ -1,0 +1,62 @@
+"""CSV of Epson's logging programs for M-G IMUs: scale factors in a line above, units in the names.
+
+A log is scaled (Gx[dps], Ax[mG]) or raw (Gx[dec]), where the line with SF_GYRO=… and SF_ACCL=… tells how
+much a count is. Increments are called DAx and DVx. There is no time, but the output rate above.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from gmwm.readers.base import HEAD_BYTES, Channel, Layout, register
+from gmwm.readers.sources import FileSource
+from gmwm.readers.text import TextReader
+
+_COLUMN = re.compile(r"(G|A|DA|DV)([xyz])\[(dps|mG|deg|m/s|dec)\]")
+_FACTOR = re.compile(
+    r"SF_(GYRO|ACCL|DLTA|DLTV)\s*=\s*([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)\s*(?:/\s*2\^(\d\d))?\s*"
+    r"\(?(dps|deg/s|mg|mG|deg|m/s)\)?\s*/\s*(?:bit|lsb)"
+)
+_KINDS = {"G": ("gyro", "GYRO"), "A": ("accel", "ACCL"), "DA": ("gyro", "DLTA"), "DV": ("accel", "DLTV")}
+_UNITS = {"dps": "deg/s", "deg/s": "deg/s", "mG": "mg", "mg": "mg", "deg": "deg/s", "m/s": "m/s²"}
+
+
+@register
+class EpsonReader(TextReader):
+    """CSV of Epson's IMU loggers, scaled or raw."""
+
+    name: ClassVar[str] = "epson"
+    extensions: ClassVar[tuple[str, ...]] = (".csv",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.9 if scale factors stand above and the columns carry Epson's names."""
+        return 0.9 if b"SF_" in head and re.search(rb"\b(Gx|Ax|DAx|DVx)\[(dps|mG|deg|m/s|dec)\]", head) else 0.0
+
+    def layout(self, source: FileSource) -> Layout:
+        """The columns by Epson's names, counts with their factors."""
+        found = super().layout(source)
+        with source.open() as file:
+            head = file.read(HEAD_BYTES).decode("latin-1")
+        factors = {kind: (float(f) / 2 ** int(p or 0), _UNITS[u]) for kind, f, p, u in _FACTOR.findall(head)}
+        matches = [_COLUMN.fullmatch(channel.name) for channel in found.channels]
+        directly = {_axis(match) for match in matches if match and not match[1].startswith("D")}
+        channels, counted = [], {}
+        for channel, match in zip(found.channels, matches, strict=True):
+            if match is None or (match[1].startswith("D") and _axis(match) in directly):
+                channels.append(channel)
+                continue
+            kind, scale, unit = _KINDS[match[1]][1], 1.0, _UNITS.get(match[3], "")
+            if match[3] == "dec" and kind in factors:
+                scale, unit = counted[kind] = factors[kind]
+            channels.append(Channel(channel.name, unit, _axis(match), match[1].startswith("D"), scale))
+        told = ", ".join(f"{kind} {scale:.6g} {unit}" for kind, (scale, unit) in counted.items())
+        notes = (f"raw counts times the factors above the columns: {told}",) if told else ()
+        # The line of factors would pass for a comment that states units.
+        return replace(found, channels=tuple(channels), notes=(*found.notes, *notes), units={})
+
+
+def _axis(match: re.Match[str]) -> str:
+    return f"{_KINDS[match[1]][0]}_{match[2]}"

@@ -1,0 +1,167 @@
+"""HDF5 files: data sets, tables of records, groups; and what of it MATLAB's newer files share.
+
+Only what lies in the file itself is read: links to other files, virtual and external data sets are not
+followed. Attributes named unit or units tell a unit, those named rate and the like tell the rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import GmwmError, MissingDependencyError, ReadError
+from gmwm.readers.arrays import (
+    MAX_ARRAYS,
+    Array,
+    chunks_of,
+    fields_of,
+    first_line,
+    is_rate,
+    layouts_of,
+    part_of,
+    split_path,
+)
+from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.sources import require_ratio
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+_DEPTH = 8
+_SHORT = 256  # bytes
+_NO_NUMBERS = (b"char", b"logical", b"cell", b"function_handle")
+
+
+@register
+class Hdf5Reader(Reader):
+    """Data sets of an HDF5 file."""
+
+    name: ClassVar[str] = "hdf5"
+    extensions: ClassVar[tuple[str, ...]] = (".h5", ".hdf5", ".hdf")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """1 if the file begins with HDF5's signature."""
+        return 1.0 if head.startswith(MAGIC) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the data sets that belong together."""
+        return layouts_of(arrays_in(path), path)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """Rows of the data sets."""
+        return chunks_of(layout, wanted, path)
+
+
+def arrays_in(path: Path) -> list[Array]:
+    """All arrays of numbers in an HDF5 file, by their paths without the first slash.
+
+    Raises
+    ------
+    MissingDependencyError
+        If h5py is not installed.
+    ReadError
+        If the file is damaged, or holds more than any recording does.
+    """
+    library = _library(path)
+    found: list[Array] = []
+    try:
+        with library.File(path, "r") as file:
+            _collect(library, file, "", path, found, 0)
+    except GmwmError:
+        raise
+    except Exception as error:  # the library raises whatever a damaged file makes it stumble over
+        raise _damaged(path, error) from error
+    return found
+
+
+def _library(path: Path) -> Any:
+    try:
+        import h5py  # type: ignore[import-untyped]
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{path} is an HDF5 file, for which h5py is needed: pip install 'gmwm[hdf5]'"
+        ) from error
+    return h5py
+
+
+def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array], depth: int) -> None:
+    """The arrays of a group and of those in it."""
+    found += _stated_rates(group, where)
+    for key in group:
+        if not isinstance(group.get(key, getlink=True), library.HardLink):
+            continue
+        node = group.get(key)
+        name = f"{where}/{key}" if where else key
+        if len(found) > MAX_ARRAYS or depth > _DEPTH:
+            raise ReadError(f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}")
+        if isinstance(node, library.Group):
+            _collect(library, node, name, path, found, depth + 1)
+        elif isinstance(node, library.Dataset):
+            found += _dataset(node, name, path)
+
+
+def _dataset(node: Any, name: str, path: Path) -> list[Array]:
+    if node.shape is None or node.is_virtual or node.external or node.dtype.hasobject or len(node.shape) > 2:
+        return []
+    if _attribute(node, "MATLAB_class") in _NO_NUMBERS:
+        return []
+    packed = min(node.id.get_storage_size(), path.stat().st_size)  # a damaged file may claim more than there is
+    require_ratio(int(np.prod(node.shape, dtype=object)) * node.dtype.itemsize, packed, f"{path}:{name}")
+    found = fields_of(name, node.shape, node.dtype, _Rows(path, node.name, len(node.shape)), _unit(node))
+    return found + _stated_rates(node, split_path(name)[0])
+
+
+class _Rows:
+    """Rows of a data set; the file is open only while they are read."""
+
+    def __init__(self, path: Path, name: str, dimensions: int) -> None:
+        self._path, self._name, self._dimensions = path, name, dimensions
+
+    def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
+        library = _library(self._path)
+        try:
+            with library.File(self._path, "r") as file:
+                node = file[self._name]
+                if self._dimensions == 0:
+                    return np.asarray(node[()])
+                return np.asarray(node[start:stop] if axis == 0 else node[:, start:stop])
+        except Exception as error:
+            raise _damaged(self._path, error) from error
+
+
+def _unit(node: Any) -> str:
+    """The unit that an attribute states; "" if none does, or several."""
+    for key in ("units", "unit", "Units", "Unit", "UNITS"):
+        text = _attribute(node, key)
+        if isinstance(text, bytes):
+            return text.decode("latin-1")
+        if isinstance(text, str):
+            return text
+    return ""
+
+
+def _stated_rates(node: Any, where: str) -> list[Array]:
+    """Rates in attributes, as arrays of one number."""
+    rates = []
+    for key in node.attrs:
+        if isinstance(key, str) and is_rate(key):
+            value = np.asarray(_attribute(node, key))
+            if value.dtype.kind in "iuf" and value.size == 1:
+                name = f"{where}/{key}" if where else key
+                rates.append(Array(name, (), value.dtype, partial(part_of, value.reshape(()))))
+    return rates
+
+
+def _attribute(node: Any, key: str) -> Any:
+    """A single short value; None for a long one, which a damaged file may claim to have and take minutes to give."""
+    if key not in node.attrs:
+        return None
+    known = node.attrs.get_id(key)
+    return node.attrs[key] if known.shape in ((), (1,)) and known.get_storage_size() <= _SHORT else None
+
+
+def _damaged(path: Path, error: Exception) -> ReadError:
+    return ReadError(f"{path} is no complete HDF5 file ({first_line(error)}); was it copied whole?")

@@ -1,0 +1,33 @@
+"""The CSV of kalibr_bagcreater: seven names that fix their units, as the tool copies them into ROS messages."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+from gmwm.readers.base import Channel, Layout, register
+from gmwm.readers.sources import FileSource
+from gmwm.readers.text import TextReader
+
+_HEADER = b"timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
+_UNITS = {"timestamp": "ns", "omega": "rad/s", "alpha": "m/s²"}
+
+
+@register
+class KalibrReader(TextReader):
+    """Kalibr's imu0.csv: nanoseconds, rad/s and m/s²."""
+
+    name: ClassVar[str] = "kalibr"
+    extensions: ClassVar[tuple[str, ...]] = (".csv",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.9 if the first line is Kalibr's header."""
+        first = head.removeprefix(b"\xef\xbb\xbf").lstrip(b"# ").split(b"\n", 1)[0]
+        return 0.9 if first.strip().replace(b" ", b"") == _HEADER else 0.0
+
+    def layout(self, source: FileSource) -> Layout:
+        """The columns with the units that Kalibr gives them."""
+        found = super().layout(source)
+        channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in found.channels)
+        return replace(found, channels=channels, notes=(*found.notes, "columns and units of Kalibr's imu0.csv"))

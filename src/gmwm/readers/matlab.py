@@ -1,0 +1,73 @@
+"""MATLAB's .mat: versions 5 to 7 by `gmwm.readers.matfile`, version 7.3, which is HDF5, by h5py.
+
+Besides arrays under names that say what they are, two layouts of the field are known: `data_imu`, a table of
+time, accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+from gmwm.errors import ReadError
+from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
+from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.hdf5 import MAGIC, arrays_in
+from gmwm.readers.matfile import variables
+from gmwm.signals import AXES
+
+_NAVEGO = {"t": (("time",), ("s",)), "wb": (AXES[:3], ("rad/s",) * 3), "fb": (AXES[3:], ("m/s²",) * 3)}
+_KALIBR_ALLAN = (("time", *AXES[3:], *AXES[:3]), ("", *("m/s²",) * 3, *("rad/s",) * 3))
+
+
+@register
+class MatlabReader(Reader):
+    """Arrays and structures of a .mat file."""
+
+    name: ClassVar[str] = "matlab"
+    extensions: ClassVar[tuple[str, ...]] = (".mat",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """1 if the file begins with the text of a .mat file, or is HDF5 behind one."""
+        return 1.0 if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the arrays that belong together."""
+        with path.open("rb") as file:
+            head = file.read(512 + len(MAGIC))
+        newer = head[512:] == MAGIC or head.startswith(b"MATLAB 7.3")
+        found = arrays_in(path) if newer else _older(path)
+        notes: tuple[str, ...] = ()
+        arrays = [_known(array, found) for array in found if not array.name.startswith("#")]
+        if any(array.axes for array in arrays):
+            notes = ("columns and units of a layout that is known by its names",)
+        return layouts_of(arrays, path, notes)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """Rows of the arrays."""
+        return chunks_of(layout, wanted, path)
+
+
+def _known(array: Array, others: Sequence[Array]) -> Array:
+    """An array with its columns named, if it is one of the layouts that are known."""
+    where, own = split_path(array.name)
+    turned = upright(array)
+    if own == "data_imu" and turned.columns == 7:
+        return replace(turned, axes=_KALIBR_ALLAN[0], units=_KALIBR_ALLAN[1])
+    siblings = {split_path(other.name)[1] for other in others if split_path(other.name)[0] == where}
+    if own in _NAVEGO and {"wb", "fb"} <= siblings and turned.columns == len(_NAVEGO[own][0]):
+        return replace(turned, axes=_NAVEGO[own][0], units=_NAVEGO[own][1])
+    return array
+
+
+def _older(path: Path) -> list[Array]:
+    """The arrays of a file of versions 5 to 7."""
+    found: list[Array] = []
+    for name, value in variables(path):
+        if len(found) == MAX_ARRAYS:
+            raise ReadError(f"{path} holds more than {MAX_ARRAYS} arrays")
+        found.append(Array(name, value.shape, value.dtype, partial(part_of, value)))
+    return found

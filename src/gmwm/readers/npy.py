@@ -1,0 +1,140 @@
+"""NumPy's .npy and .npz, without pickles: the header is checked against the file before memory is asked for."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
+
+import numpy as np
+from numpy.lib import format as npy_format
+from numpy.typing import NDArray
+
+from gmwm.errors import GmwmError, ReadError
+from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, part_of
+from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.sources import ZIP, MemberSource, open_archive, require_ratio
+
+_MAGIC = b"\x93NUMPY"
+
+
+@register
+class NpyReader(Reader):
+    """One array in a file of NumPy: a table, columns with names, or a single column."""
+
+    name: ClassVar[str] = "npy"
+    extensions: ClassVar[tuple[str, ...]] = (".npy",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """1 if the file begins with NumPy's signature."""
+        return 1.0 if head.startswith(_MAGIC) else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the array."""
+        with path.open("rb") as file:
+            shape, order, dtype = _header(file, path)
+            offset = file.tell()
+        _require_size(shape, dtype, path.stat().st_size - offset, path)
+        try:
+            array = (
+                np.memmap(path, dtype, "r", offset, shape, "F" if order else "C") if np.prod(shape) else np.empty(shape)
+            )
+        except (ValueError, OSError) as error:
+            raise ReadError(f"{path} cannot be mapped ({error}); was it copied whole?") from error
+        return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """Rows of the mapped file."""
+        return chunks_of(layout, wanted, path)
+
+
+@register
+class NpzReader(Reader):
+    """Several arrays in a file of NumPy, each under its name."""
+
+    name: ClassVar[str] = "npz"
+    extensions: ClassVar[tuple[str, ...]] = (".npz",)
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """1 if the file is a zip archive whose first member is an array of NumPy."""
+        if not head.startswith(ZIP) or len(head) < 30:
+            return 0.0
+        size = int.from_bytes(head[26:28], "little")
+        return 1.0 if head[30 : 30 + size].endswith(b".npy") else 0.0
+
+    def layouts(self, path: Path) -> tuple[Layout, ...]:
+        """The columns of the arrays that belong together."""
+        with open_archive(path) as archive:
+            members = [info for info in archive.infolist() if info.filename.endswith(".npy")]
+        require_ratio(sum(m.file_size for m in members), sum(m.compress_size for m in members), path)
+        arrays = [array for member in members for array in self._member(path, member)]
+        return layouts_of(arrays, path)
+
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """Rows of the arrays, each unpacked once."""
+        return chunks_of(layout, wanted, path)
+
+    @staticmethod
+    def _member(path: Path, member: zipfile.ZipInfo) -> list[Array]:
+        source = MemberSource(path, member.filename)
+        name = member.filename.removesuffix(".npy")
+        with source.open() as file:
+            try:
+                shape, order, dtype = _header(file, source)
+            except _PicklesError:
+                return []  # texts and settings beside the numbers; they are never opened
+            _require_size(shape, dtype, member.file_size - file.tell(), source)
+        packed = _Packed(source, shape, order, dtype)
+        return fields_of(name, shape, dtype, packed)
+
+
+class _PicklesError(ReadError):
+    """The array holds Python objects, which only a pickle could bring back."""
+
+
+class _Packed:
+    """An array in an archive, unpacked when first asked for and kept."""
+
+    def __init__(self, source: MemberSource, shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> None:
+        self._source, self._shape, self._fortran, self._dtype = source, shape, fortran, dtype
+        self._kept: NDArray[Any] | None = None
+
+    def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
+        if self._kept is None:
+            with self._source.open() as file:
+                _header(file, self._source)
+                size = int(np.prod(self._shape, dtype=object)) * self._dtype.itemsize
+                data = file.read(size)
+            if len(data) != size:
+                raise ReadError(f"{self._source} holds {len(data)} bytes, expected {size}; was it copied whole?")
+            flat = np.frombuffer(data, self._dtype)
+            self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
+        return part_of(self._kept, start, stop, axis)
+
+
+def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Shape, order and type of an array, from the head of its file; Python objects are refused."""
+    try:
+        version = npy_format.read_magic(file)
+        # Version 3 differs from 2 in the encoding of names alone: an accent may come out as two letters.
+        read = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
+        shape, order, dtype = read(file)
+    except GmwmError:
+        raise
+    except Exception as error:  # the header is a Python expression: NumPy raises whatever it stumbles over in it
+        raise ReadError(f"{name} is no complete NumPy file ({first_line(error)}); was it copied whole?") from error
+    if dtype.itemsize == 0:
+        raise ReadError(f"{name} holds elements without content, no numbers")
+    if dtype.hasobject:
+        raise _PicklesError(
+            f"{name} holds Python objects, which are not opened: a file can do harm that way. Save numbers only"
+        )
+    return shape, order, dtype
+
+
+def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name: object) -> None:
+    expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if expected > there:
+        raise ReadError(f"{name} is cut off: {there} bytes of numbers, expected {expected}; was it copied whole?")

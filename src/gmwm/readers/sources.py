@@ -1,0 +1,217 @@
+"""Where the bytes of a recording come from: a file, a compressed file, or a member of a zip archive.
+
+Compressed bytes are counted as they come out. What grows beyond any recording (a "bomb") ends in an error,
+not in a full disk or memory; so does what was cut off, as every compressed format says where it ends.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, BinaryIO, cast
+
+from gmwm.errors import ReadError
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+MAX_BYTES = 64 << 30
+"""Bytes that a recording may have when unpacked: ten days of six axes at 1 kHz, as text."""
+
+MAX_RATIO = 200
+"""How much smaller than its content a compressed recording may be; noise shrinks by 20 at most."""
+
+RATIO_FROM = 64 << 20
+"""Unpacked bytes from which on the ratio is asked for: little content may be very regular."""
+
+MAX_MEMBERS = 1000
+"""Files that an archive may hold."""
+
+GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
+"""The first bytes of what is unpacked here."""
+
+
+class PackedError(ReadError):
+    """Packed bytes that cannot be had: damaged, cut off, encrypted, or more than a recording holds."""
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """The bytes of a file as they lie there; `str()` of a source is its name in messages."""
+
+    path: Path
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+    @property
+    def seekable(self) -> bool:
+        """Whether the end can be looked at without reading all before it."""
+        return True
+
+    def open(self) -> BinaryIO:
+        """The bytes from the first on."""
+        try:
+            return self.path.open("rb")
+        except OSError as error:
+            raise ReadError(f"{self.path} cannot be opened: {error.strerror}") from error
+
+
+@dataclass(frozen=True)
+class CompressedSource(FileSource):
+    """The bytes inside a gzip or Zstandard file, known by its first bytes."""
+
+    @property
+    def seekable(self) -> bool:
+        """No: the end is known when all was unpacked."""
+        return False
+
+    def open(self) -> BinaryIO:
+        """The unpacked bytes, counted."""
+        with super().open() as file:
+            magic = file.read(4)
+        packed = self.path.stat().st_size
+        if magic.startswith(GZIP):
+            return _bounded(cast("IO[bytes]", gzip.open(self.path, "rb")), str(self), packed)
+        return _bounded(_Frames(super().open()), str(self), packed)
+
+
+@dataclass(frozen=True)
+class MemberSource(FileSource):
+    """The bytes of one member of a zip archive."""
+
+    member: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.member}"
+
+    @property
+    def seekable(self) -> bool:
+        """No: the end is known when all was unpacked."""
+        return False
+
+    def open(self) -> BinaryIO:
+        """The unpacked bytes, counted."""
+        archive = open_archive(self.path)
+        info = archive.getinfo(self.member)
+        if info.flag_bits & 1:
+            raise PackedError(f"{self} is encrypted; unpack it with its password first")
+        try:
+            return _bounded(archive.open(info), str(self), info.compress_size, archive)
+        except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
+            archive.close()
+            raise PackedError(f"{self} cannot be unpacked ({error}); unpack it and pass the file in it") from error
+
+
+def open_archive(path: Path) -> zipfile.ZipFile:
+    """A zip archive, its members counted."""
+    try:
+        archive = zipfile.ZipFile(path)
+    except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+        raise PackedError(f"{path} is no complete zip archive ({error}); was it copied whole?") from error
+    if len(archive.infolist()) > MAX_MEMBERS:
+        archive.close()
+        raise PackedError(f"{path} holds more than {MAX_MEMBERS} files; unpack it and pass the recording in it")
+    return archive
+
+
+def require_ratio(unpacked: int, packed: int, name: object) -> None:
+    """An error where unpacked bytes are more than a recording of this packed size can hold.
+
+    Parameters
+    ----------
+    unpacked, packed : int
+        Bytes outside and inside.
+    name : object
+        The file, for the message.
+    """
+    if unpacked > MAX_BYTES or (unpacked > RATIO_FROM and unpacked > MAX_RATIO * packed):
+        raise PackedError(
+            f"{name} unpacks to {unpacked / 1e6:.0f} MB or more from {packed / 1e6:.3g} MB, which no recording does; "
+            "it was not read further. If it is one after all, unpack it first"
+        )
+
+
+def _bounded(stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
+    return io.BufferedReader(_Counted(stream, name, packed, owner), 1 << 18)
+
+
+class _Frames:
+    """The content of a Zstandard file: of all its frames, each whole (the library's own stream ends in silence)."""
+
+    _PIECE = 1 << 11  # packed bytes at a time: they may unpack to 64 MB, not to more
+
+    def __init__(self, file: BinaryIO) -> None:
+        import zstandard
+
+        self._decompressor = zstandard.ZstdDecompressor()
+        self._error = zstandard.ZstdError
+        self._file = file
+        self._frame = self._decompressor.decompressobj()
+        self._begun = False
+        self._ready = b""
+
+    def read(self, size: int) -> bytes:
+        """At most `size` bytes; none at the end."""
+        while not self._ready:
+            piece = self._frame.unused_data or self._file.read(self._PIECE)
+            if not piece:
+                if self._begun and not self._frame.eof:
+                    raise EOFError("the last frame has no end")
+                return b""
+            if self._frame.eof:
+                self._frame = self._decompressor.decompressobj()
+            self._begun = True
+            try:
+                self._ready = self._frame.decompress(piece)
+            except self._error as error:
+                raise OSError(str(error)) from error
+        out, self._ready = self._ready[:size], self._ready[size:]
+        return out
+
+    def close(self) -> None:
+        """Close the file beneath."""
+        self._file.close()
+
+
+class _Counted(io.RawIOBase):
+    """Unpacked bytes, counted; what goes wrong in unpacking is one error of ours."""
+
+    def __init__(self, stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
+        self._stream, self._name, self._packed, self._owner = stream, name, packed, owner
+        self._count = 0
+
+    def readable(self) -> bool:
+        """Yes."""
+        return True
+
+    def tell(self) -> int:
+        """How many bytes came out."""
+        return self._count
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """The next bytes."""
+        view = memoryview(buffer).cast("B")
+        try:
+            data = self._stream.read(len(view))
+        except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+            raise PackedError(
+                f"{self._name} is damaged or cut off behind {self._count} unpacked bytes ({error}); was it copied "
+                "whole?"
+            ) from error
+        view[: len(data)] = data
+        self._count += len(data)
+        require_ratio(self._count, self._packed, self._name)
+        return len(data)
+
+    def close(self) -> None:
+        """Close what lies beneath, too."""
+        if not self.closed:
+            self._stream.close()
+            if self._owner is not None:
+                self._owner.close()
+        super().close()

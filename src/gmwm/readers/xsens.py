@@ -1,0 +1,96 @@
+"""Text exported by Xsens MT Manager: comments with //, PacketCounter, SampleTimeFine, Acc_X … OriInc_q3.
+
+Acc is in m/s² and Gyr in rad/s. Where an export has increments only, VelInc (m/s) is the accelerometer's
+integral over a sample, and OriInc the quaternion of the rotation in it: its vector part is half the angle.
+SampleTimeFine counts 0.1 ms. Recorders without that clock leave it empty; there PacketCounter, which goes
+up by one a sample and wraps at 2¹⁶, with the update rate from the comments, shows where packets were lost.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from gmwm.readers.base import Channel, Chunk, Layout, register
+from gmwm.readers.dialect import Dialect
+from gmwm.readers.sources import FileSource
+from gmwm.readers.text import TextReader
+
+_TICK_US = 100
+_WRAP = 1 << 16
+_SIGNALS = {
+    **{f"Acc_{axis}": ("m/s²", f"accel_{axis.lower()}") for axis in "XYZ"},
+    **{f"Gyr_{axis}": ("rad/s", f"gyro_{axis.lower()}") for axis in "XYZ"},
+}
+_INCREMENTS = {
+    **{f"VelInc_{axis}": ("m/s²", f"accel_{axis.lower()}") for axis in "XYZ"},
+    **{f"OriInc_q{k}": ("rad/s", f"gyro_{axis}") for k, axis in enumerate("xyz", 1)},
+}
+
+
+@register
+class XsensReader(TextReader):
+    """Text of Xsens MT Manager, with increments where there is nothing else."""
+
+    name: ClassVar[str] = "xsens"
+    extensions: ClassVar[tuple[str, ...]] = (".txt", ".csv")
+
+    def sniff(self, path: Path, head: bytes) -> float:
+        """0.9 if comments with // stand above a header with PacketCounter and an inertial column."""
+        known = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
+        return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
+
+    def layout(self, source: FileSource) -> Layout:
+        """The columns by Xsens' names."""
+        found = super().layout(source)
+        dialect: Dialect = found.state
+        names = {channel.name for channel in found.channels}
+        time = self._time(found, dialect)
+        channels, notes = [], [*found.notes]
+        for channel in found.channels:
+            unit, axis = _SIGNALS.get(channel.name) or _INCREMENTS.get(channel.name, ("", ""))
+            increments = channel.name in _INCREMENTS
+            if channel.name == time:
+                channels.append(Channel(channel.name, "us" if time == "SampleTimeFine" else "s", "time"))
+            elif axis and not (increments and any(a == axis and n in names for n, (_, a) in _SIGNALS.items())):
+                half_angle = channel.name.startswith("OriInc")
+                channels.append(Channel(channel.name, unit, axis, increments, 2.0 if half_angle else 1.0))
+            else:
+                channels.append(Channel(channel.name))
+        used = [c.name for c in channels if c.increments]
+        if used:
+            notes.append(f"increments times the rate: {', '.join(used)}")
+        if time == "PacketCounter":
+            notes.append(f"time from PacketCounter, at the {dialect.rate:g} Hz of the comments")
+        return replace(found, channels=tuple(channels), notes=tuple(notes))
+
+    def rows(self, source: FileSource, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        """The numbers, with ticks as microseconds, counted packets as seconds."""
+        names = {k: layout.channels[k].name for k in wanted}
+        last = packets = None
+        for chunk in super().rows(source, layout, wanted):
+            out = dict(chunk)
+            for k, name in names.items():
+                if name == "SampleTimeFine":
+                    out[k] = chunk[k].astype(np.int64) * _TICK_US
+                elif name == "PacketCounter" and layout.channels[k].axis == "time":
+                    counter = chunk[k].astype(np.int64)
+                    steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
+                    # A counter that was set back, not wrapped, would look like a gap of minutes: it is one.
+                    packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
+                    last = counter[-1]
+                    out[k] = packets / layout.state.rate
+            yield out
+
+    @staticmethod
+    def _time(found: Layout, dialect: Dialect) -> str:
+        """The column that tells the time: the clock, or the counter where the clock is empty."""
+        names = [channel.name for channel in found.channels]
+        if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:
+            return "SampleTimeFine"
+        return "PacketCounter" if dialect.rate is not None and "PacketCounter" in names else ""

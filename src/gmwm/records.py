@@ -1,0 +1,96 @@
+"""The six types of .imu files: bare records of a time and six increments, known to who reads and who writes them.
+
+Such a file has no header: neither its type nor the scale of its counts stands in it. A record is the time (s), three
+increments of angle and three of velocity, little-endian, without padding.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.signals import AXES
+
+PREFIX = "imu:"
+"""What stands before a type in `format=`."""
+
+_ARCSECOND = math.pi / 180 / 3600
+
+
+@dataclass(frozen=True)
+class RecordType:
+    """A type of .imu file.
+
+    Parameters
+    ----------
+    name : str
+        The name of the sensor that it is known by.
+    word : "i4" or "f8"
+        How the six increments are held: 32-bit counts (records of 32 bytes) or doubles (56 bytes).
+    gyro, accel : float
+        What one count is, in rad and m/s.
+    """
+
+    name: str
+    word: Literal["i4", "f8"]
+    gyro: float
+    accel: float
+
+    @property
+    def format(self) -> str:
+        """What `format=` takes for it."""
+        return f"{PREFIX}{self.name}"
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """A record, field by field."""
+        return record(self.word)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """What one count of each of the six axes is, in rad and m/s."""
+        return (self.gyro,) * 3 + (self.accel,) * 3
+
+
+def record(word: str, order: str = "<") -> np.dtype[Any]:
+    """The time and the six axes as the fields of a record in the byte order "<" or ">"."""
+    return np.dtype([("time", f"{order}f8"), *((axis, f"{order}{word}") for axis in AXES)])
+
+
+TYPES = (
+    RecordType("IMAR", "i4", 0.1 * _ARCSECOND, 0.00152588e-3),
+    RecordType("LN200", "i4", 2.0**-21, 2.0**-14),
+    RecordType("LN200IG", "i4", 2.0**-19, 2.0**-14),
+    RecordType("IXSEA", "f8", _ARCSECOND, 1e-3),
+    RecordType("NAVCHIP_INT", "i4", 6.25e-6, 3.90625e-5),
+    RecordType("NAVCHIP_FLT", "f8", _ARCSECOND, 1e-3),
+)
+"""All types. IXSEA and NAVCHIP_FLT are the same but for their name."""
+
+
+def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
+    """Increments as whole counts that lose no angle or velocity: what rounding leaves of one goes into the next.
+
+    n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where [·] is the nearest integer: the sum of the counts
+    is never off by more than half of one. Increments that are whole counts already come out as these.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Increments v, in the unit of u.
+    unit : float
+        What one count is, u.
+
+    >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
+    array([0, 1, 0, 1])
+    """
+    exact = np.asarray(values, dtype=np.float64) / unit
+    nearest = np.rint(exact)
+    # Counts that were multiplied by scale and rate and divided again are whole to rounding, which a sum piles up.
+    if np.all(np.abs(exact - nearest) <= 1e-9 * np.maximum(np.abs(nearest), 1.0)):
+        return nearest.astype(np.int64)
+    return np.diff(np.rint(np.cumsum(exact)), prepend=0.0).astype(np.int64)

@@ -1,0 +1,101 @@
+"""gmwm convert: what can be read, as a table or as .imu records, whole or not at all."""
+
+import numpy as np
+import pytest
+
+from gmwm.readers import read
+from gmwm.signals import AXES, Imu
+from gmwm.simulation import simulate
+from gmwm.writers import write
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    """Counts of an LN200, 60 s at 62.5 Hz."""
+    path = tmp_path_factory.mktemp("convert") / "survey.imu"
+    noise = simulate("WN(sigma2=1e-6)", rate=62.5, samples=3750, seed=3)
+    write(Imu.from_arrays({axis: noise[axis] for axis in AXES}, 62.5, start=1000.0), path, format="imu:LN200")
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_tables_keep_every_digit_and_the_way_back_every_byte(gmwm, survey, tmp_path, suffix):
+    table, back = tmp_path / f"a{suffix}", tmp_path / "back.imu"
+    outcome = gmwm("convert", survey, table, "--format", "imu:LN200")
+    assert outcome.code == 0
+    assert f"wrote {table}: 3750 samples at 62.5 Hz, 60 s" in outcome.out
+    before, after = read(survey, format="imu:LN200"), read(table)
+    assert all(after[axis].values.tobytes() == before[axis].values.tobytes() for axis in AXES)
+    assert gmwm("convert", table, back, "--to", "IMU:ln200").code == 0
+    assert back.read_bytes() == survey.read_bytes()
+
+
+def test_json_says_what_was_written(gmwm, survey, tmp_path):
+    out = tmp_path / "a.parquet"
+    content = gmwm("convert", survey, out, "--format", "imu:LN200", "--json").json
+    assert (content["command"], content["file"], content["output"]) == ("convert", str(survey), str(out))
+    assert (content["rate"], content["samples"], content["segments"]) == (62.5, 3750, [[0, 3750]])
+    assert content["axes"] == list(AXES)
+    assert content["units"]["accel_z"] == "m/s²"
+    assert any("LN200" in note for note in content["notes"])
+
+
+def test_rate_and_units_are_those_of_other_commands(gmwm, unlabelled, tmp_path):
+    out = tmp_path / "a.csv"
+    assert gmwm("convert", unlabelled, out, "--rate", 50, "--units", "gyro=deg/s").code == 0
+    expected = read(unlabelled, rate=50, units={"gyro": "deg/s"})
+    assert read(out)["gyro_x"].values.tobytes() == expected["gyro_x"].values.tobytes()
+
+
+def test_gaps_stay_unless_cut(gmwm, broken, tmp_path):
+    out = tmp_path / "a.csv"
+    assert gmwm("convert", broken, out, "--json").json["segments"] == [[0, 300], [300, 500]]
+    assert read(out).segments == ((0, 300), (300, 500))
+    assert gmwm("convert", broken, out, "--gaps", "longest", "--json").json["samples"] == 300
+
+
+def test_a_temperature_that_is_left_out_is_told(gmwm, tmp_path):
+    source, out = tmp_path / "a.csv", tmp_path / "a.imu"
+    values = np.random.default_rng(0).normal(size=(20, 6))
+    rows = "".join(f"{k / 10},{','.join(map(str, row))},{20 + k}\n" for k, row in enumerate(values.tolist()))
+    source.write_text(",".join(["time [s]", *(f"{a} [rad/s]" for a in AXES[:3]), *(f"{a} [m/s²]" for a in AXES[3:]),
+                                "temperature [°C]"]) + "\n" + rows)  # fmt: skip
+    outcome = gmwm("convert", source, out, "--to", "imu:IXSEA", "--json")
+    assert outcome.json["warnings"] == ["the temperature is left out: .imu records have no place for it"]
+
+
+def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_path):
+    out = tmp_path / "a.imu"
+    cases = {
+        "pass --format 'imu:LN200' or --format 'imu:LN200IG'": (survey, tmp_path / "a.csv"),
+        "needs the type of its records; pass --format": (survey, out, "--format", "imu:LN200"),
+        "no gyro_y, gyro_z": (unlabelled, out, "--rate", 50, "--units", "gyro=deg/s", "--to", "imu:IMAR"),
+        "path must end in .csv, .parquet or .imu, got 'a.xlsx'": (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR"),
+        "OUT must be another file than FILE": (survey, survey, "--format", "imu:LN200", "--to", "imu:LN200"),
+        "format must be one of": (survey, out, "--format", "imu"[:2]),
+        "does not exist": (tmp_path / "none.csv", out),
+    }
+    before = survey.read_bytes()
+    for says, arguments in cases.items():
+        outcome = gmwm("convert", *arguments)
+        assert outcome.code == 2, says
+        assert outcome.err.startswith(("error: ", "warning: ")), outcome.err
+        assert says in outcome.err
+        assert outcome.out == ""
+    assert not list(tmp_path.iterdir())
+    assert survey.read_bytes() == before
+
+
+def test_counts_and_increments_of_any_table(gmwm, tmp_path):
+    counts, out = tmp_path / "counts.csv", tmp_path / "a.csv"
+    k = np.arange(200)
+    counts.write_text("t [s],gx,az\n" + "".join(f"{i / 100},{i % 5 - 2},{163.84 + i % 3}\n" for i in k))
+    given = ("--units", "gyro=deg/s,accel=g", "--scale", "gyro=1/131,accel_z=1/16384", "--increments", "accel")
+    assert gmwm("convert", counts, out, *given).code == 0
+    imu = read(out)
+    np.testing.assert_allclose(imu["gyro_x"].values, np.radians((k % 5 - 2) / 131), rtol=1e-12)
+    np.testing.assert_allclose(imu["accel_z"].values, (163.84 + k % 3) / 163.84 * 9.80665, rtol=1e-12)
+    for wrong, says in (("gyro", "--scale takes a factor"), ("gyro=1/0", "--scale takes a factor"), ("mag=2", "scale")):
+        outcome = gmwm("convert", counts, tmp_path / "b.csv", "--scale", wrong)
+        assert outcome.code == 2
+        assert says in outcome.err

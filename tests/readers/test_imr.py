@@ -1,0 +1,111 @@
+"""NovAtel .imr files, made with struct by the published table of the header."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from gmwm.errors import DataError, ReadError
+from gmwm.readers import find_reader, read
+from gmwm.signals import AXES
+
+HEADER = "8sbdiidddiid32s4s32s12s?iii354s"
+DEFAULT = {"rate": 125.0, "gyro": 1e-6, "accel": 2e-5, "angle": 1, "velocity": 1, "clock": 2, "endian": 0}
+
+
+def imr(order="<", samples=300, stamps=None, cut=0, **changed):
+    h = DEFAULT | {"endian": int(order == ">")} | changed
+    head = struct.pack(
+        order + HEADER, b"$IMURAW\0", h["endian"], 8.8, h["angle"], h["velocity"], h["rate"], h["gyro"], h["accel"],
+        h["clock"], 0, 0.0, b"A sensor", b"", b"a program", b"", False, 0, 0, 0, b"",
+    )  # fmt: skip
+    assert len(head) == 512
+    times, numbers = table(samples)
+    times = times if stamps is None else stamps
+    body = b"".join(struct.pack(order + "d6i", t, *row) for t, row in zip(times, numbers.tolist(), strict=True))
+    return (head + body)[: len(head + body) - cut]
+
+
+def table(samples=300):
+    numbers = np.random.default_rng(8).integers(-500, 500, (samples, 6))
+    numbers[:, 5] += 3900
+    return 200_000 + np.arange(samples) / 125, numbers
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "static.imr"
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("angle", [0, 1])
+@pytest.mark.parametrize("velocity", [0, 1])
+def test_scales_and_increments_as_the_header_says(file, order, angle, velocity):
+    file.write_bytes(imr(order, angle=angle, velocity=velocity))
+    assert find_reader(file).name == "imr"
+    imu = read(file)
+    assert (imu.rate, imu["gyro_x"].start) == (125, 200_000)
+    for k, axis in enumerate(AXES):
+        sensor, flag, scale = ("gyro", angle, np.radians(1e-6)) if k < 3 else ("accel", velocity, 2e-5)
+        expected = table()[1][:, k] * scale * (125 if flag else 1)
+        np.testing.assert_allclose(imu[axis].values, expected, rtol=1e-14, err_msg=sensor)
+    assert "sensor 'A sensor'" in imu.notes
+    assert "times are seconds of the GPS week" in imu.notes
+
+
+def test_it_is_known_by_its_signature(tmp_path):
+    # Some programs name these files .imu.
+    path = tmp_path / "static.imu"
+    path.write_bytes(imr())
+    assert find_reader(path).name == "imr"
+
+
+def test_a_contradiction_of_rates_is_noted(file):
+    file.write_bytes(imr(rate=250.0))
+    assert any("header states 250 Hz, the first time stamps 125 Hz" in note for note in read(file).notes)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (imr(cut=1), "no whole number of records: 299 records of 32 bytes and 31 bytes more; was it cut off"),
+        (imr(samples=0), "holds no records; was the recording interrupted"),
+        (imr(samples=0, cut=100), "ends within its header, after 412 of 512 bytes"),
+        (b"$IMURAW\0", "ends within its header"),
+        (imr(endian=7), "byte order in its header must be 0 or 1, got 7"),
+        (imr(endian=1), "in its header must be"),
+        (imr(angle=3), "bDeltaTheta in its header must be 0 or 1, got 3"),
+        (imr(rate=0.0), "dDataRateHz in its header must be a positive number, got 0"),
+        (imr(gyro=float("nan")), "dGyroScaleFactor in its header must be a positive number, got nan"),
+        (imr(accel=-1.0), "dAccelScaleFactor in its header must be a positive number"),
+        (imr(samples=9, stamps=[float("nan")] * 9), "its times would be nan, nan, nan, nan, which are none"),
+        (b"", "is empty"),
+    ],
+)
+def test_what_is_wrong_is_told(file, content, says):
+    file.write_bytes(content)
+    with pytest.raises(ReadError, match=says):
+        read(file)
+
+
+def test_few_records_and_foreign_files(file):
+    file.write_bytes(imr(samples=1))
+    with pytest.raises(DataError, match="has 1 sample, at least 8"):
+        read(file)
+    file.write_text("gyro_x\n1\n2\n")
+    with pytest.raises(ReadError, match=r"does not begin with \$IMURAW"):
+        read(file, format="imr")
+
+
+def test_every_byte_of_the_header_may_be_wrong(file):
+    # What a damaged header leads to is a recording or a clear error, never a traceback.
+    whole = imr(samples=20)
+    rng = np.random.default_rng(11)
+    for at in range(512):
+        broken = bytearray(whole)
+        broken[at] = rng.integers(256)
+        file.write_bytes(broken)
+        try:
+            read(file)
+        except (ReadError, DataError):
+            continue

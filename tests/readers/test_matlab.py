@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import struct
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from gmwm.errors import GmwmError, ReadError
+from gmwm.readers import find_reader, read
+from gmwm.signals import AXES
+
+VALUES = np.random.default_rng(8).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
+TIME = np.arange(60) / 200
+UNITS = {"gyro": "rad/s", "accel": "m/s2"}
+
+
+def table(imu):
+    return np.column_stack([imu[axis].values for axis in imu])
+
+
+def newer(path, content):
+    """A file as MATLAB writes version 7.3: HDF5 behind 512 bytes, arrays on their side."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, value in content.items():
+            if isinstance(value, str):
+                node = file.create_dataset(name, data=np.frombuffer(value.encode("utf-16-le"), np.uint16)[:, None])
+                node.attrs["MATLAB_class"] = np.bytes_("char")
+                continue
+            node = file.create_dataset(name, data=np.atleast_2d(value).T)
+            node.attrs["MATLAB_class"] = np.bytes_("double")
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\x02IM")
+
+
+def saved(folder, kind, **content):
+    path = folder / "a.mat"
+    if kind == "7.3":
+        newer(path, content)
+    else:
+        scipy.io.savemat(path, content, do_compression=kind == "7")
+    return path
+
+
+@pytest.mark.parametrize("kind", ["5", "7", "7.3"])
+def test_named_arrays(tmp_path, kind):
+    path = saved(tmp_path, kind, gyro=VALUES[:, :3], accel=VALUES[:, 3:], t=TIME[:, None], note="unit 7", fs=200.0)
+    imu = read(path, units=UNITS)
+    assert find_reader(path).name == "matlab"
+    assert table(imu).tolist() == VALUES.tolist()
+    assert imu.rate == pytest.approx(200, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["5", "7", "7.3"])
+def test_the_table_of_kalibr_allan(tmp_path, kind):
+    content = np.column_stack([1.5e9 + TIME, VALUES[:, 3:], VALUES[:, :3]])
+    imu = read(saved(tmp_path, kind, data_imu=content))
+    assert table(imu).tolist() == VALUES.tolist()
+    assert imu.rate == pytest.approx(200, rel=1e-6)
+    assert any("known by its names" in note for note in imu.notes)
+
+
+def test_the_structure_of_navego(tmp_path):
+    imu = {"t": TIME[:, None], "wb": VALUES[:, :3], "fb": VALUES[:, 3:], "freq": 200.0, "arw": np.ones(3)}
+    found = read(saved(tmp_path, "7", imu=imu))
+    assert table(found).tolist() == VALUES.tolist()
+    assert found.axes == AXES
+
+
+def test_integers_and_singles(tmp_path):
+    counts = np.arange(60, dtype=np.int16)[:, None] - 30
+    imu = read(saved(tmp_path, "5", gx=counts, ax=VALUES[:, 3].astype(np.float32)), rate=10, units=UNITS)
+    assert imu["gyro_x"].values.tolist() == counts[:, 0].astype(float).tolist()
+    assert imu["accel_x"].values.tolist() == VALUES[:, 3].astype(np.float32).astype(float).tolist()
+
+
+@pytest.mark.parametrize("kind", ["5", "7", "7.3"])
+def test_cut_anywhere(tmp_path, kind):
+    path = saved(tmp_path, kind, gyro=VALUES[:, :3], accel=VALUES[:, 3:])
+    whole = path.read_bytes()
+    for size in range(0, len(whole) - 1, max(1, len(whole) // 40)):
+        path.write_bytes(whole[:size])
+        # A cut between two variables leaves a file that is whole, with one of them.
+        try:
+            imu = read(path, rate=1, units=UNITS)
+        except GmwmError:
+            continue
+        assert kind != "7.3"
+        assert imu.axes == AXES[:3]
+        assert table(imu).tolist() == VALUES[:, :3].tolist()
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_flipped_bytes_are_errors_or_numbers(tmp_path):
+    path = saved(tmp_path, "5", gyro=VALUES[:, :3])
+    whole = path.read_bytes()
+    for at in range(120, 300):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        try:
+            read(path, rate=1, units=UNITS)
+        except GmwmError:
+            continue
+
+
+def test_a_bomb_is_not_unpacked(tmp_path):
+    packed = zlib.compress(bytes(256 << 20), 9)
+    path = saved(tmp_path, "5", gyro=VALUES[:, :3])
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
+    with pytest.raises(ReadError, match="which no recording does"):
+        read(path, rate=1)
+
+
+def test_nothing_in_it_and_mislabelled(tmp_path):
+    with pytest.raises(ReadError, match="holds no columns of numbers; in it: k 1×1"):
+        read(saved(tmp_path, "5", note="a", k=np.array(3.0), cells=np.array([1, "a"], object)), rate=1)
+    path = tmp_path / "b.mat"
+    path.write_text("time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
+    assert len(read(path)) == 20
+    with pytest.raises(ReadError, match="no complete MATLAB file"):
+        read(path, format="matlab")

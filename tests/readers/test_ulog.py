@@ -1,0 +1,199 @@
+"""PX4 logs: made with struct by the published format, and by pyulog's own writer."""
+
+import struct
+import sys
+
+import numpy as np
+import pytest
+
+from gmwm.errors import DataError, GmwmError, MissingDependencyError, ReadError
+from gmwm.readers import base, find_reader, read
+from gmwm.readers.ulog import UlogReader
+from gmwm.signals import AXES
+
+pyulog = pytest.importorskip("pyulog")
+
+SIGNATURE = b"ULog\x01\x12\x35\x01"
+COMBINED = (
+    "sensor_combined:uint64_t timestamp;float[3] gyro_rad;uint32_t gyro_integral_dt;"
+    "int32_t accelerometer_timestamp_relative;float[3] accelerometer_m_s2;uint32_t accelerometer_integral_dt;"
+)
+SENSOR = "uint64_t timestamp;uint64_t timestamp_sample;uint32_t device_id;float x;float y;float z;float temperature;"
+GYRO, ACCEL = f"sensor_gyro:{SENSOR}", f"sensor_accel:{SENSOR}"
+STATUS = "vehicle_status:uint64_t timestamp;uint8_t state;uint8_t[7] _padding0;"
+START = 12_345_678
+
+
+def message(kind, data):
+    return struct.pack("<HB", len(data), ord(kind)) + data
+
+
+def ulog(formats, subscriptions, data):
+    """A log: formats as texts, subscriptions as (id, instance, name), data as (id, bytes)."""
+    parts = [SIGNATURE + struct.pack("<Q", START), message("B", bytes(40))]
+    parts += [message("F", text.encode()) for text in formats]
+    parts += [message("A", struct.pack("<BH", instance, k) + name.encode()) for k, instance, name in subscriptions]
+    parts += [message("D", struct.pack("<H", k) + payload) for k, payload in data]
+    return b"".join(parts)
+
+
+def numbers(samples=200, seed=0):
+    values = np.random.default_rng(seed).normal(0, 0.01, (samples, 6)).astype(np.float32)
+    values[:, 5] -= 9.8
+    return values
+
+
+def combined(samples=200):
+    rows = enumerate(numbers(samples).tolist())
+    data = [(7, struct.pack("<Q3fIi3fI", START + 4000 * k, *row[:3], 4000, 0, *row[3:], 4000)) for k, row in rows]
+    status = [(3, struct.pack("<QB", START + 10**5 * k, 1)) for k in range(3)]
+    return ulog([COMBINED, STATUS], [(7, 0, "sensor_combined"), (3, 0, "vehicle_status")], data + status)
+
+
+def sensors(samples=100, temperature=31.5):
+    subscriptions = [(1, 0, "sensor_gyro"), (2, 1, "sensor_gyro"), (4, 0, "sensor_accel")]
+    data = []
+    for which, _, _ in subscriptions:
+        for k, row in enumerate(numbers(samples, which).tolist()):
+            stamp = START + 1250 * k
+            data.append((which, struct.pack("<QQI4f", stamp + 300, stamp, 9, *row[3:], temperature + k / 64)))
+    return ulog([GYRO, ACCEL], subscriptions, data)
+
+
+@pytest.fixture
+def file(tmp_path):
+    return tmp_path / "log.ulg"
+
+
+def test_sensor_combined(file):
+    file.write_bytes(combined())
+    assert find_reader(file).name == "ulog"
+    imu = read(file)
+    assert imu.axes == AXES
+    assert imu.rate == 250
+    assert imu["gyro_x"].start == START / 1e6
+    np.testing.assert_array_equal(np.column_stack([imu[axis].values for axis in AXES]), numbers())
+    assert {imu[axis].unit for axis in AXES[:3]} == {"rad/s"}
+
+
+def test_pyulog_s_own_file_and_values(file, tmp_path):
+    file.write_bytes(combined())
+    log = pyulog.ULog(str(file))
+    log.write_ulog(str(tmp_path / "again.ulg"))
+    again, data = read(tmp_path / "again.ulg"), log.get_dataset("sensor_combined").data
+    for k in range(3):
+        np.testing.assert_array_equal(again[AXES[k]].values, data[f"gyro_rad[{k}]"])
+        np.testing.assert_array_equal(again[AXES[3 + k]].values, data[f"accelerometer_m_s2[{k}]"])
+
+
+def layouts(path):
+    return {layout.topic: layout for layout in UlogReader().layouts(path)}
+
+
+def test_each_instance_is_a_recording(file):
+    file.write_bytes(sensors())
+    found = layouts(file)
+    assert list(found) == ["sensor_accel_0", "sensor_gyro_0", "sensor_gyro_1"]
+    with pytest.raises(ReadError, match=r"holds 3 recordings.*sensor_accel_0.*sensor_gyro_0.*sensor_gyro_1"):
+        read(file)
+    assert read(file, topic="sensor_gyro_1").axes == AXES[:3]
+    for topic, seed in (("sensor_gyro_0", 1), ("sensor_gyro_1", 2), ("sensor_accel_0", 4)):
+        layout = found[topic]
+        (chunk,) = UlogReader().chunks(file, layout, range(5))
+        assert [channel.axis.split("_")[0] for channel in layout.channels][1:4] == [topic.split("_")[1]] * 3
+        # When a sample was taken, not when it was published.
+        assert layout.channels[0].name == "timestamp_sample"
+        assert chunk[0].tolist() == [START + 1250 * k for k in range(100)]
+        for k in range(3):
+            np.testing.assert_array_equal(chunk[1 + k], numbers(100, seed)[:, 3 + k])
+        assert chunk[4][1] == 31.5 + 1 / 64
+
+
+def test_one_sensor_alone_with_its_temperature(file):
+    rows = enumerate(numbers(100).tolist())
+    data = [(1, struct.pack("<QQI4f", START + 1250 * k, 0, 9, *row[:3], 20 + k / 4)) for k, row in rows]
+    file.write_bytes(ulog([GYRO], [(1, 0, "sensor_gyro")], data))
+    imu = read(file)
+    assert imu.axes == AXES[:3]
+    assert imu.rate == 800
+    assert imu["gyro_x"].start == START / 1e6  # no sample has a stamp of its own: those of publication
+    assert np.asarray(imu.temperature).tolist() == [20 + k / 4 for k in range(100)]
+
+
+def test_a_temperature_that_is_none_is_left_out(file):
+    file.write_bytes(sensors(temperature=float("nan")))
+    assert all(len(layout.channels) == 4 for layout in layouts(file).values())
+
+
+@pytest.mark.parametrize("cut", [1, 2, 10, 13, 14, 50])
+def test_a_log_that_was_cut_off(file, cut):
+    # The last message, of a status, has 3 + 11 bytes: without all of them the log ends well.
+    file.write_bytes(combined()[:-cut])
+    if cut == 14:
+        assert len(read(file)) == 200
+        return
+    with pytest.raises(ReadError, match=r"ends within a message: was it cut off\?.*write_ulog"):
+        read(file)
+
+
+def test_the_way_out_of_a_cut_log_leads_out(file, tmp_path):
+    file.write_bytes(combined()[:-20])
+    with pytest.raises(ReadError, match="cut off"):
+        read(file)
+    pyulog.ULog(str(file)).write_ulog(str(tmp_path / "whole.ulg"))
+    assert len(read(tmp_path / "whole.ulg")) == 200
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "is empty"),
+        (SIGNATURE, "no ULog that pyulog understands.*too short"),
+        (SIGNATURE + bytes(8), "holds none of sensor_combined, sensor_gyro, sensor_accel"),
+        (ulog([STATUS], [(3, 0, "vehicle_status")], [(3, struct.pack("<QB", 1, 1))]), "holds none of"),
+        (ulog([COMBINED], [(7, 0, "sensor_combined")], []), "holds none of"),
+        (ulog([COMBINED], [(7, 0, "sensor_combined")], [(7, bytes(20))] * 9), "is damaged"),
+        (ulog([COMBINED], [(7, 0, "sensor_combined")], [(8, bytes(52))] * 9), "is damaged.*no subscription"),
+        (ulog(["a:b[60000] x;", "b:c[60000] x;", "c:float x;"], [], []), "more than 2000 fields"),
+        (ulog(["a:b x;", "b:a x;"], [], []), "contains itself"),
+        (ulog([f"t{k}:t{k + 1} x;" for k in range(3000)], [], []), "no ULog that pyulog understands"),
+        (ulog(["sensor_gyro:uint64_t timestamp;float x;"], [(1, 0, "sensor_gyro")], [(1, bytes(12))] * 9), "none of"),
+        (SIGNATURE + bytes(8) + message("B", bytes(8) + b"\xff" * 8 + bytes(24)), "no ULog .*incompatible flag"),
+    ],
+)
+def test_what_is_wrong_is_told(file, content, says, capsys):
+    file.write_bytes(content)
+    with pytest.raises(ReadError, match=says):
+        read(file)
+    assert capsys.readouterr().out == ""
+
+
+def test_few_samples_and_foreign_files(file):
+    file.write_bytes(combined(1))
+    with pytest.raises(DataError, match="has 1 sample, at least 8"):
+        read(file)
+    file.write_text("gyro_x\n1\n2\n")
+    with pytest.raises(ReadError, match="no ULog that pyulog understands"):
+        read(file, format="ulog")
+
+
+def test_any_damage_is_a_clear_error_or_a_recording(file):
+    whole = combined(40)
+    rng = np.random.default_rng(12)
+    for _ in range(400):
+        broken = bytearray(whole)
+        for _ in range(rng.integers(1, 4)):
+            broken[rng.integers(len(broken))] = rng.integers(256)
+        file.write_bytes(broken)
+        try:
+            read(file)
+        except (GmwmError, Warning):
+            continue
+
+
+def test_without_pyulog_the_extra_is_named(file, monkeypatch):
+    file.write_bytes(combined())
+    monkeypatch.setitem(sys.modules, "pyulog", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'gmwm\[px4\]'"):
+        read(file)
+    assert "ulog" in base._READERS
