@@ -1,0 +1,21 @@
+"""Files for others: the noise of a calibrated unit as filters, simulators, spreadsheets and papers take it."""
+
+from gmwm.exporters import autopilots as autopilots
+from gmwm.exporters import fastlio as fastlio
+from gmwm.exporters import gazebo as gazebo
+from gmwm.exporters import gtsam as gtsam
+from gmwm.exporters import kalibr as kalibr
+from gmwm.exporters import kfgins as kfgins
+from gmwm.exporters import kimera as kimera
+from gmwm.exporters import liosam as liosam
+from gmwm.exporters import matlab as matlab
+from gmwm.exporters import numbers as numbers
+from gmwm.exporters import openvins as openvins
+from gmwm.exporters import orbslam3 as orbslam3
+from gmwm.exporters import ros as ros
+from gmwm.exporters import statespace as statespace
+from gmwm.exporters import tables as tables
+from gmwm.exporters import vins as vins
+from gmwm.exporters.export import export as export
+from gmwm.exporters.export import export_all as export_all
+from gmwm.exporters.export import export_formats as export_formats

@@ -1,0 +1,72 @@
+"""PX4 and ArduPilot: below what their filters' noise should never be set."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.words import limit_mark, written
+
+
+class _Floor(TwoNumbers):
+    """Standard deviations of a step of Δt of the filter: it adds (Δt p)² to variances, so that p = N/√Δt, K/√Δt."""
+
+    takes = frozenset({"axes", "inflation", "horizon"})
+    step: ClassVar[float]
+    """Δt (s)."""
+    keys: ClassVar[tuple[str, str, str, str]]
+    """Of the gyroscopes' and the accelerometers' noise, and of their biases."""
+    row: ClassVar[str]
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Four lines of comment: to load this file changes nothing."""
+        gyro, accel = noise.of("gyro"), noise.of("accel")
+        factor = 1 / math.sqrt(self.step)
+        found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
+        return [
+            f"# {self.row.format(key=key, value=written(number.scaled(factor)))}{limit_mark(number)}"
+            for key, number in zip(self.keys, found, strict=True)
+        ]
+
+
+def _meaning(step: float, keys: Sequence[str]) -> tuple[str, ...]:
+    return (
+        "A FLOOR, NOT ADVICE: the noise of the sensor at rest on the bench. The defaults are some hundred times "
+        "larger, since they stand for vibration, timing, misalignment and linearisation; a vehicle set to these values "
+        "may crash. Lower your parameters never below them. The lines are comments: to load this file changes nothing.",
+        f"Units: discrete, standard deviations of a step of {1000 * step:g} ms of the filter: {keys[0]} rad/s, "
+        f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
+    )
+
+
+_PX4 = ("EKF2_GYR_NOISE", "EKF2_ACC_NOISE", "EKF2_GYR_B_NOISE", "EKF2_ACC_B_NOISE")
+_ARDUPILOT = ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P_NSE")
+
+
+@register
+class Px4(_Floor):
+    """Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms."""
+
+    name = "px4"
+    title = "PX4 EKF2, as a floor"
+    extension = ".params"
+    step = 0.010
+    keys = _PX4
+    # Vehicle, component, name, value, type 9 (a float), between tabs.
+    row = "1\t1\t{key}\t{value}\t9"
+    meaning = _meaning(0.010, _PX4)
+
+
+@register
+class ArduPilot(_Floor):
+    """Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms."""
+
+    name = "ardupilot"
+    title = "ArduPilot EKF3, as a floor"
+    extension = ".parm"
+    step = 0.012
+    keys = _ARDUPILOT
+    row = "{key},{value}"
+    meaning = _meaning(0.012, _ARDUPILOT)

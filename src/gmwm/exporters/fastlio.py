@@ -1,0 +1,39 @@
+"""FAST-LIO: the noise in its YAML file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.words import limit_mark, written
+
+
+@register
+class FastLio(TwoNumbers):
+    """Discrete variances: a step adds Δt² times these to the covariance.
+
+    Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
+    """
+
+    name = "fastlio"
+    title = "FAST-LIO and FAST-LIO2"
+    extension = ".yaml"
+    meaning = (
+        "Units: discrete, variances of a step at the rate below: N² f and K² f. acc_cov (m/s²)², gyr_cov (rad/s)², "
+        "b_acc_cov (m/s³)², b_gyr_cov (rad/s²)². At another rate they are others. The inflation factor enters squared.",
+    )
+    advice = (
+        "These keys replace their namesakes under mapping: in your file, whose usual values, 0.1 and 0.0001, are far "
+        "larger than the noise of any sensor: they stand for what else is wrong.",
+    )
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Four keys."""
+        lines = [f"# for an IMU at {noise.rate!r} Hz", "mapping:"]
+        gyro, accel = noise.of("gyro"), noise.of("accel")
+        for key, number, unit in (
+            ("acc_cov", accel.N[0], "(m/s^2)^2"), ("gyr_cov", gyro.N[0], "(rad/s)^2"),
+            ("b_acc_cov", accel.K[0], "(m/s^3)^2"), ("b_gyr_cov", gyro.K[0], "(rad/s^2)^2"),
+        ):  # fmt: skip
+            lines.append(f"    {key}: {written(number.value**2 * noise.rate)}  # {unit}{limit_mark(number)}")
+        return lines

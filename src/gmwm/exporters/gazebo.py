@@ -1,0 +1,75 @@
+"""Gazebo: the noise of an IMU in SDF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
+from gmwm.exporters.reduction import SensorNoise
+from gmwm.exporters.words import written
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+
+
+@register
+class Gazebo(TwoNumbers):
+    """A sample's σ = N√f, and a Gauss-Markov bias driven by K with a correlation time.
+
+    The simulator's bias is b ← e^(−Δt/T) b + w, Var w = K² T (1 − e^(−2Δt/T))/2.
+
+    Source: SDFormat's description of noise, and `GaussianNoiseModel.cc` of Gazebo.
+    """
+
+    name = "gazebo"
+    title = "Gazebo (SDF)"
+    extension = ".sdf"
+    comment = ""
+    default_axes = "each"
+    both = False
+    per_axis = True
+    meaning = (
+        "Units: stddev is discrete, the standard deviation of a sample, N √f: rad/s and m/s². dynamic_bias_stddev is "
+        "continuous, the random walk K: rad/s/√s and m/s²/√s; dynamic_bias_correlation_time s.",
+        "The correlation time is that of the slowest Gauss-Markov term, or the length of the recording for an axis "
+        "whose walk shows no end.",
+    )
+    advice = ("This element goes into <sensor type='imu'>; its update_rate must be the rate of stddev.",)
+
+    def export(self, calibration: Calibration, settings: Settings) -> str:
+        """The head as one comment of XML, as its lines have no mark."""
+        text = super().export(calibration, settings)
+        head, _, body = text.partition("\n\n")
+        lines = "\n".join(f"  {line.strip()}" for line in head.splitlines())
+        return f"<!--\n{lines}\n-->\n{body}"
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """An element for each axis."""
+        names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
+        lines = [f"<!-- stddev for {noise.rate!r} Hz -->", "<imu>"]
+        for sensor in noise.sensors:
+            lines.append(f"  <{names[sensor.quantity]}>")
+            for k, letter in enumerate("xyz"):
+                lines += _axis(sensor, k, letter, noise)
+            lines.append(f"  </{names[sensor.quantity]}>")
+        return [*lines, "</imu>"]
+
+
+def _axis(sensor: SensorNoise, k: int, letter: str, noise: Noise) -> list[str]:
+    times = {one.axis.rpartition("_")[2]: one.time for one in sensor.axes}
+    time = times[letter] if noise.settings.axes == "each" else max(times.values())
+    stddev = sensor.N[k].scaled(math.sqrt(noise.rate))
+    upper = [s for s, number in (("stddev", stddev), ("dynamic_bias_stddev", sensor.K[k])) if number.upper]
+    return [
+        f"    <{letter}>",
+        '      <noise type="gaussian">',
+        *([f"        <!-- upper limit: {', '.join(upper)} -->"] if upper else []),
+        "        <mean>0.0</mean>",
+        f"        <stddev>{written(stddev)}</stddev>",
+        f"        <dynamic_bias_stddev>{written(sensor.K[k])}</dynamic_bias_stddev>",
+        f"        <dynamic_bias_correlation_time>{written(time)}</dynamic_bias_correlation_time>",
+        "      </noise>",
+        f"    </{letter}>",
+    ]

@@ -1,0 +1,46 @@
+"""Kalibr: imu.yaml of the camera-IMU calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.words import limit_mark, written
+
+CONTINUOUS = (
+    "Units: continuous-time densities, one-sigma. Noise density N: gyroscope rad/s/√Hz, accelerometer m/s²/√Hz. "
+    "Random walk K: gyroscope rad/s²/√Hz, accelerometer m/s³/√Hz.",
+)
+"""Of all consumers that have taken over Kalibr's four numbers."""
+
+
+def four_numbers(noise: Noise) -> list[str]:
+    """The four keys, each with its unit."""
+    lines = []
+    for quantity, key, unit in (("accel", "accelerometer", "m/s"), ("gyro", "gyroscope", "rad/s")):
+        sensor = noise.accel if quantity == "accel" else noise.gyro
+        assert sensor is not None
+        squared, cubed = (f"{unit}^2", f"{unit}^3") if quantity == "accel" else (unit, f"{unit}^2")
+        lines += [
+            f"{key}_noise_density: {written(sensor.N[0])}  # {squared}/sqrt(Hz){limit_mark(sensor.N[0])}",
+            f"{key}_random_walk: {written(sensor.K[0])}  # {cubed}/sqrt(Hz){limit_mark(sensor.K[0])}",
+        ]
+    return lines
+
+
+@register
+class Kalibr(TwoNumbers):
+    """Four continuous-time numbers, all of which must be positive.
+
+    Source: `ConfigReader.py` of Kalibr, and its pages on the IMU noise model and on YAML formats.
+    """
+
+    name = "kalibr"
+    title = "Kalibr (imu.yaml)"
+    extension = ".yaml"
+    meaning = CONTINUOUS
+    advice = ("rostopic is a place-holder: put the topic of your recordings there.",)
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Kalibr's keys."""
+        return [*four_numbers(noise), "", "rostopic: /imu0", f"update_rate: {noise.rate!r}  # Hz"]

@@ -1,0 +1,56 @@
+"""KF-GINS: imunoise in kf-gins.yaml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.reduction import Number
+from gmwm.exporters.words import written
+
+_DEGREE = math.pi / 180
+_MILLIGAL = 1e-5
+
+
+@register
+class KfGins(TwoNumbers):
+    """N and a Gauss-Markov bias with σ and one correlation time T for all axes.
+
+    The filter drives the bias with 2σ²/T, so that σ = K√(T/2) has the walk K; with a single slow Gauss-Markov term and
+    its own T it is the σ of the term.
+
+    Source: `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS.
+    """
+
+    name = "kfgins"
+    title = "KF-GINS (kf-gins.yaml)"
+    extension = ".yaml"
+    per_axis = True
+    takes = frozenset({"axes", "inflation", "horizon"})
+    meaning = (
+        "Units: continuous in time. arw deg/√h, vrw m/s/√h; gbstd deg/h and abstd mGal are the standard deviations of "
+        "Gauss-Markov biases with the correlation time corrtime in h.",
+        "corrtime is the longest of the axes': that of the slowest Gauss-Markov term, or the length of the recording "
+        "for an axis whose walk shows no end. The deviations have the random walk K of each axis for times far below "
+        "it: K √(T/2).",
+    )
+    advice = ("Keep gsstd and asstd of your own file beside these: scale factors do not show at rest.",)
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Five keys, three numbers each."""
+        gyro, accel = noise.of("gyro"), noise.of("accel")
+        time = max(one.time for sensor in noise.sensors for one in sensor.axes)
+        deviation = math.sqrt(time / 2)
+        return [
+            "imunoise:",
+            f"  arw: {_row(gyro.N, 60 / _DEGREE)}  # deg/sqrt(h)",
+            f"  vrw: {_row(accel.N, 60)}  # m/s/sqrt(h)",
+            f"  gbstd: {_row(gyro.K, deviation * 3600 / _DEGREE)}  # deg/h",
+            f"  abstd: {_row(accel.K, deviation / _MILLIGAL)}  # mGal",
+            f"  corrtime: {written(time / 3600)}  # h",
+        ]
+
+
+def _row(numbers: Sequence[Number], factor: float) -> str:
+    return f"[{', '.join(written(number.scaled(factor)) for number in numbers)}]"

@@ -1,0 +1,30 @@
+"""Kimera-VIO: the noise in ImuParams.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.kalibr import CONTINUOUS, four_numbers
+
+
+@register
+class Kimera(TwoNumbers):
+    """Kalibr's four numbers and the rate.
+
+    Source: `params/Euroc/ImuParams.yaml` of Kimera-VIO.
+    """
+
+    name = "kimera"
+    title = "Kimera-VIO (ImuParams.yaml)"
+    extension = ".yaml"
+    first = "%YAML:1.0"
+    meaning = CONTINUOUS
+    advice = (
+        "These keys replace their namesakes in your ImuParams.yaml; T_BS, imu_preintegration_type, "
+        "imu_integration_sigma, imu_time_shift and n_gravity stay as they are.",
+    )
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Kimera's keys."""
+        return [f"rate_hz: {noise.rate!r}  # Hz", *four_numbers(noise)]

@@ -1,0 +1,38 @@
+"""LIO-SAM: the noise in params.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.words import limit_mark, written
+
+
+@register
+class LioSam(TwoNumbers):
+    """Four continuous-time numbers, squared for GTSAM by itself.
+
+    Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
+    """
+
+    name = "liosam"
+    title = "LIO-SAM (params.yaml)"
+    extension = ".yaml"
+    meaning = (
+        "Units: continuous-time densities, one-sigma. imuGyrNoise rad/s/√Hz, imuAccNoise m/s²/√Hz, imuGyrBiasN "
+        "rad/s/√s, imuAccBiasN m/s²/√s.",
+    )
+    advice = (
+        "These keys replace their namesakes in your params.yaml; for ROS 2 they stand under /**: ros__parameters:.",
+    )
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Four keys."""
+        gyro, accel = noise.of("gyro"), noise.of("accel")
+        return [
+            "lio_sam:",
+            f"  imuAccNoise: {written(accel.N[0])}  # m/s^2/sqrt(Hz){limit_mark(accel.N[0])}",
+            f"  imuGyrNoise: {written(gyro.N[0])}  # rad/s/sqrt(Hz){limit_mark(gyro.N[0])}",
+            f"  imuAccBiasN: {written(accel.K[0])}  # m/s^2/sqrt(s){limit_mark(accel.K[0])}",
+            f"  imuGyrBiasN: {written(gyro.K[0])}  # rad/s/sqrt(s){limit_mark(gyro.K[0])}",
+        ]

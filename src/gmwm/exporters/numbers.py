@@ -1,0 +1,96 @@
+"""The numbers of a unit as JSON: datasheet, two numbers for a filter, matrices."""
+
+from __future__ import annotations
+
+import json
+import math
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from gmwm.errors import DataError
+from gmwm.exporters.base import Exporter, Settings, register
+from gmwm.exporters.matrices import has_matrices
+from gmwm.exporters.reduction import axis_noise
+from gmwm.exporters.statespace import axis_matrices
+from gmwm.units import SI_UNIT, find_unit, noise_unit
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+
+FORMAT = "gmwm-numbers"
+VERSION = 1
+
+
+@register
+class JsonNumbers(Exporter):
+    """What a program wants of a calibration, short; calibration.json has everything."""
+
+    name = "json"
+    title = "other programs (JSON)"
+    extension = ".json"
+    takes = frozenset({"horizon"})
+
+    def export(self, calibration: Calibration, settings: Settings) -> str:
+        """A JSON document."""
+        content = {
+            "format": FORMAT,
+            "version": VERSION,
+            "gmwm": metadata.version("gmwm"),
+            "source": calibration.source,
+            "about": "SI units, continuous in time but for the parameters (per sample, beta in 1/s) and the matrices "
+            "F, Q, H, R, P0 (steps of a sample). Each axis by itself, no inflation. filter: two numbers for the "
+            "horizon; upper_limit says that the data only bound the number.",
+            "horizon": settings.horizon,
+            "confidence": calibration.settings.confidence,
+            "axes": {axis: _axis(axis, calibration, settings) for axis in calibration},
+            "failed": dict(calibration.failed),
+        }
+        return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
+
+
+def _axis(axis: str, calibration: Calibration, settings: Settings) -> dict[str, Any]:
+    found = calibration.axes[axis]
+    fit, wv = found.fit, found.fit.wavelet_variance
+    units = fit.model.units(wv.unit or "u")
+    return {
+        "model": fit.model.structure,
+        "rate": wv.rate,
+        "samples": wv.samples,
+        "unit": wv.unit,
+        "parameters": {
+            name: {"value": value, "interval": found.intervals.get(name), "unit": units[name]}
+            for name, value in fit.parameters.items()
+        },
+        "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
+        "filter": _filter(axis, calibration, settings),
+        "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model) else None,
+    }
+
+
+def _filter(axis: str, calibration: Calibration, settings: Settings) -> dict[str, Any] | None:
+    """N and K with their units; None, with a reason, where the data do not bound them or no unit is known."""
+    fit = calibration[axis]
+    unit = find_unit(fit.wavelet_variance.unit)
+    if unit is None:
+        return {"none_because": "the unit of the signal is not known"}
+    try:
+        noise = axis_noise(axis, fit, unit.quantity, settings.horizon, calibration.settings.confidence)
+    except DataError as error:
+        return {"none_because": str(error)}
+    return {
+        symbol: {
+            "value": number.value,
+            "upper_limit": number.upper,
+            "unit": noise_unit(power, SI_UNIT[unit.quantity])[0],
+        }
+        for symbol, number, power in (("N", noise.N, 0.5), ("K", noise.K, -0.5))
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Null for what JSON has no number for."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

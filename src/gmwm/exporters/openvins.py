@@ -1,0 +1,49 @@
+"""OpenVINS: kalibr_imu_chain.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.kalibr import CONTINUOUS, four_numbers
+
+_UNIT = ("[1.0, 0.0, 0.0]", "[0.0, 1.0, 0.0]", "[0.0, 0.0, 1.0]")
+_POSE = ("[1.0, 0.0, 0.0, 0.0]", "[0.0, 1.0, 0.0, 0.0]", "[0.0, 0.0, 1.0, 0.0]", "[0.0, 0.0, 0.0, 1.0]")
+_ZERO = ("[0.0, 0.0, 0.0]",) * 3
+
+
+@register
+class OpenVins(TwoNumbers):
+    """Kalibr's four numbers in the chain file of its visual-inertial calibration.
+
+    Source: `config/euroc_mav/kalibr_imu_chain.yaml` of OpenVINS.
+    """
+
+    name = "openvins"
+    title = "OpenVINS (kalibr_imu_chain.yaml)"
+    extension = ".yaml"
+    first = "%YAML:1.0"
+    meaning = CONTINUOUS
+    advice = (
+        "OpenVINS advises to inflate by 10 to 20: --inflation 10. All but the four numbers and the rate are "
+        "place-holders for a perfect sensor: put those of your own calibration there.",
+    )
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """One IMU."""
+        lines = ["imu0:", *_matrix("T_i_b", _POSE), *(f"  {line}" for line in four_numbers(noise))]
+        lines += [
+            "  rostopic: /imu0",
+            "  time_offset: 0.0",
+            f"  update_rate: {noise.rate!r}  # Hz",
+            '  model: "kalibr"',
+        ]
+        for key, rows in (
+            ("Tw", _UNIT), ("R_IMUtoGYRO", _UNIT), ("Ta", _UNIT), ("R_IMUtoACC", _UNIT), ("Tg", _ZERO)
+        ):  # fmt: skip
+            lines += _matrix(key, rows)
+        return lines
+
+
+def _matrix(key: str, rows: Sequence[str]) -> list[str]:
+    return [f"  {key}:", *(f"    - {row}" for row in rows)]

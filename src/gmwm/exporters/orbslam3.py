@@ -1,0 +1,37 @@
+"""ORB-SLAM3: the noise in the settings file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.words import limit_mark, written
+
+
+@register
+class OrbSlam3(TwoNumbers):
+    """Four continuous-time numbers and the rate, by which it makes them discrete itself.
+
+    Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3.
+    """
+
+    name = "orbslam3"
+    title = "ORB-SLAM3"
+    extension = ".yaml"
+    first = "%YAML:1.0"
+    meaning = (
+        "Units: continuous-time densities, one-sigma. NoiseGyro rad/s/√Hz, NoiseAcc m/s²/√Hz, GyroWalk rad/s²/√Hz, "
+        "AccWalk m/s³/√Hz, Frequency Hz; it makes them discrete itself.",
+    )
+    advice = ("These keys replace their namesakes in your settings file.",)
+
+    def body(self, noise: Noise) -> Sequence[str]:
+        """Five keys."""
+        gyro, accel = noise.of("gyro"), noise.of("accel")
+        return [
+            f"IMU.NoiseGyro: {written(gyro.N[0])}  # rad/s/sqrt(Hz){limit_mark(gyro.N[0])}",
+            f"IMU.NoiseAcc: {written(accel.N[0])}  # m/s^2/sqrt(Hz){limit_mark(accel.N[0])}",
+            f"IMU.GyroWalk: {written(gyro.K[0])}  # rad/s^2/sqrt(Hz){limit_mark(gyro.K[0])}",
+            f"IMU.AccWalk: {written(accel.K[0])}  # m/s^3/sqrt(Hz){limit_mark(accel.K[0])}",
+            f"IMU.Frequency: {noise.rate!r}  # Hz",
+        ]

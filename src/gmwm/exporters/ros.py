@@ -1,0 +1,75 @@
+"""ROS: the covariances of sensor_msgs/Imu, for a driver to fill in."""
+
+from __future__ import annotations
+
+import math
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+from gmwm.datasheets.translation import translated
+from gmwm.errors import DataError
+from gmwm.estimation.result import Fit
+from gmwm.exporters.base import QUANTITIES, Exporter, Settings, register
+from gmwm.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
+from gmwm.exporters.words import commented, recording, written
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.units import Quantity
+
+_KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "linear_acceleration_covariance"}
+
+
+@register
+class Ros(Exporter):
+    """Variance of a sample: all stationary terms of the model, σ² + 2Q² + Σ σ²_GM, on the diagonal.
+
+    Source: `sensor_msgs/msg/Imu.msg`.
+    """
+
+    name = "ros"
+    title = "the covariances of ROS messages (sensor_msgs/Imu)"
+    extension = ".yaml"
+    default_axes = "each"
+    takes = frozenset({"axes", "inflation"})
+    per_axis = True
+
+    def export(self, calibration: Calibration, settings: Settings) -> str:
+        """A list of nine numbers for each sensor there is."""
+        head = [
+            f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
+            recording(calibration),
+            "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
+            "(rad/s)², linear_acceleration (m/s²)².",
+            f"Inflation factor: {settings.inflation:g}, which enters squared. Horizon: none.",
+        ]
+        lines = []
+        for quantity in QUANTITIES:
+            if not (names := axes_of(calibration, quantity)):
+                continue
+            head.append(f"{_KEYS[quantity]}: {RULES[settings.axes]} {', '.join(names)}.")
+            for axis in names:
+                require_unit(axis, calibration[axis], quantity)
+                head.append(f"Model of {axis}: {calibration[axis].model.structure}.")
+            deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
+            three = [number.value**2 for number in ruled(deviations, settings.axes, settings.inflation)]
+            nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
+            lines.append(f"{_KEYS[quantity]}: [{nine}]")
+        if not lines:
+            raise DataError(
+                f"ros needs gyroscopes or accelerometers, as gyro_x and accel_x; got {', '.join(calibration)}"
+            )
+        head.append(
+            "They are the variances of all stationary terms: white noise, quantization noise and Gauss-Markov terms. "
+            "Random walks and ramps have no variance and are left out; the message has no place for them. The "
+            "covariance of the orientation is not the sensors' noise."
+        )
+        return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+
+
+def sample_variance(fit: Fit) -> float:
+    """Variance (SI) of one sample of the stationary terms of a model; those that act as a walk are none."""
+    model, wv = translated(fit)[0].model, fit.wavelet_variance
+    stationary = [p for p in model.processes if p.stationary and p.scale > 0]
+    lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]
+    return sum(float(p.autocovariance([0], wv.rate)[0]) for p in lasting)

@@ -1,0 +1,89 @@
+"""`gmwm export`: what the library writes, printed or in files."""
+
+import pytest
+
+import gmwm as library
+from gmwm import Calibration
+from gmwm.exporters import export_formats
+
+
+@pytest.fixture(scope="module")
+def results(gmwm, recording, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    assert gmwm("calibrate", recording, "--within", "GM + WN + RW", "--output", folder).code == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def file(results):
+    return results / "calibration.json"
+
+
+def test_calibrate_writes_imu_yaml(results, file):
+    text = (results / "imu.yaml").read_text(encoding="utf-8")
+    assert text == library.export(Calibration.load(file), format="kalibr")
+
+
+def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
+    outcome = gmwm("calibrate", recording, "--within", "WN + RW", "--axis", "gyro", "--output", tmp_path)
+    assert outcome.code == 0
+    assert "imu.yaml" not in outcome.out + outcome.err
+    assert not (tmp_path / "imu.yaml").exists()
+
+
+def test_it_prints_the_library_s_text(gmwm, file):
+    outcome = gmwm("export", file, "--format", "vins", "--inflation", 2, "--horizon", 3, "--rate", 50, "--axes", "mean")
+    found = Calibration.load(file)
+    assert outcome.code == 0
+    assert outcome.out == library.export(
+        found, format="vins", inflation=2.0, horizon=3.0, rate=50.0, axes="mean"
+    )  # fmt: skip
+    assert gmwm("export", file).out == gmwm("export", file.parent).out == library.export(found)
+
+
+def test_it_writes_a_file_and_says_so(gmwm, file, tmp_path):
+    target = tmp_path / "noise.m"
+    outcome = gmwm("export", file, "--format", "matlab", "--output", target)
+    assert outcome.code == 0
+    assert str(target) in outcome.out
+    assert target.read_text(encoding="utf-8") == library.export(Calibration.load(file), format="matlab")
+
+
+def test_all_writes_every_format(gmwm, file, tmp_path):
+    folder = tmp_path / "new" / "exported"
+    outcome = gmwm("export", file, "--all", folder, "--json")
+    assert outcome.code == 0
+    assert len(outcome.json["written"]) == len(list(folder.iterdir())) == len(export_formats())
+
+
+def test_json_has_the_text(gmwm, file):
+    content = gmwm("export", file, "--format", "kalibr", "--json").json
+    assert content["command"] == "export"
+    assert content["text"] == library.export(Calibration.load(file))
+    assert content["written"] == []
+
+
+def test_errors_take_one_line(gmwm, file, tmp_path):
+    gyro = tmp_path / "gyro.json"
+    found = Calibration.load(file)
+    axes = {axis: one for axis, one in found.axes.items() if axis.startswith("gyro")}
+    Calibration(axes, {}, found.settings).save(gyro)
+    for arguments, said in (
+        ((file, "--format", "kalib"), "must be one of"),
+        ((file, "--all", tmp_path, "--format", "kalibr"), "leave --format and --output out"),
+        ((file, "--all", file), "must be a directory"),
+        ((file, "--inflation", 0), "inflation must be a positive number"),
+        ((file, "--format", "csv", "--horizon", 2), "horizon has no meaning for 'csv'"),
+        ((file, "--format", "kalibr", "--axes", "each"), "axes must be 'worst' or 'mean'"),
+        ((gyro,), "kalibr needs gyroscopes and accelerometers"),
+        ((tmp_path / "none.json",), "none.json: No such file"),
+    ):
+        outcome = gmwm("export", *arguments)
+        assert outcome.code == 2
+        assert outcome.out == ""
+        assert outcome.err.count("\n") == 1
+        assert said in outcome.err
+    outcome = gmwm("export", gyro, "--all", tmp_path / "some")
+    assert outcome.code == 0
+    assert "kalibr is not written" in outcome.err
+    assert "ros.yaml" in outcome.out

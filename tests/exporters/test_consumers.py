@@ -1,0 +1,245 @@
+"""Every file is read back by its consumer's own rules, and gives the N and K of the model."""
+
+import csv
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.exporters import export, export_formats
+from gmwm.processes import parse_model
+
+from .conftest import RATE, TRUTHS
+from .consumers import CONSUMERS, PER_AXIS, yaml
+
+GOLDEN = Path(__file__).parent / "golden"
+HORIZON = 1.0
+FULL = ("json", "csv", "latex", "state-space")
+NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.\d*|\d+)(?:e[-+]?\d+)?(?![\w.])")
+
+
+def by_hand(truth, horizon=HORIZON):
+    """N and K of a model, from its parameters: σ²/f, γ²f, and what Gauss-Markov terms add."""
+    white, walk = 0.0, 0.0
+    for process in parse_model(truth).processes:
+        values = process.values
+        if process.name == "WN":
+            white += values["sigma2"] / RATE
+        elif process.name == "RW":
+            walk += values["gamma2"] * RATE
+        elif process.name == "GM" and 1 / values["beta"] < horizon:
+            white += values["sigma2"] / RATE / math.tanh(values["beta"] / RATE / 2)
+        elif process.name == "GM":
+            walk += 2 * values["beta"] * values["sigma2"]
+    return math.sqrt(white), math.sqrt(walk)
+
+
+def expected(truths, rule, horizon=HORIZON):
+    found = {}
+    for sensor in ("gyro", "accel"):
+        three = np.array([by_hand(truths[f"{sensor}_{letter}"], horizon) for letter in "xyz"]).T
+        rules = {
+            "worst": lambda v: [v.max()] * 3,
+            "mean": lambda v: [math.sqrt(np.mean(v**2))] * 3,
+            "each": lambda v: v,
+        }
+        found[sensor] = tuple(np.array(rules[rule](values)) for values in three)
+    return found
+
+
+def test_every_format_has_a_consumer_here():
+    assert {*CONSUMERS, "ros", *FULL} == set(export_formats())
+
+
+@pytest.mark.parametrize("rule", ["worst", "mean", "each"])
+@pytest.mark.parametrize("format", CONSUMERS)
+def test_consumers_read_n_and_k_back(unit, format, rule):
+    name, calibration = unit
+    if rule == "each" and format not in PER_AXIS:
+        with pytest.raises(gmwm.OptionError, match="one number for the axes"):
+            export(calibration, format=format, axes=rule)
+        return
+    text = export(calibration, format=format, axes=rule)
+    for sensor, (white, walk) in expected(TRUTHS[name], rule).items():
+        found_white, found_walk = CONSUMERS[format](text)[sensor]
+        assert found_white == pytest.approx(white, rel=2e-6)
+        if name == "no-walk":
+            # An upper limit, which the file says: see below.
+            assert np.all(found_walk > 0)
+        else:
+            assert found_walk == pytest.approx(walk, rel=2e-6)
+    assert ("UPPER LIMIT" in text) == (name == "no-walk")
+
+
+@pytest.mark.parametrize("format", CONSUMERS)
+def test_inflation_scales_n_and_k(units, format):
+    calibration = units["quantized"]
+    plain = CONSUMERS[format](export(calibration, format=format))
+    text = export(calibration, format=format, inflation=10.0)
+    inflated = CONSUMERS[format](text)
+    for sensor, pair in plain.items():
+        for before, after in zip(pair, inflated[sensor], strict=True):
+            assert after == pytest.approx(10 * before, rel=2e-6)
+    assert "Inflation factor: 10" in text
+
+
+@pytest.mark.parametrize("format", CONSUMERS)
+def test_the_horizon_parts_white_noise_from_walks(units, format):
+    calibration, truths = units["gauss-markov"], TRUTHS["gauss-markov"]
+    text = export(calibration, format=format, horizon=0.01)
+    for sensor, pair in expected(truths, "worst" if format not in PER_AXIS else _default(format), 0.01).items():
+        for found, wanted in zip(CONSUMERS[format](text)[sensor], pair, strict=True):
+            assert found == pytest.approx(wanted, rel=2e-6)
+    assert "Horizon: 0.01 s" in text
+
+
+def _default(format):
+    return "each" if format in ("matlab", "gazebo") else "worst"
+
+
+@pytest.mark.parametrize("format", ["vins", "fastlio", "gazebo", "matlab"])
+def test_discrete_numbers_are_for_the_rate_that_is_asked_for(units, format):
+    text = export(units["quantized"], format=format, rate=400.0, axes="worst")
+    for sensor, pair in expected(TRUTHS["quantized"], "worst").items():
+        for found, wanted in zip(CONSUMERS[format](text, rate=400.0)[sensor], pair, strict=True):
+            assert found == pytest.approx(wanted, rel=2e-6)
+
+
+def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
+    fit = units["no-walk"]["accel_y"]
+    with pytest.warns(gmwm.FitWarning):
+        wider = gmwm.fit("WN + RW", fit.wavelet_variance, weighting="optimal")
+    limit = math.sqrt(wider.confidence_intervals()["RW.gamma2"][1] * RATE)
+    walk = CONSUMERS["matlab"](export(units["no-walk"], format="matlab"))["accel"][1]
+    assert walk[1] == pytest.approx(limit, rel=1e-3)
+    text = export(units["no-walk"], format="matlab")
+    assert "UPPER LIMIT, not a measured value: K of gyro_x, K of gyro_y" in text
+    assert "(97.5 %, before inflation)" in text.replace("\n%   ", " ")
+
+
+def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
+    from .conftest import calibrated
+
+    truths = {**TRUTHS["quantized"], "gyro_x": "RW(gamma2=1e-9)", "gyro_y": "RW(gamma2=1e-9)"}
+    text = export(calibrated({**truths, "gyro_z": "RW(gamma2=1e-9)"}))
+    assert "UPPER LIMIT, not a measured value: N of the gyroscopes" in text
+    white, walk = CONSUMERS["kalibr"](text)["gyro"]
+    assert 0 < white[0] < walk[0]
+    assert walk == pytest.approx(math.sqrt(1e-9 * RATE), rel=2e-6)
+
+
+def test_kf_gins_has_the_gauss_markov_term_itself(units):
+    content = yaml(export(units["gauss-markov"], format="kfgins", axes="each"))["imunoise"]
+    assert content["corrtime"] * 3600 == pytest.approx(10.0, rel=2e-6)
+    assert content["gbstd"][0] * math.pi / 180 / 3600 == pytest.approx(math.sqrt(2e-8), rel=2e-6)
+    assert np.array(content["abstd"])[[0, 2]] * 1e-5 == pytest.approx(np.sqrt([2e-6, 3e-6]), rel=2e-6)
+
+
+def test_gazebo_simulates_the_gauss_markov_term_itself(units):
+    from xml.etree import ElementTree
+
+    text = export(units["gauss-markov"], format="gazebo")
+    imu = ElementTree.fromstring(re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL))
+    noise = imu.find("linear_acceleration/z/noise")
+    time, drive = (float(noise.find(f"dynamic_bias_{key}").text) for key in ("correlation_time", "stddev"))
+    space = gmwm.GM(beta=0.1, sigma2=3e-6).state_space(RATE)
+    assert math.exp(-1 / (RATE * time)) == pytest.approx(space.F[0, 0], rel=1e-6)
+    assert -(drive**2) * time / 2 * math.expm1(-2 / (RATE * time)) == pytest.approx(space.Q[0, 0], rel=1e-5)
+
+
+def test_an_endless_walk_has_the_length_of_the_recording(units):
+    content = yaml(export(units["quantized"], format="kfgins"))["imunoise"]
+    assert content["corrtime"] * 3600 == pytest.approx(400_000 / RATE, rel=2e-6)
+
+
+@pytest.mark.parametrize("rule", ["worst", "mean", "each"])
+def test_ros_covariances_are_the_variances_of_samples(unit, rule):
+    name, calibration = unit
+    content = yaml(export(calibration, format="ros", axes=rule, inflation=2.0))
+    for sensor, key in (("gyro", "angular_velocity_covariance"), ("accel", "linear_acceleration_covariance")):
+        three = []
+        for letter in "xyz":
+            found = [p.values for p in parse_model(TRUTHS[name][f"{sensor}_{letter}"]).processes]
+            three.append(sum(v.get("sigma2", 0.0) + 2 * v.get("q2", 0.0) for v in found))
+        wanted = {"worst": [max(three)] * 3, "mean": [np.mean(three)] * 3, "each": three}[rule]
+        matrix = np.array(content[key]).reshape(3, 3)
+        assert np.diag(matrix) == pytest.approx(4 * np.array(wanted), rel=2e-6)
+        assert np.count_nonzero(matrix) == 3
+
+
+@pytest.mark.parametrize("format", CONSUMERS)
+def test_the_head_says_what_the_numbers_are(units, format):
+    text = export(units["no-walk"], format=format)
+    head = " ".join(re.sub(r"^\s*(#|//|%)\s*", "", text, flags=re.MULTILINE).split())
+    units_of = ("deg/h", "mGal") if format == "kfgins" else ("rad/s", "m/s^2")
+    for said in (
+        *units_of, "bench.csv", "400000 samples at 200 Hz", "Units: ", "Inflation factor: 1.", "Horizon: 1 s.",
+        "of gyro_x, gyro_y, gyro_z.", "of accel_x, accel_y, accel_z.",
+        "Model of gyro_z: GM + WN (N: GM (T_c 0.05 s), WN).", "UPPER LIMIT, not a measured value: K of",
+    ):  # fmt: skip
+        assert said in head, said
+    assert "continuous" in head.lower() or "discrete" in head.lower()
+    assert text.isascii()
+    assert max(map(len, text.splitlines())) <= 130
+
+
+@pytest.mark.parametrize("format", sorted({*CONSUMERS, "ros", "csv", "latex"}))
+@pytest.mark.parametrize("name", TRUTHS)
+def test_files_are_as_they_were(units, name, format):
+    """Texts to the letter, numbers to 1e-5; `python -m tests.exporters.make_golden` writes them anew."""
+    text = export(units[name], format=format)
+    kept = (GOLDEN / name / f"{format}.txt").read_text(encoding="utf-8")
+    version = re.escape(f"gmwm {gmwm.__version__}")
+    texts = [NUMBER.sub("#", re.sub(version, "gmwm", one)) for one in (text, kept)]
+    assert texts[0].split() == texts[1].split()
+    found, wanted = ([float(x) for x in NUMBER.findall(re.sub(version, "", one))] for one in (text, kept))
+    assert found == pytest.approx(wanted, rel=1e-5)
+
+
+def test_csv_has_every_number_of_every_datasheet(unit):
+    _, calibration = unit
+    lines = [line for line in export(calibration, format="csv").splitlines() if line and not line.startswith("#")]
+    rows = list(csv.DictReader(lines))
+    entries = [(axis, e) for axis, sheet in calibration.datasheets.items() for e in sheet.entries]
+    assert [(row["axis"], row["symbol"]) for row in rows] == [(axis, e.symbol) for axis, e in entries]
+    for row, (_, entry) in zip(rows, entries, strict=True):
+        assert float(row["value"]) == entry.value
+        assert row["unit"] == entry.unit
+        assert row["upper_only"] == str(entry.upper_only).lower()
+        assert float(row["datasheet_value"]) == entry.in_units()[0]
+        assert row["datasheet_unit"] == entry.in_units()[3]
+
+
+def test_latex_is_a_table_for_each_sensor(unit):
+    _, calibration = unit
+    text = export(calibration, format="latex")
+    tables = re.findall(r"\\begin\{tabular\}\{(lr+)\}(.*?)\\end\{tabular\}", text, re.DOTALL)
+    assert [len(columns) for columns, _ in tables] == [4, 4]
+    for columns, body in tables:
+        rows = [line for line in body.splitlines() if line.endswith(r"\\")]
+        assert len(rows) > 2
+        assert all(row.count("&") == len(columns) - 1 for row in rows)
+        assert body.isascii()
+        assert body.count("$") % 2 == 0
+        assert body.count("{") == body.count("}")
+    assert r"gyro\_x" in text
+
+
+def test_json_has_the_numbers_of_a_filter(unit):
+    name, calibration = unit
+    content = json.loads(export(calibration, format="json"))
+    assert (content["format"], content["version"]) == ("gmwm-numbers", 1)
+    for axis, found in content["axes"].items():
+        white, walk = by_hand(TRUTHS[name][axis])
+        assert found["filter"]["N"]["value"] == pytest.approx(white, rel=2e-6)
+        assert found["filter"]["K"]["upper_limit"] == (name == "no-walk")
+        if name != "no-walk":
+            assert found["filter"]["K"]["value"] == pytest.approx(walk, rel=2e-6)
+        assert found["filter"]["K"]["unit"] == {"gyro": "rad/s/√s", "accel": "m/s²/√s"}[axis[:-2]]
+        assert {p: v["value"] for p, v in found["parameters"].items()} == dict(calibration[axis].parameters)
+        assert [e["symbol"] for e in found["datasheet"]] == list(calibration.datasheets[axis])
+        assert found["matrices"]["H"]
