@@ -12,7 +12,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench validate lint cpp-test format clean
+.PHONY: help demo test bench validate lint cpp-test format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -43,6 +43,22 @@ cpp-test: $(VENV)/.dev ## the C++ tests alone
 format: $(VENV)/.dev ## let ruff fix what it can, and format
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# What the report carries with it. For another version: change it here, `make vendor SUMS=write`, run the tests.
+PLOTLY := plotly.js-basic-dist-min@4.1.1
+VENDOR := src/gmwm/reports/vendor
+SUMS := check
+
+vendor: ## fetch what the HTML report carries (needs npm and the network) and check its sums
+	@mkdir -p build/vendor && cd build/vendor && rm -rf package && \
+	  tar -xzf "$$(npm pack --silent $(PLOTLY))" package/plotly-basic.min.js package/LICENSE package/package.json
+	cp build/vendor/package/plotly-basic.min.js $(VENDOR)/plotly-basic.min.js
+	cp build/vendor/package/LICENSE $(VENDOR)/plotly-basic.LICENSE
+	echo "$(PLOTLY), MIT, from registry.npmjs.org by make vendor" > $(VENDOR)/VERSION
+ifeq ($(SUMS),write)
+	cd $(VENDOR) && sha256sum plotly-basic.min.js plotly-basic.LICENSE VERSION > SHA256SUMS
+endif
+	cd $(VENDOR) && sha256sum --check --strict SHA256SUMS
 
 clean: ## remove all that these commands made, results under docs/validation excepted
 	rm -rf $(VENV) build demo-output .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

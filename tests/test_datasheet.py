@@ -509,3 +509,10 @@ def test_words():
     )  # fmt: skip
     fit = gmwm.fit("WN", Signal(np.random.default_rng(1).normal(size=500), RATE, "m/s²"))
     assert gmwm.datasheet(fit)["N"].unit == "m/s²/√Hz"
+
+
+@pytest.mark.parametrize("text", ["µg/√Hz", "ug/sqrt(Hz)", "µg/rtHz", "ug / √hz"])
+def test_units_are_found_however_they_are_spelt(text):
+    entry = Entry("N", "white noise density", 9.80665e-5, None, None, "m/s²/√Hz")
+    value, _, _, name = entry.in_units(text)
+    assert (round(value, 9), name) == (10.0, "µg/√Hz")

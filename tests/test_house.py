@@ -27,7 +27,9 @@ LONGEST_FILE = 600
 
 # Every method of a result whose code lives on a higher floor, and where it lives.
 LATE_METHODS = {
+    "gmwm.calibration.result.Calibration.export": "gmwm.exporters:export",
     "gmwm.calibration.result.Calibration.plot": "gmwm.plots.imu:plot_imu",
+    "gmwm.calibration.result.Calibration.report": "gmwm.reports:report",
     "gmwm.estimation.result.Fit._repr_html_": "gmwm.inference.summary:as_html",
     "gmwm.estimation.result.Fit.bootstrap": "gmwm.inference.bootstrap:bootstrap",
     "gmwm.estimation.result.Fit.confidence_intervals": "gmwm.inference.intervals:confidence_intervals",
@@ -42,6 +44,7 @@ LATE_METHODS = {
     "gmwm.inference.plan.Plan.plot": "gmwm.plots.plan:plot_plan",
     "gmwm.selection.ranking.Comparison.plot": "gmwm.plots.ranking:plot_candidates",
     "gmwm.selection.ranking.Ranking.plot": "gmwm.plots.ranking:plot_ranking",
+    "gmwm.signals.Imu.between": "gmwm.cuts:cut",
     "gmwm.variance.avlr.AllanRegression.plot": "gmwm.plots.allan:plot_avlr",
     "gmwm.variance.clusters.ClusterVariance.plot": "gmwm.plots.allan:plot_allan",
     "gmwm.variance.result.WaveletVariance.plot": "gmwm.plots.variance:plot_wavelet_variance",

@@ -78,6 +78,6 @@ def test_whole_or_nothing(tmp_path, monkeypatch):
 
 
 def test_unknown_suffix(tmp_path):
-    with pytest.raises(OptionError, match=r"path must end in .csv or .parquet, got 'a.xlsx'"):
+    with pytest.raises(OptionError, match=r"path must end in .csv, .parquet or .imu, got 'a.xlsx'"):
         write(Imu.from_arrays({"gyro_x": [1.0]}, 1), tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())

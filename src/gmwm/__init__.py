@@ -29,6 +29,8 @@ from gmwm.errors import TimeBaseWarning as TimeBaseWarning
 from gmwm.errors import UnitError as UnitError
 from gmwm.estimation import Fit as Fit
 from gmwm.estimation import fit as fit
+from gmwm.exporters import export as export
+from gmwm.exporters import export_formats as export_formats
 from gmwm.filters import WaveletFilter as WaveletFilter
 from gmwm.filters import find_filter as find_filter
 from gmwm.inference.plan import Plan as Plan
@@ -50,6 +52,8 @@ from gmwm.processes import Process as Process
 from gmwm.processes import fixed as fixed
 from gmwm.processes import parse_model as parse_model
 from gmwm.readers import read as read
+from gmwm.reports import report as report
+from gmwm.reports import report_data as report_data
 from gmwm.selection import Candidate as Candidate
 from gmwm.selection import Ranking as Ranking
 from gmwm.selection import rank as rank

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from typing import TypeVar
 
-from gmwm.errors import GmwmError
+from gmwm.errors import GmwmError, OptionError
 
 T = TypeVar("T")
 Item = TypeVar("Item")
@@ -49,6 +49,8 @@ def processors() -> int:
 def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     try:
         return work(name, item)
+    except OptionError:
+        raise  # an option is that of all items
     except GmwmError as error:
         if name in str(error):
             raise

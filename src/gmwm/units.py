@@ -7,6 +7,7 @@ readers and writers only.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -79,6 +80,25 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
         came = f"{text!r}" if unit is None else f"{text!r}, a unit of the other sensor"
         raise UnitError(f"the {quantity} unit must be one of {known}; got {came}")
     return unit
+
+
+# What is written for one and the same, in this order.
+_SPELLINGS = (
+    (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
+    (r"(hours?|hrs?)\b", "h"), (r"\bsec\b", "s"), (r"\^?2\b", "²"), (r"\^?3\b", "³"), (r"^[uμ](?=[gr])", "µ"),
+)  # fmt: skip
+
+
+def spelt(text: str) -> str:
+    """One spelling of a unit for all that are in use, to compare by.
+
+    >>> spelt("°/sqrt(hr)") == spelt("deg / √h"), spelt("ug/sqrt(Hz)") == spelt("µg/√Hz")
+    (True, True)
+    """
+    found = text.casefold()
+    for pattern, written in _SPELLINGS:
+        found = re.sub(pattern, written, found)
+    return found
 
 
 # --- units of noise coefficients ----------------------------------------------------------------------

@@ -340,3 +340,19 @@ def test_an_axis_has_one_unit():
 def test_labels_fall_back_on_numbers(three):
     assert agreement([three[0], three[0]]).labels == ("1", "2")
     assert agreement(three[:2], labels=("a", "b")).labels == ("a", "b")
+
+
+def test_an_axis_that_is_absent_is_not_a_model_without_a_number(calibration):
+    axes = dict(calibration.axes)
+    gone = axes.pop("accel_x")
+    unrecorded = replace(calibration, axes=axes)
+    lost = replace(calibration, axes=axes, failed={"accel_x": "constant"})
+    for other, said in ((unrecorded, "not recorded"), (lost, "not calibrated")):
+        found = gmwm.agreement([calibration, other], labels=["a", "b"], reference={"accel.N": (0.1, "m/s/√h")})
+        section = found.summary().split("\naccel_x\n")[1].split("\n\n")[0]
+        (row,) = [line for line in section.splitlines() if line.strip().startswith("model")]
+        assert row.endswith(said)
+        assert "–" not in section
+        assert gone.fit.model.structure.replace(" ", "") in row
+        (beside,) = [line for line in found.summary().splitlines() if line.strip().startswith("accel_x N  ")]
+        assert beside.endswith(said)

@@ -88,10 +88,12 @@ def test_nothing_left_is_an_error():
         gmwm.calibrate(gmwm.Imu.from_arrays({"gyro_x": np.zeros(1000), "gyro_y": np.zeros(1000)}, 100.0))
 
 
-def test_a_recording_with_gaps_says_the_way_out():
+def test_a_recording_with_gaps_is_calibrated_from_all_its_segments():
     signal = gmwm.Signal(np.random.default_rng(1).normal(size=1000), 100.0, segments=((0, 400), (400, 1000)))
-    with pytest.raises(DataError, match="gaps='longest'"):
-        gmwm.calibrate(signal, "WN")
+    calibration = gmwm.calibrate(signal, "WN")
+    (axis,) = calibration
+    assert calibration[axis].wavelet_variance.segments == (400, 600)
+    assert gmwm.Calibration.from_dict(calibration.to_dict()).to_dict() == calibration.to_dict()
 
 
 def test_a_signal_and_measured_curves_will_do(imu, calibration):
@@ -165,12 +167,30 @@ def test_needed_lengths_hold(imu):
         ({"threads": 0}, "threads must be"),
         ({"axes": ["gyro_q"]}, "axes must be some of gyro_x"),
         ({"axes": []}, "axes must be some of gyro_x"),
-        ({"efficiency": 2.0}, "efficiency"),
+        ({"efficiency": 2.0}, "^efficiency must be"),
     ],
 )
 def test_options_are_looked_at(imu, options, words):
     with pytest.raises(OptionError, match=words):
         gmwm.calibrate(imu, "WN", **options)
+
+
+def test_axes_are_named_one_by_one_or_by_their_sensor(imu):
+    assert list(gmwm.calibrate(imu, "WN", axes="gyro_x")) == ["gyro_x"]
+    assert list(gmwm.calibrate(imu, "WN", axes=["gyro"])) == ["gyro_x", "gyro_y"]
+
+
+def test_an_array_is_told_how_to_become_a_signal():
+    for data in (np.zeros(100), {"gyro_x": np.zeros(100)}):
+        with pytest.raises(OptionError, match=r"Signal\(x, rate, 'rad/s'\)"):
+            gmwm.calibrate(data, "WN")
+
+
+@pytest.mark.parametrize(("axis", "unit"), [("gyro_x", "m/s²"), ("accel_z", "deg/s")])
+def test_a_name_and_a_unit_of_two_sensors_are_refused(axis, unit):
+    signal = gmwm.Signal(np.random.default_rng(1).normal(size=1000), 100.0, unit, axis)
+    with pytest.raises(OptionError, match=f"{axis} must be in a unit of its sensor, .*; it is in {unit}"):
+        gmwm.calibrate(signal, "WN")
 
 
 @pytest.mark.parametrize("data", ["static.csv", 3, {}, {"gyro_x": [1.0, 2.0]}])

@@ -181,6 +181,35 @@ def test_what_is_of_the_wrong_kind_is_an_error_in_words(calibration, path):
         Calibration.from_dict(changed(calibration, path, wrong))
 
 
+@pytest.mark.parametrize(
+    ("path", "value", "said"),
+    [
+        (("axes",), [1], "'axes' of the document must be an object, got a list"),
+        (("axes",), {}, "'axes' of the document is empty"),
+        (("axes", "gyro_x"), None, "'gyro_x' of axes must be an object, got null"),
+        (("axes", "gyro_x", "notes"), "none", "'notes' of gyro_x must be a list, got a str"),
+        (("axes", "gyro_x", "needed"), {"WN.sigma2": "long"}, "axes.gyro_x.needed.WN.sigma2 must be a number or null"),
+        (("axes", "gyro_x", "datasheet", "rate"), None, "axes.gyro_x.datasheet.rate must be a number, got null"),
+        (("axes", "gyro_x", "datasheet", "level"), 95, "axes.gyro_x.datasheet.level must be between 0 and 1, got 95"),
+        (("axes", "gyro_x", "contamination", "tau"), None, "contamination.tau must be a list of numbers"),
+        (("axes", "gyro_x", "fit", "wavelet_variance", "variance"), [1.0], "wavelet_variance.variance has 1,"),
+        (("axes", "gyro_x", "fit", "wavelet_variance", "counts"), [1], "there must be as many numbers in each"),
+        (("settings", "robust"), 3, "settings.robust must be 'auto' or true or false, got 3"),
+        (("settings", "confidence"), "high", "settings.confidence must be a number, got 'high'"),
+        (("cautions",), None, "'cautions' of the document must be a list, got null"),
+        (("recording", "samples"), 1.5, "recording.samples must be a whole number, got 1.5"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_file_when_it_is_loaded(calibration, tmp_path, path, value, said):
+    file = tmp_path / "wrong.json"
+    content = changed(calibration, path, lambda part, key: part.update({key: value}))
+    file.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(ReadError) as error:
+        Calibration.load(file)
+    assert str(error.value).startswith(f"{file}: ")
+    assert said in str(error.value)
+
+
 def test_new_keys_alone_do_no_harm(calibration):
     content = calibration.to_dict()
     content["comment"] = "of the bench at the window"

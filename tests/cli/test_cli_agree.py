@@ -63,6 +63,11 @@ def test_references_are_read(text):
     assert parse_reference(text) == ("gyro.N", (2.0, "deg/√h"))
 
 
+def test_a_folder_stands_for_the_calibration_in_it(gmwm, files):
+    folders = [file.parent for file in files]
+    assert gmwm("agree", *folders).out == gmwm("agree", *files).out
+
+
 def test_errors_take_one_line(gmwm, files, tmp_path):
     none = tmp_path / "none.json"
     broken = tmp_path / "broken.json"
@@ -77,8 +82,10 @@ def test_errors_take_one_line(gmwm, files, tmp_path):
         ((files[0], none), "none.json: No such file"),
         ((files[0], broken), "broken.json is not a calibration"),
         ((files[0], cut), "cut.json: not a whole calibration: gyro_x has no 'fit'"),
-        ((*files, "--reference", "gyro.N=2"), "takes NUMBER=VALUE with a unit"),
-        ((*files, "--reference", "gyro.N=1.2.3deg/√h"), "takes NUMBER=VALUE with a unit"),
+        ((*files, "--reference", "gyro.N=2.0"), "--reference gyro.N lacks its unit"),
+        ((*files, "--reference", "gyro.N"), "takes NUMBER=VALUE with a unit"),
+        ((*files, "--reference", "gyro.N=2,0deg/√h"), "number that can be read, got '2,0': write 2.0"),
+        ((*files, "--reference", "gyro.N=1.2.3deg/√h"), "must begin with a number that can be read, got '1.2.3'"),
         ((*files, "--reference", "gyro.N=2mg"), "the unit of gyro.N must be one of"),
         ((*files, "--reference", "gyro.N=2deg/√h", "--reference", "gyro.N=3deg/√h"), "names each number once"),
         ((*files, "--size", 2), "size must be between 0 and 1"),

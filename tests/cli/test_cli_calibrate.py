@@ -9,12 +9,12 @@ from gmwm import Calibration
 from gmwm.readers import read
 
 WITHIN = "GM + WN + RW"
-FILES = ["by_sensor.png", "calibration.json", "calibration.png", "summary.txt"]
+FILES = ["by_sensor.png", "calibration.json", "calibration.png", "imu.yaml", "report.html", "summary.txt"]
 
 
 @pytest.fixture(scope="module")
 def found(recording):
-    return library.calibrate(read(recording), WITHIN)
+    return library.calibrate(read(recording), WITHIN).of_file(recording)
 
 
 @pytest.fixture(scope="module")
@@ -87,12 +87,12 @@ def test_a_lost_axis_is_told(gmwm, folder):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--within", "WN + XY"), "no process of this name"),
+        (("--within", "WN + XY"), "error: --within: "),
         (("--robust", "no", "--efficiency", 0.8), "--efficiency belongs to the robust wavelet variance"),
         (("--robust", "maybe"), "'maybe' is not one of"),
         (("--axis", "gyro_q"), "--axis must be one of gyro_x"),
-        (("--confidence", 2), "confidence must be between 0 and 1"),
-        (("--efficiency", 3), "efficiency"),
+        (("--confidence", 95), "error: --confidence must be between 0 and 1, got 95; 95 % is 0.95"),
+        (("--efficiency", 2), "error: efficiency must be from 0.3"),
     ],
 )
 def test_errors_take_one_line(gmwm, recording, arguments, words):

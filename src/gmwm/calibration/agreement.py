@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from statistics import NormalDist
@@ -99,7 +99,8 @@ def agreement(
     rows = _adjusted([row for axis in axes for row in _of_axis(axis, sheets, names)], size)
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
-    return Agreement(names, tuple(rows), models, _rejected(calibrations, names), float(size), unmatched)
+    rejections, failures = (_where(calibrations, names, of) for of in (rejected, lambda found: found.failed))
+    return Agreement(names, tuple(rows), models, rejections, float(size), unmatched, failures)
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
@@ -132,11 +133,13 @@ def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> 
     return names
 
 
-def _rejected(calibrations: Sequence[Recording], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Where the test of the fit rejects the recommended model."""
+def _where(
+    calibrations: Sequence[Recording], names: Sequence[str], of: Callable[[Calibration], Iterable[str]]
+) -> dict[str, tuple[str, ...]]:
+    """The recordings where an axis is one of some."""
     found: dict[str, tuple[str, ...]] = {}
     for name, calibration in zip(names, calibrations, strict=True):
-        for axis in rejected(calibration) if isinstance(calibration, Calibration) else ():
+        for axis in of(calibration) if isinstance(calibration, Calibration) else ():
             found[axis] = (*found.get(axis, ()), name)
     return found
 

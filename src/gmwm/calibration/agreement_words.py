@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gmwm.calibration.shared import Agreement, SharedNumber
 
 _NONE = "–"
+_ABSENT, _FAILED = "not recorded", "not calibrated"
 _SAME, _OTHER = "=", "≠"
 _ANSWERS = {True: _SAME, False: _OTHER, None: ""}
 _LOWEST: Literal["B"] = "B"
@@ -27,12 +28,12 @@ def summary(found: Agreement) -> str:
     parts += [[axis, *_fitting(heads, lambda *part, axis=axis: _rows(found, axis, *part))] for axis in found.models]
     parts.append(wrapped(_legend(found)))
     if found.disagreeing:
-        said = [line for row in found.disagreeing for line in bulleted(_difference(row))]
+        said = [line for row in found.disagreeing for line in bulleted(_difference(found, row))]
         parts.append(["These differ by more than their intervals allow:", *said])
     if advice := _advice(found):
         parts.append(["What to know of it:", *(line for text in advice for line in bulleted(text))])
     if referred := [row for row in found.rows if row.reference is not None]:
-        table = _fitting(heads, lambda *part: _beside(referred, *part))
+        table = _fitting(heads, lambda *part: _beside(found, referred, *part))
         parts.append(["Beside the reference values: ours / theirs", *table, *wrapped(_about_reference(referred))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
@@ -74,22 +75,35 @@ def _rows(found: Agreement, axis: str, heads: Sequence[str], part: range) -> lis
     # The verdict stands beside the last recording.
     end = part.stop == len(found.labels)
     rows = [["", *heads, *([""] if end else [])]]
-    rows.append(["model", *((models[k] or _NONE).replace(" ", "") for k in part), *([""] if end else [])])
+    there = [_why_absent(found, axis, k) if (model := models[k]) is None else model.replace(" ", "") for k in part]
+    rows.append(["model", *there, *([""] if end else [])])
     for row in found.rows:
         if row.axis != axis or row.reason == "models":
             continue
-        entries = [row.entries[k] for k in part]
-        shown = [_NONE if entry is None else number(entry) for entry in entries]
+        shown = ["" if models[k] is None else _cell(found, row, k) for k in part]
         rows.append([f"{row.symbol} ({_unit(row)})", *shown, *([_ANSWERS[row.agrees]] if end else [])])
     return rows
+
+
+def _why_absent(found: Agreement, axis: str, k: int) -> str:
+    """Of an axis that a recording gives no model for."""
+    return _FAILED if found.labels[k] in found.failed.get(axis, ()) else _ABSENT
+
+
+def _cell(found: Agreement, row: SharedNumber, k: int) -> str:
+    """A number of one recording, or why there is none."""
+    entry = row.entries[k]
+    if entry is not None:
+        return number(entry)
+    return _NONE if found.models[row.axis][k] is not None else _why_absent(found, row.axis, k)
 
 
 def _unit(row: SharedNumber) -> str:
     return next(entry.in_units("datasheet")[3] for entry in row.entries if entry is not None)
 
 
-def _difference(row: SharedNumber) -> str:
-    values = ", ".join(_NONE if entry is None else number(entry) for entry in row.entries)
+def _difference(found: Agreement, row: SharedNumber) -> str:
+    values = ", ".join(_cell(found, row, k) for k in range(len(row.entries)))
     apart = "" if row.apart is None else f", {_percent(row.apart)} apart"
     sign = "< 0.001" if row.adjusted is None or row.adjusted < 0.001 else f"= {row.adjusted:.3f}"
     return f"{row.axis} {row.symbol}: {values} {_unit(row)}{apart}; p {sign}"
@@ -138,14 +152,17 @@ def _of_which(found: Agreement, axis: str, labels: Sequence[str]) -> str:
     return axis if len(labels) == whole else f"{axis} ({', '.join(labels)})"
 
 
-def _beside(rows: Sequence[SharedNumber], heads: Sequence[str], part: range) -> list[list[str]]:
+def _beside(found: Agreement, rows: Sequence[SharedNumber], heads: Sequence[str], part: range) -> list[list[str]]:
     table = [["", "theirs", *heads]]
     for row in rows:
         cells = []
         for k in part:
             entry, ratio = row.entries[k], row.ratios[k]
             limit = "≤ " if entry is not None and entry.upper_only else ""
-            cells.append(_NONE if ratio is None or not math.isfinite(ratio) else f"{limit}{ratio:.3g}")
+            if entry is None:
+                cells.append(_cell(found, row, k))
+            else:
+                cells.append(_NONE if ratio is None or not math.isfinite(ratio) else f"{limit}{ratio:.3g}")
         table.append([f"{row.axis} {row.symbol}", str(row.reference), *cells])
     return table
 

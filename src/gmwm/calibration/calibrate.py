@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,9 @@ from typing import Literal
 import numpy as np
 
 from gmwm._threads import in_threads
+from gmwm.calibration.recording import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.tables import sensor_of
 from gmwm.calibration.words import WANTED, cautions
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
@@ -25,6 +28,8 @@ from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.selection import select
 from gmwm.signals import Imu, Signal
+from gmwm.units import SI_UNIT, find_unit
+from gmwm.variance.biweight import biweight
 from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
@@ -51,7 +56,7 @@ def calibrate(
     efficiency: float = 0.6,
     draws: int = 1000,
     seed: int = 0,
-    axes: Sequence[str] | None = None,
+    axes: str | Sequence[str] | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
@@ -76,8 +81,8 @@ def calibrate(
         Level of the intervals, and of what `select` takes for equivalent.
     efficiency : float
         Of the robust wavelet variance under Gaussian noise.
-    axes : sequence of str, optional
-        Those to be calibrated; all by default.
+    axes : str or sequence of str, optional
+        Those to be calibrated, "gyro" for all of that sensor; all by default.
     threads : int, optional
         Axes at a time; as many as there are processors by default.
     progress : function of (done, all, text), optional
@@ -108,7 +113,8 @@ def calibrate(
     settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
     _check(settings, threads)
     items = _chosen(data, axes)
-    warned = cautions(inspect(data).warnings, robust) if isinstance(data, Imu) else ()
+    looked = inspect(data) if isinstance(data, Imu) else None
+    warned = () if looked is None else cautions(looked.warnings, robust)
     told = _Told(len(items) * len(STAGES), progress)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
@@ -130,7 +136,9 @@ def calibrate(
         axis, error = next(iter(failed.items()))
         raise type(error)(f"no axis can be calibrated; {axis}: {error}") from error
     source = data.source if isinstance(data, Imu) else ""
-    return Calibration(done, {axis: str(error) for axis, error in failed.items()}, settings, source, warned)
+    reasons = {axis: str(error) for axis, error in failed.items()}
+    recording = None if looked is None else Recording.of(looked)
+    return Calibration(done, reasons, settings, source, warned, recording)
 
 
 def _check(settings: Settings, threads: int | None) -> None:
@@ -143,11 +151,13 @@ def _check(settings: Settings, threads: int | None) -> None:
         raise OptionError(f"criterion must be 'asymptotic' or 'bootstrap', got {settings.criterion!r}")
     if not isinstance(settings.confidence, int | float) or not 0 < settings.confidence < 1:
         raise OptionError(f"confidence must be between 0 and 1, got {settings.confidence!r}; 95 % is 0.95")
+    if settings.robust is not False:
+        biweight(settings.efficiency)
     if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
         raise OptionError(f"threads must be a whole number from 1, got {threads!r}")
 
 
-def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: Sequence[str] | None) -> dict[str, Measured]:
+def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: str | Sequence[str] | None) -> dict[str, Measured]:
     """What is to be calibrated, by axis."""
     if isinstance(data, Signal):
         items: dict[str, Measured] = {data.axis or "signal": data}
@@ -156,18 +166,38 @@ def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: Sequence[str] | N
     elif isinstance(data, Mapping) and data:
         items = dict(data)
     else:
-        hint = "; read the file first: calibrate(gmwm.read(path))" if isinstance(data, str) else ""
+        hint = "; read the file first: calibrate(gmwm.read(path))" if isinstance(data, str | os.PathLike) else ""
+        if isinstance(data, np.ndarray | list | tuple):
+            hint = "; say the rate and the unit of an array: calibrate(gmwm.Signal(x, rate, 'rad/s'))"
         raise OptionError(
             f"data must be an Imu, a Signal, or a mapping of axis to Signal or WaveletVariance, got "
             f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}{hint}"
         )
     for axis, item in items.items():
         if not isinstance(item, Signal | WaveletVariance):
-            raise OptionError(f"{axis} must be a Signal or a WaveletVariance, got {type(item).__name__}")
-    unknown = [axis for axis in axes or () if axis not in items]
-    if unknown or (axes is not None and not axes):
+            raise OptionError(
+                f"{axis} must be a Signal or a WaveletVariance, got {type(item).__name__}; an array becomes one by "
+                "gmwm.Signal(x, rate, 'rad/s')"
+            )
+    wanted = [axes] if isinstance(axes, str) else axes
+    unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
+    if unknown or (wanted is not None and not wanted):
         raise OptionError(f"axes must be some of {', '.join(items)}; got {unknown[0] if unknown else 'none'}")
-    return {axis: item for axis, item in items.items() if axes is None or axis in axes}
+    chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
+    for axis, item in chosen.items():
+        _check_unit(axis, item.unit)
+    return chosen
+
+
+def _check_unit(axis: str, unit: str) -> None:
+    """The name and the unit of an axis must not speak of two sensors."""
+    known = find_unit(unit)
+    named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
+    if known is not None and named is not None and known.quantity != named:
+        raise OptionError(
+            f"{axis} must be in a unit of its sensor, as {SI_UNIT[named]}; it is in {unit}: give it another name, or "
+            "mend its unit"
+        )
 
 
 class _Told:
@@ -226,16 +256,12 @@ class _Axis:
         fit = as_fit(settle(model, wv, settings.weighting, certify=True), wv, settings.weighting)
         self.told.step(self.name, next(stages))
         level = settings.confidence
+        sheet = datasheet(fit, level)
         found = AxisCalibration(
-            fit,
-            fit.confidence_intervals(level),
-            _test(fit),
-            datasheet(fit, level),
-            ranking,
-            verdict,
-            needed(fit, settings.weighting),
-            (*wv.notes(), *fit.diagnostics.notes()),
-        )
+            fit, fit.confidence_intervals(level), _test(fit), sheet, ranking, verdict, needed(fit, settings.weighting),
+            # What a number counts besides its term must be known, or it is counted twice.
+            (*wv.notes(), *fit.diagnostics.notes(), *sheet.notes),
+        )  # fmt: skip
         self.told.step(self.name, next(stages))
         return found
 

@@ -9,16 +9,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, TypeVar
 
 import numpy as np
 
+from gmwm.calibration.kinds import require_kinds
 from gmwm.calibration.rankings import ranking_document, ranking_from
+from gmwm.calibration.recording import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
 
 FORMAT = "gmwm-calibration"
@@ -26,6 +30,15 @@ VERSION = 1
 """Of the document. A reader takes its own version and older ones; new keys alone do not raise it."""
 
 T = TypeVar("T")
+
+_PARTS: Mapping[str, type | UnionType] = {
+    "axes": Mapping, "failed": Mapping, "settings": Mapping, "source": str, "cautions": list,
+}  # fmt: skip
+_AXIS_PARTS: Mapping[str, type | UnionType] = {
+    "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
+    "contamination": Mapping | NoneType, "needed": Mapping, "notes": list, "ranking": Mapping,
+}  # fmt: skip
+"""Parts of a document and of its axes, and what each must be."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 """What JSON has no number for, and the texts in its place."""
@@ -42,6 +55,7 @@ def document(found: Calibration) -> dict[str, Any]:
         "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
         "failed": dict(found.failed),
         "cautions": list(found.cautions),
+        "recording": None if found.recording is None else found.recording.to_dict(),
     }
     plain: dict[str, Any] = _plain(content)
     return plain
@@ -79,34 +93,53 @@ def calibration(content: Any) -> Calibration:
             f"reads versions up to {VERSION}: install a newer one"
         )
     parsed = _numbers(content)
-    return _read(
-        "it",
-        lambda: Calibration(
-            {axis: _axis(axis, one) for axis, one in parsed["axes"].items()},
-            {str(axis): str(why) for axis, why in parsed["failed"].items()},
-            Settings(**parsed["settings"]),
-            str(parsed["source"]),
-            tuple(parsed["cautions"]),
-        ),
+    _require_parts(parsed, _PARTS, "the document")
+    if not parsed["axes"]:
+        raise ReadError("not a whole calibration: 'axes' of the document is empty")
+    recording = parsed.get("recording")
+    found = Calibration(
+        {axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
+        parsed["failed"],
+        _read("settings", lambda: Settings(**parsed["settings"])),
+        parsed["source"],
+        tuple(parsed["cautions"]),
+        None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
+    )
+    require_kinds(found, "")
+    return found
+
+
+def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
+    _require_parts(axes, {axis: Mapping}, "axes")
+    content = axes[axis]
+    _require_parts(content, _AXIS_PARTS, axis)
+    test, verdict = content["goodness_of_fit"], content["contamination"]
+    fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
+    return AxisCalibration(
+        fit,
+        _read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
+        None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
+        _read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
+        _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
+        None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
+        content["needed"],
+        tuple(content["notes"]),
     )
 
 
-def _axis(axis: str, content: Mapping[str, Any]) -> AxisCalibration:
-    def found() -> AxisCalibration:
-        fit = Fit.from_dict(content["fit"])
-        test, verdict = content["goodness_of_fit"], content["contamination"]
-        return AxisCalibration(
-            fit,
-            {name: (float(low), float(high)) for name, (low, high) in content["confidence_intervals"].items()},
-            None if test is None else _test(test),
-            Datasheet.from_dict(content["datasheet"]),
-            ranking_from(content["ranking"], fit.wavelet_variance),
-            None if verdict is None else Verdict.from_dict(verdict),
-            {name: None if seconds is None else float(seconds) for name, seconds in content["needed"].items()},
-            tuple(content["notes"]),
-        )
+def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
+    return {name: (float(low), float(high)) for name, (low, high) in content.items()}
 
-    return _read(axis, found)
+
+def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:
+    """Each part must be there, and of its kind."""
+    for key, kind in parts.items():
+        if key not in content:
+            raise ReadError(f"not a whole calibration: {where} has no {key!r}")
+        if not isinstance(content[key], kind):
+            wanted = "a text" if kind is str else "a list" if kind is list else "an object"
+            came = "null" if content[key] is None else f"a {type(content[key]).__name__}"
+            raise ReadError(f"not a calibration: {key!r} of {where} must be {wanted}, got {came}")
 
 
 def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
@@ -120,10 +153,10 @@ def _read(what: str, read: Callable[[], T]) -> T:
     try:
         return read()
     except ReadError as error:
-        raise ReadError(f"{what}: {error}" if what not in str(error) else str(error)) from error
+        raise ReadError(f"{what}: {error}") from error
     except KeyError as error:
         raise ReadError(f"not a whole calibration: {what} has no {error.args[0]!r}") from error
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError) as error:
         raise ReadError(f"not a calibration: {what} cannot be understood: {error}") from error
 
 

@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from gmwm.errors import OptionError, UnitError
-from gmwm.units import datasheet_units, find_unit, noise_unit
-
-# What is written for one and the same, in this order.
-_SPELLINGS = (
-    (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
-    (r"(hours?|hrs?)\b", "h"), (r"\bsec\b", "s"), (r"\^?2\b", "²"), (r"\^?3\b", "³"), (r"^[uμ](?=[gr])", "µ"),
-)  # fmt: skip
+from gmwm.units import datasheet_units, find_unit, noise_unit, spelt
 
 
 @dataclass(frozen=True)
@@ -69,8 +62,8 @@ def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
 
 def _factor(name: str, text: str, si: str) -> float:
     """Of a unit to SI."""
-    known = {_spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
-    if (size := known.get(_spelt(text))) is not None:
+    known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
+    if (size := known.get(spelt(text))) is not None:
         return size
     # Of what has the unit of the signal itself: whatever the signal may be in.
     signal = find_unit(text)
@@ -78,10 +71,3 @@ def _factor(name: str, text: str, si: str) -> float:
         return signal.factor
     units = ", ".join(dict.fromkeys((*datasheet_units(si), si)))
     raise UnitError(f"the unit of {name} must be one of {units}; got {text!r}")
-
-
-def _spelt(text: str) -> str:
-    found = text.casefold()
-    for pattern, written in _SPELLINGS:
-        found = re.sub(pattern, written, found)
-    return found

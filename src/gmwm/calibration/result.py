@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from gmwm._files import write_text
 from gmwm._late import LateMethod
+from gmwm.calibration.recording import Recording
 from gmwm.calibration.words import summary
 from gmwm.datasheets import Datasheet
-from gmwm.errors import DataError
+from gmwm.errors import DataError, ReadError
 from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
@@ -90,6 +92,8 @@ class Calibration(Mapping[str, Fit]):
         Where the recording came from.
     cautions : tuple of str
         What an inspection of the recording warns of: motion, knocks, gaps, units.
+    recording : Recording or None
+        Its length, time base and file; None where it was no Imu.
     """
 
     axes: Mapping[str, AxisCalibration]
@@ -97,11 +101,19 @@ class Calibration(Mapping[str, Fit]):
     settings: Settings
     source: str = ""
     cautions: tuple[str, ...] = ()
+    recording: Recording | None = None
 
     plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
         "gmwm.plots.imu:plot_imu",
         "Draw all axes with their models: a panel each, or with split=False a panel for each sensor; view=, units=, "
         "path=.",
+    )
+    export: ClassVar[LateMethod[..., str]] = LateMethod(
+        "gmwm.exporters:export",
+        "The noise as another program reads it: export(path, format='kalibr'); axes=, inflation=, horizon=, rate=.",
+    )
+    report: ClassVar[LateMethod[..., Path]] = LateMethod(
+        "gmwm.reports:report", "Write all of it as one HTML page that needs nothing else: report(path)."
     )
 
     def __getitem__(self, axis: str) -> Fit:
@@ -139,6 +151,10 @@ class Calibration(Mapping[str, Fit]):
     def verdicts(self) -> dict[str, Verdict]:
         """Whether outliers raise the classical curve, by axis; only of axes that were measured from a signal."""
         return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
+
+    def of_file(self, path: str | os.PathLike[str]) -> Calibration:
+        """The same with name, size and SHA-256 of the file that the recording was read from."""
+        return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def summary(self) -> str:
         """What was found, for each sensor a table in the units of datasheets, and what to know or do about it."""
@@ -182,7 +198,11 @@ class Calibration(Mapping[str, Fit]):
         """
         from gmwm.calibration.document import read_text
 
-        return cls.from_dict(read_text(path))
+        content = read_text(path)
+        try:
+            return cls.from_dict(content)
+        except ReadError as error:
+            raise ReadError(f"{path}: {error}") from error
 
     def __repr__(self) -> str:
         models = ", ".join(f"{axis}: {fit.model.structure}" for axis, fit in self.items())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
@@ -88,6 +88,8 @@ class Agreement(Sequence[SharedNumber]):
         Probability of any disagreement where there is none.
     unmatched : tuple of str
         References that no recording has a number for.
+    failed : mapping of axis to tuple of str
+        Recordings that have the axis, but that it could not be calibrated in.
     """
 
     labels: tuple[str, ...]
@@ -96,6 +98,7 @@ class Agreement(Sequence[SharedNumber]):
     rejected: Mapping[str, tuple[str, ...]]
     size: float
     unmatched: tuple[str, ...] = ()
+    failed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def compared(self) -> tuple[SharedNumber, ...]:
@@ -136,6 +139,7 @@ class Agreement(Sequence[SharedNumber]):
             "models": {axis: list(models) for axis, models in self.models.items()},
             "rejected": {axis: list(labels) for axis, labels in self.rejected.items()},
             "unmatched": list(self.unmatched),
+            "failed": {axis: list(labels) for axis, labels in self.failed.items()},
             "rows": [row.to_dict() for row in self.rows],
         }
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from gmwm._words import counted
+from gmwm.calibration.misfit import about_rejected
 from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, number, wrapped
 from gmwm.cautions import OR_ROBUST
 from gmwm.inference.goodness import usable_levels
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 
 SIZE = 0.05
 """Of the goodness-of-fit tests of all axes together."""
+SCALES = 6
+"""Levels that a test can use, below which a recording is too short for numbers to be used."""
 WANTED = 0.2
 """Relative standard error for which lengths are given where a parameter is poorly known."""
 
@@ -33,9 +37,9 @@ def summary(calibration: Calibration) -> str:
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
     parts.append(_legend(calibration))
-    advice = [*_advice(calibration)]
-    if advice:
-        parts.append(["What to know before using them:", *(line for text in advice for line in bulleted(text))])
+    said = advice(calibration)
+    if said:
+        parts.append(["What to know before using them:", *(line for text in said for line in bulleted(text))])
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
@@ -43,12 +47,28 @@ def summary(calibration: Calibration) -> str:
 
 
 def _head(calibration: Calibration) -> list[str]:
-    found = next(iter(calibration.axes.values()))
-    wv, settings = found.fit.wavelet_variance, calibration.settings
-    duration = length_text(wv.samples / wv.rate)
+    shapes = list(_alike(calibration.axes))
+    samples = _range([str(n) for n, _ in sorted(shapes)])
+    rate = _range([f"{rate:g}" for rate in sorted(rate for _, rate in shapes)])
+    duration = _range([length_text(seconds) for seconds in sorted(n / rate for n, rate in shapes)])
     lines = [f"Calibration{' of ' + calibration.source if calibration.source else ''}"]
-    lines.append(f"{wv.samples} samples at {wv.rate:g} Hz, {duration}; best model within {settings.within}")
+    lines.append(f"{samples} samples at {rate} Hz, {duration}; best model within {calibration.settings.within}")
     return [line for text in lines for line in wrapped(text)]
+
+
+def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
+    """The axes of each length (samples) and rate (Hz): those of one recording are all alike."""
+    shapes: dict[tuple[int, float], list[str]] = {}
+    for axis, found in axes.items():
+        wv = found.fit.wavelet_variance
+        shapes.setdefault((wv.samples, wv.rate), []).append(axis)
+    return shapes
+
+
+def _range(ascending: Sequence[str]) -> str:
+    """The first and the last, or the one that they are."""
+    first, last = ascending[0], ascending[-1]
+    return first if first == last else f"{first} to {last}"
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
@@ -67,11 +87,12 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(names), count):
         chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *aligned(_rows(chosen))]
+        lines += [*([""] if lines else []), *aligned(rows_of(chosen))]
     return lines
 
 
-def _rows(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
+def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
+    """The table of some axes: model, fit and outliers, then a row for each number in the units of datasheets."""
     found = list(axes.values())
     rows = [
         ["", *axes],
@@ -101,6 +122,8 @@ def _others(found: AxisCalibration) -> str:
 def _outliers(found: AxisCalibration) -> str:
     if found.verdict is None:
         return "not looked for"
+    if not np.any(found.verdict.tested):
+        return "not tested"
     if not found.verdict.contaminated:
         return "none"
     return "yes: left out" if found.fit.wavelet_variance.robust else "yes: kept"
@@ -130,15 +153,38 @@ def cautions(warnings: Sequence[str], robust: Literal["auto"] | bool) -> tuple[s
 # --- what to know and do ----------------------------------------------------------------------------
 
 
-def _advice(calibration: Calibration) -> list[str]:
+def advice(calibration: Calibration) -> list[str]:
+    """What to know or do before the numbers are used, a text each."""
     axes = calibration.axes
     said = [f"{axis} is not calibrated: {why}" for axis, why in calibration.failed.items()]
-    said += calibration.cautions
+    said += [*_about_shortness(axes), *calibration.cautions]
     for about in (_about_outliers, _about_test, _about_drift, _about_errors):
         said += about(calibration)
-    said += _together({axis: found.notes for axis, found in axes.items()})
-    said.append(_about_length(next(iter(axes.values()))))
+    said += _together({axis: [*_untested(found), *found.notes] for axis, found in axes.items()})
+    shapes = _alike(axes)
+    for names in shapes.values():
+        of_these = f"{', '.join(names)}: " if len(shapes) > 1 else ""
+        said.append(of_these + _about_length(axes[names[0]]))
     return said
+
+
+def _about_shortness(axes: Mapping[str, AxisCalibration]) -> list[str]:
+    """Recordings of so few scales that their numbers are hardly any."""
+    counts = {axis: int(np.count_nonzero(usable_levels(found.fit.wavelet_variance))) for axis, found in axes.items()}
+    if not (few := {axis: count for axis, count in counts.items() if count < SCALES}):
+        return []
+    number = _range([str(count) for count in sorted(few.values())])
+    return [
+        f"{', '.join(few)}: so short a recording shows {number} scales well, and {SCALES} is the least from which "
+        "anything can be told: this is a trial of the plumbing, not a calibration. Record for hours"
+    ]
+
+
+def _untested(found: AxisCalibration) -> list[str]:
+    """Why outliers could not be looked for, where they could not."""
+    if found.verdict is None or np.any(found.verdict.tested):
+        return []
+    return [f"outliers were not looked for: {replace(found.verdict, axis='').summary()}"]
 
 
 def _about_outliers(calibration: Calibration) -> list[str]:
@@ -190,13 +236,7 @@ def rejected(calibration: Calibration) -> list[str]:
 
 
 def _about_test(calibration: Calibration) -> list[str]:
-    if not (axes := rejected(calibration)):
-        return []
-    return [
-        f"{', '.join(axes)}: the test rejects even the recommended model: some level is off by more than chance. "
-        "The values still describe the curve; their intervals are too narrow. Look at the picture: a periodic "
-        "disturbance, a change of temperature or a motion gives no curve of this kind"
-    ]
+    return about_rejected({axis: calibration.axes[axis] for axis in rejected(calibration)})
 
 
 def _about_drift(calibration: Calibration) -> list[str]:

@@ -19,14 +19,17 @@ EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",
     "gmwm agree day*/calibration.json --reference gyro.N=2.0deg/√h --reference accel.N=0.2m/s/√h --json",
 )
-_REFERENCE = re.compile(r"\s*([^=]+\.[^=]+?)\s*=\s*([+-]?[0-9.]+(?:e[+-]?[0-9]+)?)\s*([^\s0-9].*?)\s*", re.IGNORECASE)
+# A value as it was typed: what looks like a number, and the rest, its unit. A unit may begin with an e.
+_VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
 def agree(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="What gmwm calibrate --output wrote for each recording.", metavar="CALIBRATION…", show_default=False
+            help="What gmwm calibrate --output wrote for each recording: calibration.json, or its folder.",
+            metavar="CALIBRATION…",
+            show_default=False,
         ),
     ],
     reference: Annotated[
@@ -77,13 +80,21 @@ def parse_reference(text: str) -> tuple[str, tuple[float, str]]:
     >>> parse_reference("gyro.N = 2.0 deg/√h")
     ('gyro.N', (2.0, 'deg/√h'))
     """
-    match = _REFERENCE.fullmatch(text)
+    name, mark, given = (part.strip() for part in text.partition("="))
+    match = _VALUE.fullmatch(given)
+    sensor, dot, symbol = name.rpartition(".")
+    if not mark or not sensor or not dot or not symbol or match is None or not given:
+        raise OptionError(f"--reference takes NUMBER=VALUE with a unit, as gyro.N=2.0deg/√h; got {text!r}")
     try:
-        if match is None:
-            raise ValueError
-        return match[1], (float(match[2]), match[3])
+        value = float(match[1])
     except ValueError:
-        raise OptionError(f"--reference takes NUMBER=VALUE with a unit, as gyro.N=2.0deg/√h, got {text!r}") from None
+        hint = f": write {match[1].replace(',', '.')}" if match[1].count(",") == 1 and "." not in match[1] else ""
+        raise OptionError(
+            f"--reference {name} must begin with a number that can be read, got {match[1] or given!r}{hint}"
+        ) from None
+    if not match[2]:
+        raise OptionError(f"--reference {name} lacks its unit, as 2.0deg/√h for gyro.N; got {given!r}")
+    return name, (value, match[2])
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
@@ -98,11 +109,7 @@ def names_of(files: Sequence[Path]) -> list[str]:
 
 
 def loaded(file: Path) -> Calibration:
-    """The calibration in a file; an error names the file."""
+    """The calibration in a file, or in the folder that `gmwm calibrate --output` wrote."""
     from gmwm import Calibration
-    from gmwm.errors import ReadError
 
-    try:
-        return Calibration.load(file)
-    except ReadError as error:
-        raise ReadError(str(error) if str(file) in str(error) else f"{file}: {error}") from error
+    return Calibration.load(file / "calibration.json" if file.is_dir() else file)

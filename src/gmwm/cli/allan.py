@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.options import RESULT, Axes, Columns, Datasheet, File, Gaps, Json, Rate, Units, chosen_axes, load
+from gmwm.cli.options import RESULT, Axes, Datasheet, File, Json, Opening, chosen_axes, load, opens, require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,13 +33,11 @@ LONGEST_TABLE = 100
 """Cluster sizes beyond which the table is thinned: then they are all there are, from 1 on."""
 
 
+@opens
 def allan(
     file: File,
+    opening: Opening,
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     kind: Annotated[
         Kind,
         typer.Option(
@@ -81,7 +79,8 @@ def allan(
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(f"--slopes reads an Allan deviation, got --kind {kind}; use overlapping")
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
+        require_whole(imu)
         results = _measured(chosen_axes(imu, axis), kind, clusters)
         regressions = _regressions(results) if slopes else {}
         system: UnitSystem = "datasheet" if datasheet else "si"

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.calibration.calibrate import WITHIN
+from gmwm.cli.export import written_for_kalibr
 from gmwm.cli.options import (
     RESULT,
     Axes,
     ChoiceWeighting,
-    Columns,
     Confidence,
     CriterionName,
     Datasheet,
     Efficiency,
     File,
-    Gaps,
     Json,
-    Rate,
+    Opening,
     Seed,
-    Units,
     View,
     Within,
     chosen_axes,
     load,
+    opens,
+    parse_within,
 )
 from gmwm.errors import OptionError
 
@@ -45,13 +45,11 @@ EXAMPLES = (
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 
 
+@opens
 def calibrate(
     file: File,
+    opening: Opening,
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     within: Within = WITHIN,
     robust: Annotated[
         Literal["auto", "yes", "no"],
@@ -70,7 +68,8 @@ def calibrate(
         typer.Option(
             "--output",
             "-o",
-            help="Write calibration.json, summary.txt, calibration.png and by_sensor.png into this directory.",
+            help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png into this "
+            "directory; imu.yaml for Kalibr too, if gyroscopes and accelerometers are calibrated.",
             rich_help_panel=RESULT,
         ),
     ] = None,
@@ -90,15 +89,16 @@ def calibrate(
 
     if efficiency is not None and robust == "no":
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
+    largest = parse_within(within)
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
         chosen = tuple(chosen_axes(imu, axis))
         if output is not None:
             made_directory(output)
         found = calibrated(
-            imu, within, axes=chosen, robust=ROBUST[robust], efficiency=0.6 if efficiency is None else efficiency,
+            imu, largest, axes=chosen, robust=ROBUST[robust], efficiency=0.6 if efficiency is None else efficiency,
             weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
-        )  # fmt: skip
+        ).of_file(file)  # fmt: skip
         for caution in found.cautions if json else ():  # else the summary has them
             tell(told, caution)
         for name, why in found.failed.items():
@@ -138,16 +138,18 @@ def calibrated(
 def write_all(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
 ) -> list[Path]:
-    """The document, the summary and the pictures, each whole or not at all."""
+    """The document, the page, the summary and the pictures, each whole or not at all."""
     from gmwm._files import write_text
     from gmwm.cli.output import progress
 
-    names = ("calibration.json", "summary.txt", "calibration.png", "by_sensor.png")
-    document, text, grid, by_sensor = (folder / name for name in names)
+    names = ("calibration.json", "report.html", "summary.txt", "calibration.png", "by_sensor.png")
+    document, page, text, grid, by_sensor = (folder / name for name in names)
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     found.save(document)
     write_text(text, found.summary() + "\n")
     with progress("drawing"):
         found.plot(view=view, units=system, path=grid)
         found.plot(split=False, view=view, units=system, path=by_sensor)
-    return [document, text, grid, by_sensor]
+    with progress("writing the report"):
+        found.report(page)
+    return [document, page, text, grid, by_sensor, *written_for_kalibr(found, folder)]

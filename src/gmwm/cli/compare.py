@@ -12,16 +12,14 @@ import typer
 from gmwm.cli.options import (
     RESULT,
     Axes,
-    Columns,
     Datasheet,
     Efficiency,
-    Gaps,
     Json,
-    Rate,
-    Units,
+    Opening,
     View,
     chosen_axes,
     load,
+    opens,
 )
 from gmwm.errors import OptionError
 
@@ -36,16 +34,14 @@ EXAMPLES = (
 )
 
 
+@opens
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Recordings: CSV, TXT or Parquet.", metavar="FILE…", show_default=False),
+        typer.Argument(help="Recordings, in any formats that are read.", metavar="FILE…", show_default=False),
     ],
+    opening: Opening,
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     classical: Annotated[
         bool, typer.Option("--classical", help="The classical curve alone.", rich_help_panel="Estimation")
     ] = False,
@@ -76,7 +72,7 @@ def compare(
     with told_warnings() as told:
         curves: dict[str, dict[str, WaveletVariance]] = {}
         for file, name in zip(files, _names(files), strict=True):
-            signals = chosen_axes(load(file, rate, units, columns, gaps), axis)
+            signals = chosen_axes(load(file, opening), axis)
             for kind in kinds:
                 label = ", ".join(filter(None, (name, kind if name == "" or len(kinds) > 1 else "")))
                 for axis_name, result in _measured(signals, kind, efficiency).items():

@@ -58,7 +58,7 @@ def demo(
         with progress("inspecting"):
             inspection = inspect(imu)
         say(inspection.summary() + "\n")
-        found = calibrated(imu, WITHIN)
+        found = calibrated(imu, WITHIN).of_file(file)
         say(found.summary())
         for axis, why in found.failed.items():
             tell(told, f"{axis} is not calibrated: {why}")

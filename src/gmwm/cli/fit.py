@@ -11,21 +11,20 @@ import typer
 from gmwm.cli.options import (
     RESULT,
     Axes,
-    Columns,
     Datasheet,
     Efficiency,
     File,
     Filter,
-    Gaps,
     Json,
-    Rate,
+    Opening,
     Robust,
     TransformName,
-    Units,
     View,
     chosen_axes,
     chosen_efficiency,
+    confidence_level,
     load,
+    opens,
 )
 from gmwm.processes import registry
 
@@ -42,8 +41,10 @@ EXAMPLES = (
 _PROCESSES = ", ".join(f"{name} {process.title}" for name, process in registry.items())
 
 
+@opens
 def fit(
     file: File,
+    opening: Opening,
     model: Annotated[
         str,
         typer.Option(
@@ -56,10 +57,6 @@ def fit(
         ),
     ],
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"],
         typer.Option(
@@ -77,7 +74,12 @@ def fit(
     ] = True,
     confidence: Annotated[
         float,
-        typer.Option(help="Level of the parameters' confidence intervals.", metavar="LEVEL", rich_help_panel=RESULT),
+        typer.Option(
+            callback=confidence_level,
+            help="Level of the parameters' confidence intervals.",
+            metavar="LEVEL",
+            rich_help_panel=RESULT,
+        ),
     ] = 0.95,
     bootstrap: Annotated[
         int | None,
@@ -113,7 +115,7 @@ def fit(
     parsed = parse_model(model)
     way = _way(confidence, bootstrap, seed)
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
         signals = chosen_axes(imu, axis)
         if output is not None:
             made_directory(output)
@@ -221,7 +223,7 @@ def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
     robust = f"robust with efficiency {wv.efficiency:g}, " if wv.robust else ""
-    print(f"{first.model.structure}, {wv.samples} samples at {wv.rate:g} Hz, {robust}weighting {first.weighting}")
+    print(f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}")
     sensors: dict[str, dict[str, Fit]] = {}
     for name, found in fits.items():
         sensors.setdefault(name.rpartition("_")[0], {})[name] = found

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from gmwm.cli.options import Columns, File, Gaps, Json, Rate, Units, load
+from gmwm.cli.options import File, Json, Opening, load, opens
 
 EXAMPLES = ("gmwm info static.csv", "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g")
 
 
+@opens
 def info(
     file: File,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
+    opening: Opening,
     json: Json = False,
 ) -> None:
     """Say what a recording holds and whether it can be used.
 
     Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
-    bit, whether the unit stood still, knocks, and what to beware of.
+    bit, whether the unit stood still, knocks and steps, temperature, and what to beware of.
 
     In the table, all in SI units: mean; sd, the standard deviation of all samples; noise, that of white noise with
     the same differences from sample to sample, which offset and slow drift do not reach; LSB, the quantisation step
@@ -29,7 +27,7 @@ def info(
     from gmwm.inspection import inspect
 
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
         with progress("inspecting"):
             inspection = inspect(imu)
         if json:

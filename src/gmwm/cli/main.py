@@ -7,7 +7,22 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli import agree, allan, calibrate, compare, demo, fit, info, plan, select, simulate, wv
+from gmwm.cli import (
+    agree,
+    allan,
+    calibrate,
+    compare,
+    convert,
+    demo,
+    export,
+    fit,
+    info,
+    plan,
+    report,
+    select,
+    simulate,
+    wv,
+)
 from gmwm.cli.errors import OneLineErrors, one_line
 
 app = typer.Typer(
@@ -27,6 +42,7 @@ def _help(text: str | None) -> str:
 
 for _command, _examples in (
     (calibrate.calibrate, calibrate.EXAMPLES),
+    (report.report, report.EXAMPLES),
     (info.info, info.EXAMPLES),
     (wv.wv, wv.EXAMPLES),
     (allan.allan, allan.EXAMPLES),
@@ -34,7 +50,9 @@ for _command, _examples in (
     (fit.fit, fit.EXAMPLES),
     (select.select, select.EXAMPLES),
     (agree.agree, agree.EXAMPLES),
+    (export.export, export.EXAMPLES),
     (plan.plan, plan.EXAMPLES),
+    (convert.convert, convert.EXAMPLES),
     (simulate.simulate, simulate.EXAMPLES),
     (demo.demo, demo.EXAMPLES),
 ):
@@ -52,7 +70,7 @@ def _print_version(wanted: bool) -> None:
 _PURPOSE = """Find the noise model of an inertial sensor in a static recording.
 
 By the Generalized Method of Wavelet Moments: a sum of processes is fitted to the wavelet variance, which is
-half the Allan variance. A recording is a text file (CSV, TXT) or Parquet with gyroscopes, accelerometers or both.
+half the Allan variance. A recording is a file with gyroscopes, accelerometers or both, in any of many formats.
 
 Every command takes --json: the result as JSON on stdout, all else on stderr. Exit codes: 0 done, 2 an error that
 one line on stderr explains, 130 interrupted."""

@@ -141,7 +141,7 @@ def _planned(
         return made, made.needed(accuracy)
 
 
-def parse_length(text: str) -> float:
+def parse_length(text: str, option: str = "--duration") -> float:
     """A length of time in seconds.
 
     >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
@@ -151,7 +151,7 @@ def parse_length(text: str) -> float:
         return float(plain[1])
     pieces, rest = _PIECE.findall(text), _PIECE.sub("", text)
     if not pieces or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in pieces):
-        raise OptionError(f"--duration takes a length as 90s, 30min, 1h30m, 2h or 1d, got {text!r}")
+        raise OptionError(f"{option} takes a length as 90s, 30min, 1h30m, 2h or 1d, got {text!r}")
     return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in pieces))
 
 

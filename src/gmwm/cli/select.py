@@ -13,21 +13,20 @@ from gmwm.cli.options import (
     RESULT,
     Axes,
     ChoiceWeighting,
-    Columns,
     Confidence,
     CriterionName,
     Efficiency,
     File,
-    Gaps,
     Json,
-    Rate,
+    Opening,
     Robust,
     Seed,
-    Units,
     Within,
     chosen_axes,
     chosen_efficiency,
     load,
+    opens,
+    parse_within,
 )
 from gmwm.errors import OptionError
 
@@ -42,13 +41,11 @@ EXAMPLES = (
 )
 
 
+@opens
 def select(
     file: File,
+    opening: Opening,
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     within: Within = WITHIN,
     robust: Robust = False,
     efficiency: Efficiency = None,
@@ -81,8 +78,9 @@ def select(
     from gmwm.cli.output import made_directory, print_json, print_written, tell_cautions, told_warnings
     from gmwm.cli.parallel import over_axes
 
+    largest = parse_within(within)
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
         signals = chosen_axes(imu, axis)
         if plot is not None and len(signals) > 1:
             raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis, or take --output")
@@ -94,7 +92,7 @@ def select(
             from gmwm.selection import select as select_within
 
             return select_within(
-                within, signal, weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
+                largest, signal, weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
                 robust=robust, efficiency=chosen_efficiency(robust, efficiency),
             )  # fmt: skip
 

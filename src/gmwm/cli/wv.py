@@ -12,21 +12,19 @@ import typer
 from gmwm.cli.options import (
     RESULT,
     Axes,
-    Columns,
     Datasheet,
     Efficiency,
     File,
     Filter,
-    Gaps,
     Json,
-    Rate,
+    Opening,
     Robust,
     TransformName,
-    Units,
     View,
     chosen_axes,
     chosen_efficiency,
     load,
+    opens,
 )
 
 if TYPE_CHECKING:
@@ -41,13 +39,11 @@ EXAMPLES = (
 )
 
 
+@opens
 def wv(
     file: File,
+    opening: Opening,
     axis: Axes = None,
-    rate: Rate = None,
-    units: Units = None,
-    columns: Columns = None,
-    gaps: Gaps = "keep",
     filter: Filter = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
@@ -85,7 +81,7 @@ def wv(
     from gmwm.cli.parallel import over_axes
 
     with told_warnings() as told:
-        imu = load(file, rate, units, columns, gaps)
+        imu = load(file, opening)
         measure = partial(
             wavelet_variance, filter=filter, transform=transform,
             robust=robust, efficiency=chosen_efficiency(robust, efficiency),
@@ -127,7 +123,7 @@ def _print_curves(results: Mapping[str, WaveletVariance], view: ViewName, system
     limits = f", {100 * first.confidence:g} % limits" if alone else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
-    print(f"{first.samples} samples at {first.rate:g} Hz{transform}{robust}{limits}")
+    print(f"{first.extent}{transform}{robust}{limits}")
     # A deviation in deg/h or mg has a size that reads better without an exponent.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():

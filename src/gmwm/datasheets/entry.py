@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from gmwm.errors import OptionError
-from gmwm.units import datasheet_units
+from gmwm.units import datasheet_units, spelt
 
 _DIGITS = 2
 """Significant digits of half an interval that are shown."""
@@ -73,7 +73,7 @@ class Entry:
         ----------
         units : str
             "si", "datasheet" (the usual unit of datasheets; SI where there is none, as for seconds and for signals
-            of no known unit), or one of `units`, such as "µg/√Hz".
+            of no known unit), or one of `units`, such as "µg/√Hz"; √ may be written sqrt.
 
         Raises
         ------
@@ -81,8 +81,9 @@ class Entry:
             If this number has no such unit.
         """
         factors = {self.unit: 1.0, **datasheet_units(self.unit)}
-        name = {"si": self.unit, "datasheet": self.units[0]}.get(units, units.replace("°", "deg"))
-        if name not in factors:
+        named = {"si": self.unit, "datasheet": self.units[0]} | {spelt(name): name for name in factors}
+        name = named.get(units) or named.get(spelt(units), "")
+        if not name:
             raise OptionError(f"units must be 'si', 'datasheet' or one of {', '.join(self.units)}; got {units!r}")
         factor = factors[name]
         return (

@@ -1,0 +1,122 @@
+"""Is what was read from a file what its classes say? Each field against its annotation, all the way down."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import NoneType, SimpleNamespace, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from gmwm.errors import ReadError
+from gmwm.outliers import Verdict
+
+_KEYS = {
+    "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
+    "wavelet": "wavelet_covariance", "nodes": "search_nodes", "weights": "weight_notes",
+}  # fmt: skip
+"""Fields that have another name in the document."""
+_WORDS: Mapping[Any, str] = {
+    str: "a text", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
+}  # fmt: skip
+_KINDS: dict[type, Mapping[str, Any]] = {}
+_POSITIVE = ("rate", "samples")
+_SHARES = ("level", "confidence", "efficiency")
+
+
+def require_kinds(found: Any, where: str) -> None:
+    """Raise where a field of a result is not of the kind that its class says.
+
+    Numbers may be whole where they need not be. Arrays of numbers hold no NaN (but those of a verdict, where NaN means
+    that a level was not tested), and those of one object are of one length.
+
+    Parameters
+    ----------
+    found : dataclass
+    where : str
+        What it is called in an error.
+
+    Raises
+    ------
+    ReadError
+        If one is not, with its name.
+    """
+    lengths = {}
+    for name, kind in _hints(type(found)).items():
+        value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
+        _require(value, kind, key)
+        if name in _POSITIVE and not value > 0:
+            raise ReadError(f"not a calibration: {key} must be above zero, got {value!r}")
+        if name in _SHARES and value is not None and not 0 < value < 1:
+            raise ReadError(f"not a calibration: {key} must be between 0 and 1, got {value!r}")
+        if isinstance(value, np.ndarray):
+            if value.ndim == 0:
+                raise ReadError(f"not a calibration: {key} must be a list of numbers, got {value.tolist()!r}")
+            if np.any(np.isnan(value)) and not isinstance(found, Verdict):
+                raise ReadError(f"not a calibration: {key} must hold numbers, got {value.tolist()!r}")
+            if value.ndim == 1:
+                lengths[key] = value.size
+    if len(set(lengths.values())) > 1 or 0 in lengths.values():
+        said = ", ".join(f"{key} has {size}" for key, size in lengths.items())
+        raise ReadError(f"not a calibration: there must be as many numbers in each, and some: {said}")
+
+
+def _hints(kind: type) -> Mapping[str, Any]:
+    """The kind of each field; of fields alone, since class variables name what is not imported here."""
+    if kind not in _KINDS:
+        told = {field.name: field.type for field in fields(kind)}
+        _KINDS[kind] = get_type_hints(SimpleNamespace(__annotations__=told), vars(sys.modules[kind.__module__]))
+    return _KINDS[kind]
+
+
+def _require(value: Any, kind: Any, key: str) -> None:
+    if not _is(value, kind):
+        shown = (
+            "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
+        )
+        raise ReadError(f"not a calibration: {key} must be {_words(kind)}, got {shown}")
+    if is_dataclass(value):  # a datasheet is a mapping too
+        require_kinds(value, key)
+    elif isinstance(value, Mapping):
+        inner = get_args(kind)[1] if get_args(kind) else Any
+        for name, item in value.items():
+            _require(item, inner, f"{key}.{name}")
+    elif isinstance(value, tuple):
+        inners = get_args(_alone(kind))
+        for place, item in enumerate(value):
+            _require(item, inners[0] if inners[-1] is ... else inners[place], f"{key}[{place}]")
+
+
+def _is(value: Any, kind: Any) -> bool:
+    """Whether a value is of a kind, its items aside."""
+    origin = get_origin(kind)
+    if kind is Any:
+        return True
+    if origin in (Union, UnionType):
+        return any(_is(value, one) for one in get_args(kind))
+    if origin is Literal:
+        return any(value == one and type(value) is type(one) for one in get_args(kind))
+    if origin is tuple:
+        inners = get_args(kind)
+        return isinstance(value, tuple) and (inners[-1] is ... or len(value) == len(inners))
+    if kind in (int, float):
+        whole = int if kind is int else int | float
+        return isinstance(value, whole | np.integer) and not isinstance(value, bool)
+    return isinstance(value, origin or kind)
+
+
+def _alone(kind: Any) -> Any:
+    """The tuple of a kind that may be None."""
+    return next((one for one in get_args(kind) if get_origin(one) is tuple), kind)
+
+
+def _words(kind: Any) -> str:
+    origin = get_origin(kind)
+    if origin in (Union, UnionType):
+        return " or ".join(_words(one) for one in get_args(kind))
+    if origin is Literal:
+        return " or ".join(map(repr, get_args(kind)))
+    known = {tuple: "a list", np.ndarray: "a list of numbers"}
+    return _WORDS.get(kind) or known.get(origin, "an object")

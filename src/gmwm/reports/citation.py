@@ -1,0 +1,36 @@
+"""How to cite: what CITATION.cff says, for who has the report and not the repository."""
+
+from __future__ import annotations
+
+from importlib import metadata
+
+METHOD = (
+    "J. Balamuta, S. Guerrier, R. Molinari and W. Yang, A Computationally Efficient Framework for Automatic Inertial "
+    "Sensor Calibration, IEEE Sensors Journal, 2018 (preprint arXiv:1603.05297)."
+)
+"""The paper whose method it is."""
+
+_BIBTEX = """@software{{gmwm,
+  title = {{gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet Moments}},
+  author = {{{{the gmwm developers}}}},
+  version = {{{version}}},
+  license = {{BSD-3-Clause}}
+}}
+
+@article{{balamuta2018,
+  title = {{A Computationally Efficient Framework for Automatic Inertial Sensor Calibration}},
+  author = {{Balamuta, James and Guerrier, Stéphane and Molinari, Roberto and Yang, Wenchao}},
+  journal = {{IEEE Sensors Journal}},
+  year = {{2018}},
+  note = {{arXiv:1603.05297}}
+}}"""
+
+
+def citation() -> dict[str, str]:
+    """The software and the method as texts, and both as BibTeX."""
+    version = metadata.version("gmwm")
+    software = (
+        f"The gmwm developers, gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet "
+        f"Moments, version {version}."
+    )
+    return {"software": software, "method": METHOD, "bibtex": _BIBTEX.format(version=version)}

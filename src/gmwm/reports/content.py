@@ -1,0 +1,263 @@
+"""What a report says, as a dictionary of plain texts, numbers and lists; a template makes a page of it."""
+
+from __future__ import annotations
+
+import math
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.calibration.tables import SENSORS, by_sensor
+from gmwm.calibration.words import SIZE, advice, rejected, rows_of
+from gmwm.datasheets.entry import Entry, significant
+from gmwm.errors import OptionError
+from gmwm.inference.plan import length_text
+from gmwm.plots.labels import axis_title
+from gmwm.reports.citation import citation
+from gmwm.reports.configurations import configurations
+from gmwm.reports.figures import axis_pictures, sensor_pictures
+from gmwm.reports.verdict import verdict
+from gmwm.selection.ranking import LISTED
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.selection import Ranking
+
+Facts = list[tuple[str, str]]
+"""Name and value, in the order of a page."""
+
+
+def report_data(calibration: Calibration) -> dict[str, Any]:
+    """What `report` shows, ready for JSON: the verdict, tables, pictures, configuration files and how to cite.
+
+    Texts are as they come, not escaped: who makes a page of them has to.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        As `calibrate` gives it or `Calibration.load` reads it.
+
+    Returns
+    -------
+    dict
+        `title`, `verdict`, `advice`, `recording`, `settings`, `confidence`, `tables`, `sensors`, `axes`, `outliers`,
+        `configurations`, `left_out`, `citation`, `pictures`, `gmwm`.
+
+    Raises
+    ------
+    OptionError
+        If it is not a Calibration.
+
+    Examples
+    --------
+    >>> from gmwm import calibrate, simulate
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    >>> data = report_data(calibrate(imu, within="WN + RW"))
+    >>> data["axes"][0]["numbers"][0]["symbol"], data["verdict"]["state"]
+    ('N', 'good')
+    """
+    from gmwm.calibration.result import Calibration
+
+    if not isinstance(calibration, Calibration):
+        raise OptionError(
+            f"calibration must be a Calibration, got {type(calibration).__name__}; make one by "
+            "gmwm.calibrate(recording) or gmwm.Calibration.load(path)"
+        )
+    pictures: dict[str, Any] = {}
+    sensors = []
+    for k, (sensor, variants) in enumerate(sensor_pictures(calibration).items(), 1):
+        pictures[f"sensor{k}"] = variants
+        sensors.append({"title": SENSORS.get(sensor, sensor), "picture": f"sensor{k}"})
+    files, left = configurations(calibration)
+    bad = rejected(calibration)
+    axes = []
+    for k, (axis, found) in enumerate(calibration.axes.items(), 1):
+        pictures[f"fit{k}"], pictures[f"distance{k}"] = axis_pictures(found)
+        axes.append({"id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", **_axis(axis, found, axis in bad)})
+    return {
+        "title": _title(calibration),
+        "verdict": verdict(calibration),
+        "advice": advice(calibration),
+        "recording": _recording(calibration),
+        "settings": _settings(calibration),
+        "tables": [
+            {"title": SENSORS.get(sensor, sensor or "Axes"), "rows": rows_of(members)}
+            for sensor, members in by_sensor(calibration.axes).items()
+        ],
+        "sensors": sensors,
+        "axes": axes,
+        "outliers": [_outliers(axis, found) for axis, found in calibration.axes.items()],
+        "confidence": f"{100 * calibration.settings.confidence:g} %",
+        "configurations": files,
+        "left_out": left,
+        "citation": citation(),
+        "pictures": pictures,
+        "gmwm": metadata.version("gmwm"),
+    }
+
+
+def _title(calibration: Calibration) -> str:
+    recording = calibration.recording
+    name = recording.file if recording is not None and recording.file else calibration.source
+    return f"Calibration of {name}" if name else "Calibration"
+
+
+# --- the recording and the settings -----------------------------------------------------------------
+
+
+def _recording(calibration: Calibration) -> dict[str, Any]:
+    found = calibration.recording
+    wv = next(iter(calibration.axes.values())).fit.wavelet_variance
+    samples, rate = (wv.samples, wv.rate) if found is None else (found.samples, found.rate)
+    facts: Facts = [("Source", calibration.source)] if calibration.source else []
+    if found is not None and found.sha256:
+        facts += [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)]
+    facts += [
+        ("Sampling rate", f"{rate:.10g} Hz"),
+        ("Length", f"{samples} samples, {length_text(samples / rate)}"),
+        ("Axes", ", ".join([*calibration.axes, *calibration.failed])),
+        ("Units", _units(calibration)),
+    ]
+    if found is None:
+        return {"facts": facts, "notes": []}
+    gaps = found.segments - 1
+    lost = f"{gaps}, {length_text(found.missing)} missing; segments are never glued" if found.missing > 0 else str(gaps)
+    facts.append(("Gaps", lost if gaps else "none"))
+    stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"
+    facts += [("Time stamps", stamps), ("At rest", "yes" if found.static else "no"), ("Knocks", str(found.knocks))]
+    if found.gravity is not None:
+        facts.append(("Specific force", f"{found.gravity:.5g} m/s²"))
+    low_high = found.temperature
+    temperature = "not recorded" if low_high is None else f"{low_high[0]:.4g} to {low_high[1]:.4g} °C"
+    return {"facts": [*facts, ("Temperature", temperature)], "notes": list(found.notes)}
+
+
+def _units(calibration: Calibration) -> str:
+    units: dict[str, list[str]] = {}
+    for axis, found in calibration.axes.items():
+        units.setdefault(found.fit.wavelet_variance.unit or "not known", []).append(axis)
+    return "; ".join(f"{unit}: {', '.join(axes)}" for unit, axes in units.items())
+
+
+def _settings(calibration: Calibration) -> Facts:
+    asked = calibration.settings
+    robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
+    return [
+        ("Largest model", asked.within),
+        ("Weights", asked.weighting),
+        ("Criterion", asked.criterion),
+        ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),
+        ("Confidence", f"{100 * asked.confidence:g} %"),
+        ("Seed", str(asked.seed)),
+    ]
+
+
+# --- one axis ---------------------------------------------------------------------------------------
+
+
+def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
+    fit, ranking = found.fit, found.ranking
+    # The table has its own words for what its signs say elsewhere.
+    words = [text for text in ranking.words() if not text.startswith(("*", "="))]
+    return {
+        "axis": axis,
+        "title": axis_title(axis),
+        "model": fit.model.structure,
+        "numbers": [_number(entry) for entry in found.datasheet.entries],
+        "parameters": _parameters(found),
+        "test": _test(found, rejected),
+        "rejected": rejected,
+        "proof": _proof(fit.gap),
+        "ranking": {"rows": _ranked(ranking), "words": words},
+        "notes": list(dict.fromkeys([*found.notes, *found.datasheet.notes])),
+    }
+
+
+def _test(found: AxisCalibration, rejected: bool) -> str:
+    """The test of one axis; a single p below 5 % is no surprise among those of several axes."""
+    if found.test is None:
+        return "not tested: too few levels"
+    alone = found.test.pvalue <= SIZE and not rejected
+    return found.test.summary() + (" by itself, but not as one of several axes" if alone else "")
+
+
+def _ranked(ranking: Ranking) -> list[list[str]]:
+    """The first candidates and all that are as good as the best; the first row heads them."""
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Less the best"]]
+    listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
+    for candidate in listed:
+        word = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+        wic = candidate.wic
+        numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
+        rows.append([candidate.structure, word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
+    left = len(ranking.distinct) - len(listed)
+    return [*rows, *([[f"… and {left} more", *[""] * 5]] if left else [])]
+
+
+def _proof(gap: float | None) -> str:
+    if gap is None:
+        return ""
+    return f"proven best: no other values gain {f'more than {100 * gap:.2g} % of the objective' if gap else 'anything'}"
+
+
+def _number(entry: Entry) -> dict[str, Any]:
+    """A number of the datasheet in the field's units, in SI, and in what other units there are."""
+    usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
+    at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
+    return {
+        "symbol": entry.symbol,
+        "title": entry.title + at,
+        "datasheet": entry.text(usual),
+        "si": entry.text("si"),
+        "also": [_short(entry, unit) for unit in other],
+    }
+
+
+def _short(entry: Entry, unit: str) -> str:
+    """A number without its interval, or its limit."""
+    value, low, high, _ = entry.in_units(unit)
+    estimated = low is not None and high is not None and math.isfinite(high) and not entry.upper_only
+    return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
+
+
+def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
+    """The parameters of the model per sample, as the library has them."""
+    fit = found.fit
+    units = fit.units()
+    rows = []
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            nothing = name in fit.undetermined
+            interval = found.intervals.get(name)
+            held = process.is_fixed(parameter.name)
+            rows.append({
+                "name": name, "symbol": parameter.symbol, "title": parameter.description,
+                "value": "means nothing: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
+                "interval": "held" if held else "" if interval is None else _interval(*interval),
+                "unit": units[name],
+            })  # fmt: skip
+    return rows
+
+
+def _interval(low: float, high: float) -> str:
+    if not math.isfinite(high):
+        return "not determined"
+    return f"{low:.4g} … {high:.4g}"
+
+
+def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
+    """Classical against robust."""
+    verdict, robust = found.verdict, found.fit.wavelet_variance.robust
+    said = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    if verdict is None:
+        return said | {"words": ["not looked for"]}
+    tested = verdict.tested & np.isfinite(verdict.excess)
+    if np.any(tested):
+        most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
+        percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
+        said["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
+    p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
+    words = verdict.summary().removeprefix(f"{verdict.axis}: ").splitlines()
+    return said | {"contaminated": bool(verdict.contaminated), "p": p, "words": words}

@@ -1,0 +1,83 @@
+"""The pictures of a report, as data: each in every view and unit system that it can be had in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from gmwm.calibration.tables import by_sensor
+from gmwm.errors import OptionError
+from gmwm.plots.figure import Panel
+from gmwm.plots.fit import fit_panel
+from gmwm.plots.labels import sensor_and_letter, sensor_title
+from gmwm.plots.overlay import overlay_panel
+from gmwm.plots.ranking import ranking_figure
+from gmwm.plots.style import curve_stroke, letter_stroke
+from gmwm.plots.view import UnitSystem, ViewName
+from gmwm.reports.plotly import plotly_panel
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration, Calibration
+
+VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
+"""What the field reads first stands first."""
+SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
+
+Variants = dict[str, dict[str, Any]]
+"""A picture by "view-units", as "allan-si"."""
+
+
+def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
+    """For each sensor its axes over one another, data and models; what measures in another unit stands by itself."""
+    pictures = {}
+    for sensor, axes in by_sensor(calibration.axes).items():
+        units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())
+        for unit in units:
+            members = {axis: found for axis, found in axes.items() if found.fit.wavelet_variance.unit == unit}
+            name = sensor or "Axes"
+            pictures[name if len(units) == 1 else f"{name} ({unit})"] = _variants(_overlay(sensor, members))
+    return pictures
+
+
+def _overlay(sensor: str, axes: Mapping[str, AxisCalibration]) -> Callable[[ViewName, UnitSystem], Panel]:
+    letters = {axis: sensor_and_letter(axis)[1] for axis in axes}
+    items = {letters[axis].upper() or axis: found.fit for axis, found in axes.items()}
+    strokes = [letter_stroke(letter) or curve_stroke(k) for k, letter in enumerate(letters.values())]
+    title = sensor_title(sensor) if sensor else ""
+
+    def panel(view: ViewName, units: UnitSystem) -> Panel:
+        return overlay_panel(items, view=view, units=units, strokes=strokes, title=title)
+
+    return panel
+
+
+def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
+    """Of one axis: the data, the model and its terms; and where the best models leave the data."""
+
+    def distances(view: ViewName, units: UnitSystem) -> Panel:
+        panel = ranking_figure(found.ranking, view=view, units=units).rows[0][1]
+        assert panel is not None
+        return panel
+
+    return (
+        _variants(lambda view, units: fit_panel(found.fit, view=view, units=units)),
+        # Distances have no unit: one for each view is enough.
+        {key: picture for key, picture in _variants(distances).items() if key.endswith("-si")},
+    )
+
+
+def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:
+    """The picture in every view and unit system; those that these data do not have are left out."""
+    return {f"{view}-{units}": picture for view, units, picture in _drawn(panel)}
+
+
+def _drawn(panel: Callable[[ViewName, UnitSystem], Panel]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    for view in VIEWS:
+        for units in SYSTEMS:
+            try:
+                drawn = panel(view, units)
+            except OptionError:  # no Allan deviation of this filter, or no datasheet unit of this signal
+                continue
+            # The page names the picture; two names would be one too many.
+            yield view, units, plotly_panel(replace(drawn, title=""))

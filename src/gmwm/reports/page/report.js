@@ -1,0 +1,118 @@
+"use strict";
+(() => {
+  const pictures = JSON.parse(document.getElementById("pictures").textContent);
+  const places = [...document.querySelectorAll("[data-picture]")];
+  const chosen = { view: "allan", units: "datasheet" };
+  const printed = 680; // CSS pixels between the margins of A4
+  let printing = false;
+  const font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
+
+  // What was asked for; where these data have no such picture, the nearest to it.
+  function variant(name) {
+    const all = pictures[name];
+    const keys = [`${chosen.view}-${chosen.units}`, `${chosen.view}-si`, `wavelet-${chosen.units}`, ...Object.keys(all)];
+    return all[keys.find((key) => key in all)];
+  }
+
+  function layoutOf(picture, width) {
+    const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
+    // Plotly gives a legend the width of the panel; entries that do not fit beside one another go below.
+    const entry = Math.min(width - 90, 70 + 7 * longest);
+    const rows = Math.ceil(picture.entries / Math.max(1, Math.floor((width - 80) / entry)));
+    const foot = 66 + 20 * rows;
+    return {
+      ...structuredClone(picture.layout),
+      width, height: (printing ? 240 : 330) + foot, autosize: false,
+      margin: { l: 64, r: 14, t: 26, b: foot, pad: 0 },
+      font: { family: font, size: 12, color: "#1b1f24" },
+      paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
+      hovermode: "closest", dragmode: false, hoverlabel: { align: "left", bgcolor: "#ffffff", font: { size: 13 } },
+      legend: { orientation: "h", x: 0, xref: "container", y: 0, yref: "container", yanchor: "bottom",
+                entrywidth: entry - 50, traceorder: "normal", font: { size: 11.5 } },
+    };
+  }
+
+  // What was taken away stays away in another view, where its name may have other numbers; its place is the same.
+  function hiddenIn(place) {
+    return new Set((place.data || []).filter((t) => t.visible === "legendonly").map((t) => t.legendrank));
+  }
+
+  function draw(place) {
+    const picture = variant(place.dataset.picture);
+    const hidden = hiddenIn(place);
+    const data = structuredClone(picture.data);
+    for (const trace of data) {
+      if (hidden.has(trace.legendrank)) trace.visible = "legendonly";
+    }
+    const config = { displaylogo: false, displayModeBar: false, responsive: false };
+    place.style.minHeight = "0";
+    return Plotly.react(place, data, layoutOf(picture, printing ? printed : place.clientWidth), config);
+  }
+
+  function drawAll() {
+    for (const place of places) draw(place);
+  }
+
+  for (const button of document.querySelectorAll("button[data-set]")) {
+    button.addEventListener("click", () => {
+      const { set, value } = button.dataset;
+      chosen[set] = value;
+      for (const other of document.querySelectorAll(`button[data-set="${set}"]`)) {
+        other.setAttribute("aria-pressed", String(other === button));
+      }
+      drawAll();
+    });
+  }
+
+  // Where the clipboard is closed to pages from a file, the old way: select and copy.
+  function copySelected(text) {
+    const field = document.createElement("textarea");
+    field.value = text;
+    document.body.append(field);
+    field.select();
+    const done = document.execCommand("copy");
+    field.remove();
+    return done;
+  }
+
+  async function copy(text) {
+    try {
+      await navigator.clipboard.writeText(text);
+      return true;
+    } catch {
+      return copySelected(text);
+    }
+  }
+
+  for (const button of document.querySelectorAll("button[data-copy]")) {
+    button.addEventListener("click", async () => {
+      const done = await copy(document.getElementById(button.dataset.copy).textContent);
+      button.textContent = done ? "Copied" : "Select and copy by hand";
+      setTimeout(() => { button.textContent = "Copy"; }, 2000);
+    });
+  }
+
+  let width = window.innerWidth;
+  window.addEventListener("resize", () => {
+    if (window.innerWidth === width || printing) return;
+    width = window.innerWidth;
+    drawAll();
+  });
+
+  let closed = [];
+  window.addEventListener("beforeprint", () => {
+    // Of the configuration files those are printed that are open.
+    closed = [...document.querySelectorAll("details:not([open], .file)")];
+    for (const one of closed) one.open = true;
+    printing = true;
+    drawAll();
+  });
+  window.addEventListener("afterprint", () => {
+    for (const one of closed) one.open = false;
+    printing = false;
+    drawAll();
+  });
+
+  drawAll();
+  document.documentElement.dataset.drawn = String(places.length);
+})();

@@ -1,0 +1,258 @@
+"""The renderer for Plotly: plot data become the traces and the layout of a Plotly figure, as plain JSON.
+
+Plotly reads some HTML and templates of its own in texts: each goes through `safe`, so that a name stays a name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.plots.figure import Axis, Band, Foot, Line, Mark, Panel, Stroke, Symbol, Tick
+from gmwm.plots.style import GRID
+
+PIXELS = 4 / 3
+"""CSS pixels in a point."""
+DIGITS = 6
+"""Significant digits of a position: more than a screen shows."""
+MARKER = 6.0
+FOOT = 0.03
+FAR = 100.0
+"""So many times beyond its border a band without a limit ends."""
+BAR = 1.04
+"""Half the width of the bar, as a factor, that stands for a band of a single point."""
+
+_SYMBOLS: dict[Symbol, str] = {
+    "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
+    "cross": "x-thin", "plus": "cross-thin", "star": "star",
+}  # fmt: skip
+_THIN = ("x-thin", "cross-thin")
+
+
+def safe(text: str) -> str:
+    """A text that Plotly shows as it is: neither HTML nor a placeholder of its templates.
+
+    >>> safe("<b>%{x}</b> & more")
+    '&lt;b&gt;%&#123;x}&lt;/b&gt; &amp; more'
+    """
+    return escape(text).replace("%{", "%&#123;")
+
+
+def plotly_panel(panel: Panel) -> dict[str, Any]:
+    """A panel as `{"data": traces, "layout": …, "entries": number of entries in the legend}`.
+
+    A click on an entry of the legend takes all marks of that name away, and those without a name that have its colour.
+    """
+    across, up = Scale(panel.x), Scale(panel.y)
+    seen: set[str] = set()
+    drawn: list[tuple[int, dict[str, Any]]] = []
+    for place, (mark, group) in enumerate(_grouped(panel.marks)):
+        trace = _trace(mark, panel, across, up)
+        first = bool(mark.label) and mark.label not in seen
+        seen.add(mark.label)
+        trace |= {"name": safe(mark.label), "legendgroup": safe(group), "showlegend": first, "legendrank": place}
+        if first and isinstance(mark, Band) and mark.swatch:
+            drawn.append((mark.layer, trace | _swatch(mark)))
+            trace["showlegend"] = False
+        drawn.append((0 if isinstance(mark, Foot) else mark.layer, trace))
+    # Later traces lie over earlier ones; the sort is stable.
+    return {
+        "data": [trace for _, trace in sorted(drawn, key=lambda item: item[0])],
+        "layout": _layout(panel, across, up),
+        "entries": len(panel.labels),
+    }
+
+
+class Scale:
+    """Positions on an axis as Plotly wants them: as they are on its logarithmic and linear axes.
+
+    An axis that is even about zero and logarithmic beyond is not one of Plotly's: there the even part takes a unit on
+    each side, a decade another one, and the axis is linear.
+    """
+
+    def __init__(self, axis: Axis) -> None:
+        self.axis = axis
+        self.type = "log" if axis.linear == 0 else "linear"
+        self.mixed = axis.linear > 0 and math.isfinite(axis.linear)
+        low, high = axis.limits
+        self.far = (low / FAR, high * FAR) if self.type == "log" else (2 * low - high, 2 * high - low)
+
+    def place(self, values: Vector) -> Vector:
+        """Where values stand."""
+        if not self.mixed:
+            return values
+        size = np.abs(values) / self.axis.linear
+        beyond = 1 + np.log10(np.maximum(size, 1.0))
+        return np.asarray(np.sign(values) * np.where(size <= 1, size, beyond))
+
+    def range(self) -> list[float]:
+        """The limits, as Plotly wants them: exponents on a logarithmic axis."""
+        ends = self.place(np.array(self.axis.limits))
+        return [_short(end) for end in (np.log10(ends) if self.type == "log" else ends)]
+
+    def at(self, value: float) -> float:
+        """Where an annotation stands."""
+        return self.of(np.array([math.log10(value) if self.type == "log" else value]))[0] or 0.0
+
+    def of(self, values: Vector) -> list[float | None]:
+        """The same as JSON has it: None for what has no place."""
+        return [_json(value) for value in self.place(values).tolist()]
+
+
+def _json(value: float) -> float | None:
+    return _short(value) if math.isfinite(value) else None
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{DIGITS - 1}e}")
+
+
+def _grouped(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
+    """Each mark with the entry of the legend that it belongs to."""
+    by_colour: dict[str, str] = {}
+    for mark in marks:
+        if isinstance(mark, Line) and mark.label:
+            by_colour[mark.stroke.colour] = mark.label
+        colour = mark.colour if isinstance(mark, Band) else mark.stroke.colour
+        yield mark, mark.label or by_colour.get(colour, "")
+
+
+# --- traces -----------------------------------------------------------------------------------------
+
+
+def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
+    if isinstance(mark, Band):
+        return _band(mark, across, up)
+    if isinstance(mark, Foot):
+        low, high = panel.y.limits
+        height = low * (high / low) ** FOOT if up.type == "log" else low + FOOT * (high - low)
+        y = np.full(mark.x.shape, height)
+        return {"x": across.of(mark.x), "y": up.of(y), "hoverinfo": "skip", **_look(mark.stroke)}
+    trace = {"x": across.of(mark.x), "y": up.of(mark.y), **_look(mark.stroke)}
+    if not mark.label:
+        return trace | {"hoverinfo": "skip"}
+    return trace | _hover(mark, panel, up)
+
+
+def _look(stroke: Stroke) -> dict[str, Any]:
+    """How a line looks, in Plotly's words."""
+    modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
+    look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
+    if stroke.width:
+        width = stroke.width * PIXELS
+        dash = ",".join(f"{width * part:.3g}px" for part in stroke.dash) or "solid"
+        look["line"] = {"color": stroke.colour, "width": _short(width), "dash": dash}
+    if stroke.symbol:
+        name = _SYMBOLS[stroke.symbol]
+        line = {"color": stroke.colour, "width": 1.2}
+        fill = stroke.colour if stroke.filled else "#ffffff"
+        look["marker"] = {"symbol": name, "size": MARKER + (name in _THIN), "color": fill, "line": line}
+    return look
+
+
+def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
+    """What is told of a point: name, position, and the limits of the band that the line has."""
+    (_, time), (_, unit) = _quantity(panel.x.label), _quantity(panel.y.label)
+    # Where the scale is not Plotly's own, a position is not the value.
+    value = "%{customdata[0]:+.3~g}" if up.mixed else "%{y:.4~g}"
+    said = [f"<b>{safe(line.label)}</b>", f"τ = %{{x:.4~g}} {safe(time)}", f"{value} {safe(unit)}".rstrip()]
+    more = [line.y] if up.mixed else []
+    band = next((b for b in panel.bands if b.colour == line.stroke.colour and np.array_equal(b.x, line.x)), None)
+    if band is not None and not up.mixed:
+        more = [band.lower, band.upper]
+        said.append(f"{safe(band.label)}: %{{customdata[0]:.4~g}} … %{{customdata[1]:.4~g}}")
+    found: dict[str, Any] = {"hovertemplate": "<br>".join(said) + "<extra></extra>"}
+    if more:
+        found["customdata"] = [[_json(number) for number in row] for row in np.column_stack(more).tolist()]
+    return found
+
+
+def _quantity(label: str) -> tuple[str, str]:
+    """The name and the unit of "Allan deviation (deg/h)".
+
+    >>> _quantity("Allan deviation (deg/h)"), _quantity("Distance")
+    (('Allan deviation', 'deg/h'), ('Distance', ''))
+    """
+    name, mark, unit = label.rpartition(" (")
+    if not mark:
+        return label, ""
+    # "(confidence limit = 1)" is no unit.
+    return name, "" if "=" in unit else unit.removesuffix(")")
+
+
+def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
+    """A shaded region as a closed line around each stretch without a hole."""
+    lower, upper = (np.clip(edge, *up.far) for edge in (band.lower, band.upper))
+    there = np.isfinite(lower) & np.isfinite(upper)
+    xs: list[float | None] = []
+    ys: list[float | None] = []
+    for first, last in _stretches(there):
+        x, low, high = band.x[first:last], lower[first:last], upper[first:last]
+        if x.size == 1 and across.type == "log":
+            x, low, high = np.array([x[0] / BAR, x[0] * BAR]), np.repeat(low, 2), np.repeat(high, 2)
+        xs += [*across.of(np.concatenate([x, x[::-1], x[:1]])), None]
+        ys += [*up.of(np.concatenate([low, high[::-1], low[:1]])), None]
+    return {
+        "type": "scatter", "x": xs[:-1], "y": ys[:-1], "mode": "lines", "fill": "toself", "hoverinfo": "skip",
+        "fillcolor": _shade(band.colour, band.opacity), "line": {"width": 0, "color": band.colour},
+    }  # fmt: skip
+
+
+def _swatch(band: Band) -> dict[str, Any]:
+    """What stands in the legend for bands of several colours: nothing is seen of it in the panel."""
+    return {"x": [None], "y": [None], "fillcolor": _shade(band.swatch, band.opacity)}
+
+
+def _shade(colour: str, opacity: float) -> str:
+    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{opacity:g})"
+
+
+def _stretches(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
+    """Index ranges in which all are true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+
+
+# --- the layout -------------------------------------------------------------------------------------
+
+
+def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
+    said: list[dict[str, Any]] = [_text(text.text, "x domain", text.x, "y domain", text.y) for text in panel.texts]
+    said += [_opposite(tick, across) for tick in panel.x.opposite]
+    title = {"title": {"text": safe(panel.title)}} if panel.title else {}
+    return title | {
+        "xaxis": _axis(panel.x, across, minor_grid=True),
+        "yaxis": _axis(panel.y, up, minor_grid=False),
+        "annotations": said,
+    }
+
+
+def _axis(axis: Axis, scale: Scale, *, minor_grid: bool) -> dict[str, Any]:
+    """An axis with exactly the ticks and grid lines of the data."""
+    ticks = np.array([tick.value for tick in axis.ticks])
+    minor = np.array(axis.grid if minor_grid else axis.minor, dtype=np.float64)
+    return {
+        "type": scale.type, "range": scale.range(), "autorange": False, "fixedrange": True, "zeroline": False,
+        "title": {"text": safe(axis.label), "standoff": 6}, "tickmode": "array", "ticks": "outside", "ticklen": 5,
+        "tickvals": scale.of(ticks), "ticktext": [safe(tick.label) for tick in axis.ticks],
+        "showgrid": not minor_grid, "gridcolor": GRID, "linecolor": "#444444", "mirror": True, "showline": True,
+        "minor": {"tickmode": "array", "tickvals": scale.of(minor), "ticks": "outside", "ticklen": 3,
+                  "showgrid": minor_grid, "gridcolor": GRID},
+    }  # fmt: skip
+
+
+def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]:
+    return {"text": safe(text), "xref": xref, "x": x, "yref": yref, "y": y, "showarrow": False, "font": {"size": 12}}
+
+
+def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
+    """A second reading of the horizontal scale, over the panel."""
+    return _text(tick.label, "x", across.at(tick.value), "y domain", 1.0) | {
+        "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
+    }  # fmt: skip

@@ -1,0 +1,144 @@
+"""The verdict on a calibration in plain language: a headline, and one sentence for each thing that was looked at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from gmwm.calibration.tables import SENSORS, by_sensor, in_order
+from gmwm.calibration.words import rejected
+from gmwm.datasheets.entry import Entry, significant
+from gmwm.inference.plan import SEEN, length_text
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import Calibration
+
+State = Literal["good", "look", "bad"]
+"""Nothing to do; read what is said; do not use before it is mended."""
+
+_HEADLINES: Mapping[State, str] = {
+    "good": "The calibration can be used as it stands.",
+    "look": "The calibration can be used, with the cautions below.",
+    "bad": "Look at what is wrong before using the calibration.",
+}
+_ORDER: tuple[State, ...] = ("good", "look", "bad")
+
+
+def verdict(calibration: Calibration) -> dict[str, Any]:
+    """`{"state": …, "headline": …, "points": [{"state": …, "text": …}, …]}`, the worst state of the points on top."""
+    points = [
+        _about_axes(calibration), *_about_sensors(calibration), _about_fit(calibration), _about_outliers(calibration),
+        *_about_recording(calibration), *_about_errors(calibration), *_about_proof(calibration),
+    ]  # fmt: skip
+    state = max((point["state"] for point in points), key=_ORDER.index)
+    return {"state": state, "headline": _HEADLINES[state], "points": points}
+
+
+def _point(state: State, text: str) -> dict[str, Any]:
+    return {"state": state, "text": text}
+
+
+def _about_axes(calibration: Calibration) -> dict[str, Any]:
+    done, failed = len(calibration.axes), calibration.failed
+    if failed:
+        missing = "; ".join(f"{axis}: {why}" for axis, why in failed.items())
+        return _point("bad", f"{done} of {done + len(failed)} axes are calibrated. Not calibrated is {missing}.")
+    wv = next(iter(calibration.axes.values())).fit.wavelet_variance
+    long = length_text(wv.samples / wv.rate)
+    axes = {1: "The one axis is", 2: "Both axes are"}.get(done, f"All {done} axes are")
+    return _point("good", f"{axes} calibrated, from {long} of recording at {wv.rate:g} Hz.")
+
+
+def _about_sensors(calibration: Calibration) -> list[dict[str, Any]]:
+    """What each sensor has: the first numbers that anyone asks for, over its axes."""
+    said = []
+    for sensor, axes in by_sensor(calibration.axes).items():
+        sheets = [found.datasheet for found in axes.values()]
+        numbers = []
+        for symbol in in_order([list(sheet) for sheet in sheets]):
+            entries = {axis: one.datasheet[symbol] for axis, one in axes.items() if symbol in one.datasheet}
+            if symbol in _TOLD:
+                numbers.append(f"{next(iter(entries.values())).title} {symbol} {_range(entries)}")
+        if numbers:
+            said.append(_point("good", f"{SENSORS.get(sensor, sensor or 'Axes')}: {'; '.join(numbers)}."))
+    return said
+
+
+_TOLD = ("N", "B", "K")
+
+
+def _range(entries: Mapping[str, Entry]) -> str:
+    """From the smallest to the largest value; limits where the data only bound all of them."""
+    known: dict[str, float] = {}
+    bounds = []
+    unit = ""
+    for axis, entry in entries.items():
+        value, _, high, unit = entry.in_units("datasheet")
+        if not entry.upper_only:
+            known[axis] = value
+        elif high is not None and math.isfinite(high):
+            bounds.append(high)
+    if known:
+        texts = dict.fromkeys(significant(value, 3) for value in (min(known.values()), max(known.values())))
+        more = f" (on {', '.join(known)}; of others only a limit is known)" if len(known) < len(entries) else ""
+        return f"{' to '.join(texts)} {unit}{more}"
+    return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"
+
+
+def _about_fit(calibration: Calibration) -> dict[str, Any]:
+    bad = rejected(calibration)
+    tested = [axis for axis, found in calibration.axes.items() if found.test is not None]
+    if bad:
+        return _point(
+            "look",
+            f"On {', '.join(bad)} some scale is off the model by more than chance: the values describe the curve, but "
+            "the truth may lie outside their intervals.",
+        )
+    if not tested:
+        return _point("look", "The recording is too short for a test of the models.")
+    return _point(
+        "good", "The models describe the data within chance: no test rejects one, at 5 % for all axes together."
+    )
+
+
+def _about_outliers(calibration: Calibration) -> dict[str, Any]:
+    looked = calibration.verdicts
+    struck = [axis for axis, found in looked.items() if found.contaminated]
+    if not looked:
+        return _point("look", "Outliers were not looked for.")
+    if not struck:
+        return _point("good", "No outliers raise the curves.")
+    left = [axis for axis in struck if calibration.axes[axis].fit.wavelet_variance.robust]
+    kept = [axis for axis in struck if axis not in left]
+    parts = [f"left out of {', '.join(left)}"] if left else []
+    parts += [f"kept in {', '.join(kept)}, whose noise is overstated"] if kept else []
+    return _point("look", f"The recording was disturbed: its outliers are {'; and '.join(parts)}.")
+
+
+def _about_recording(calibration: Calibration) -> list[dict[str, Any]]:
+    recording = calibration.recording
+    if recording is None:
+        return []
+    if not recording.static:
+        return [_point("bad", "The unit did not stand still: the curves hold its motion as well as its noise.")]
+    gaps = f", in {recording.segments} segments" if recording.segments > 1 else ""
+    return [_point("good", f"The unit stood still{gaps}.")]
+
+
+def _about_errors(calibration: Calibration) -> list[dict[str, Any]]:
+    poor = [axis for axis, found in calibration.axes.items() if found.needed]
+    if not poor:
+        return []
+    return [
+        _point("look", f"Some parameters of {', '.join(poor)} are known to no better than {100 * SEEN:g} %; see below.")
+    ]
+
+
+def _about_proof(calibration: Calibration) -> list[dict[str, Any]]:
+    gaps = [found.fit.gap for found in calibration.axes.values()]
+    proven = [gap for gap in gaps if gap is not None]
+    if len(proven) < len(gaps):
+        return []
+    gain = f"more than {100 * max(proven):.2g} % of its objective" if max(proven) > 0 else "anything"
+    return [_point("good", f"Each fit is proven best: no other values gain {gain}.")]

@@ -1,0 +1,113 @@
+"""The page: the data of a report through its template, with all that it needs inside."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gmwm._files import write_text
+from gmwm.errors import OptionError
+from gmwm.reports.content import report_data
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import Calibration
+
+# Inside <script> the parser of HTML looks for these; in JSON they may be written so as well.
+_IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
+
+
+def report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
+    """Write a calibration as one HTML page: verdict, pictures, numbers, models, outliers, configuration files.
+
+    The page holds all that it needs, makes no request to any network, and prints. The same calibration gives the same
+    bytes.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        As `calibrate` gives it or `Calibration.load` reads it.
+    path : path
+        A file that ends in .html; it is written whole or not at all.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    OptionError
+        If `calibration` is no Calibration, or `path` does not end in .html.
+    OSError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from gmwm import calibrate, simulate
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = report(calibrate(imu, within="WN + RW"), pathlib.Path(folder, "report.html"))
+    ...     written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    True
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"path must end in .html, got {str(path)!r}")
+    write_text(file, page(report_data(calibration)))
+    return file
+
+
+def page(data: dict[str, Any]) -> str:
+    """The page of what `report_data` gave.
+
+    Only the scripts that belong to it may run in it, by their SHA-256, and nothing may be fetched: a name from a file
+    that slipped through the escaping would still be nothing but text.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    scripts = [_part("vendor/plotly-basic.min.js"), _part("page/report.js")]
+    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    policy = (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; "
+        "form-action 'none'"
+    )
+    words = {key: value for key, value in data.items() if key != "pictures"}
+    return environment.from_string(_part("page/report.html")).render(
+        **words,
+        policy=policy,
+        style=_ours(_part("page/report.css")),
+        scripts=[_ours(script) for script in scripts],
+        pictures=_ours(as_json(data["pictures"])),
+    )
+
+
+def as_json(value: Any) -> str:
+    """JSON that can stand between <script> tags."""
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    return text.translate(_IN_SCRIPT)
+
+
+def _ours(text: str) -> Any:
+    """A text of our own, which is not to be escaped."""
+    from markupsafe import Markup
+
+    return Markup(text)
+
+
+@cache
+def _part(name: str) -> str:
+    return files("gmwm.reports").joinpath(name).read_text(encoding="utf-8")
+
+
+def _digest(script: str) -> str:
+    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

@@ -1,0 +1,47 @@
+"""gmwm report: the page of a calibration, from its file."""
+
+import shutil
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def results(gmwm, recording, tmp_path_factory):
+    target = tmp_path_factory.mktemp("report") / "results"
+    assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
+    return target
+
+
+def test_the_page_of_the_file_is_that_of_the_calibration(gmwm, results, recording, tmp_path):
+    copy = shutil.copy(results / "calibration.json", tmp_path)
+    outcome = gmwm("report", copy)
+    assert outcome.code == 0
+    assert str(tmp_path / "report.html") in outcome.out
+    page = (tmp_path / "report.html").read_bytes()
+    assert page == (results / "report.html").read_bytes()
+    assert f"Calibration of {recording.name}".encode() in page
+
+
+def test_json_says_where_it_is(gmwm, results, tmp_path):
+    content = gmwm("report", results / "calibration.json", "--output", tmp_path / "unit7.html", "--json").json
+    assert content["command"] == "report"
+    assert content["written"] == [str(tmp_path / "unit7.html")]
+    assert (tmp_path / "unit7.html").stat().st_size < 2_500_000
+
+
+@pytest.mark.parametrize(
+    ("file", "output", "words"),
+    [
+        ("results/report.html", "x.html", "is not a calibration"),
+        ("results/none.json", "x.html", "none.json"),
+        ("results/calibration.json", "x.pdf", "must end in .html"),
+        ("results/calibration.json", "none/x.html", "none"),
+    ],
+)
+def test_errors_take_one_line(gmwm, results, tmp_path, file, output, words):
+    outcome = gmwm("report", results.parent / file, "--output", tmp_path / output)
+    assert outcome.code == 2
+    assert outcome.out == ""
+    assert words in outcome.err
+    assert len([line for line in outcome.err.splitlines() if line.startswith("error: ")]) == 1
+    assert list(tmp_path.iterdir()) == []
