@@ -126,6 +126,10 @@ def test_a_bag_that_was_not_closed(tmp_path):
     path.write_bytes(whole)
     with pytest.raises(ReadError, match=r"has no index.*rosbag reindex"):
         read(path)
+    whole[at : at + 8] = b"\xff" * 8
+    path.write_bytes(whole)
+    with pytest.raises(ReadError, match="its index points behind its end"):
+        read(path)
 
 
 def test_an_mcap_that_was_not_closed(tmp_path):

@@ -55,7 +55,7 @@ class Ros1Storage(Storage):
                 for position, counts in self._index(file)[1]:
                     if ids.isdisjoint(counts):
                         continue
-                    file.seek(position)
+                    self._seek(file, position)
                     records = self._chunk(file)
                     _collect(records, ids, times, messages)
                     size += len(records)
@@ -81,7 +81,7 @@ class Ros1Storage(Storage):
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
         if connections > TOPIC_LIMIT or chunks > _CHUNKS:
             raise ReadError(f"{self.path} is damaged: {connections} connections in {chunks} chunks")
-        file.seek(position)
+        self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]
         places = []
         counts: dict[int, int] = {}
@@ -92,6 +92,12 @@ class Ros1Storage(Storage):
             for number, count in held.items():
                 counts[number] = counts.get(number, 0) + count
         return merged(_topic(info, data, counts) for info, data in records), sorted(places, key=lambda place: place[0])
+
+    def _seek(self, file: BinaryIO, position: int) -> None:
+        """Go to a place that the index names."""
+        if position > self.path.stat().st_size:
+            raise ReadError(f"{self.path} is damaged or cut off: its index points behind its end; was it copied whole?")
+        file.seek(position)
 
     def _chunk(self, file: BinaryIO) -> bytes:
         """The records in a chunk."""

@@ -34,7 +34,7 @@ class SqliteStorage(Storage):
                 rows = base.execute(
                     "SELECT id, name, type, serialization_format FROM topics ORDER BY id LIMIT ?", (TOPIC_LIMIT,)
                 ).fetchall()
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise self._damaged(error) from error
         found = []
         for number, name, kind, encoding in rows:
@@ -65,7 +65,7 @@ class SqliteStorage(Storage):
                         raise ReadError(f"{self.path} is damaged: a message without bytes or time")
                     yield times, messages
                     count = max(1, min(_MOST, BATCH_BYTES * len(messages) // max(1, sum(map(len, messages)))))
-            except sqlite3.Error as error:
+            except (sqlite3.Error, UnicodeDecodeError) as error:
                 raise self._damaged(error) from error
 
     def _connected(self) -> sqlite3.Connection:
@@ -79,9 +79,10 @@ class SqliteStorage(Storage):
             self._require_whole()
         try:
             base = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro{frozen}", uri=True)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             raise self._damaged(error) from error
         try:
+            # Also what SQLite says of a damaged table may quote bytes that are no text: such errors are caught with it.
             base.text_factory = lambda text: text.decode("utf-8", "replace")
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
             base.execute("PRAGMA trusted_schema=OFF")
@@ -89,7 +90,7 @@ class SqliteStorage(Storage):
                 raise ReadError(
                     f"{self.path} is an SQLite database without the tables topics and messages: no recording of ROS 2"
                 )
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             base.close()
             raise self._damaged(error) from error
         except ReadError:
