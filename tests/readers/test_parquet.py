@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import contextlib
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import polars as pl
 import pytest
 
-from gmwm.errors import DataError, ReadError
+from gmwm.errors import DataError, GmwmError, ReadError
 from gmwm.readers import parquet, read
 
 NOISE = np.random.default_rng(2).normal(size=50)
@@ -55,3 +56,21 @@ def test_errors(tmp_path):
     (tmp_path / "cut.parquet").write_bytes(whole[:-30])
     with pytest.raises(ReadError, match=r"no complete Parquet file .*was it copied whole"):
         read(tmp_path / "cut.parquet", rate=1)
+
+
+def test_numbers_beyond_int64_are_told(tmp_path):
+    frame = pl.DataFrame({"time": pl.Series([1, 2, 2**63 + 5], dtype=pl.UInt64), "gyro_x": [0.1, 0.2, 0.3]})
+    frame.write_parquet(tmp_path / "big.parquet")
+    with pytest.raises(ReadError, match="beyond 2\\^63"):
+        read(tmp_path / "big.parquet", units={"gyro": "rad/s"})
+
+
+def test_a_broken_footer_is_told(tmp_path):
+    # Polars panics, which is no ordinary exception.
+    pl.DataFrame({"time": [0.0, 0.1, 0.2], "gyro_x": [0.1, 0.2, 0.3]}).write_parquet(tmp_path / "good.parquet")
+    data = (tmp_path / "good.parquet").read_bytes()
+    broken = tmp_path / "broken.parquet"
+    for place in range(len(data) - 60, len(data) - 8):
+        broken.write_bytes(data[:place] + bytes([data[place] ^ 0x55]) + data[place + 1 :])
+        with contextlib.suppress(GmwmError):
+            read(broken, units={"gyro": "rad/s"})

@@ -40,7 +40,7 @@ class ParquetReader(Reader):
             scan = pl.scan_parquet(path)
             schema = scan.collect_schema()
             first = scan.head(1).collect()
-        except (pl.exceptions.PolarsError, OSError) as error:
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
             raise ReadError(f"{path} is no complete Parquet file ({reason}); was it copied whole?") from error
         channels = tuple(
@@ -61,7 +61,7 @@ class ParquetReader(Reader):
         while True:
             try:
                 frame = scan.slice(row, ROWS).collect()
-            except (pl.exceptions.PolarsError, OSError) as error:
+            except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
                 raise ReadError(f"{path} is damaged behind row {row}: {str(error).splitlines()[0]}") from error
             if frame.is_empty():
                 return
@@ -88,4 +88,6 @@ def _numbers(series: pl.Series, path: Path, row: int) -> NDArray[Any]:
             "(a sample that is missing is a gap, not a zero)"
         )
     integer = series.dtype.is_integer()
+    if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
+        raise ReadError(f"{path}: column {series.name!r} holds numbers beyond 2^63; is it damaged?")
     return np.ascontiguousarray(series.cast(pl.Int64 if integer else pl.Float64).to_numpy())
