@@ -22,6 +22,19 @@ _NOISY = 0.1  # deg/s/√Hz: noise density of a gyroscope beyond which its unit 
 _WITHOUT = "cut the file there, or record again"
 OR_ROBUST = ", or estimate with robust=True"
 """The third way with knocks, for who has not estimated yet."""
+LONGEST = "imu.longest() takes the longest of them"
+"""The way with gaps, for who has the recording in hand."""
+ALONE = "the longest of them can be taken alone"
+"""The same, for who reads of it later."""
+
+_OFF, _WRONG = 0.02, 0.05
+"""Relative errors of the specific force: beyond the bias of a good accelerometer, and beyond that of any."""
+
+_RIGHT = "is the unit right"
+_REMOVED = "was gravity removed?"
+_RANGE = "is more than inertial gyroscopes at rest have"
+_DECLARED = "the unit was declared against the file"
+_LEVEL = "long scales take for a random walk"
 
 
 def about_time(imu: Imu, base: TimeBase) -> list[str]:
@@ -31,7 +44,7 @@ def about_time(imu: Imu, base: TimeBase) -> list[str]:
         lost = sum(duration - 1 / imu.rate for _, duration in base.gaps)
         said.append(
             f"{len(imu.segments)} segments with {span(lost)} missing between them: wavelet variances take the "
-            "coefficients of all together, none across a gap; imu.longest() takes the longest of them"
+            f"coefficients of all together, none across a gap; {LONGEST}"
         )
     if base.duplicates:
         said.append(f"time stamps that repeat the one before: {base.duplicates}")
@@ -76,16 +89,17 @@ def about_steps(steps: tuple[Step, ...]) -> list[str]:
         return []
     axes = ", ".join(dict.fromkeys(step.axis for step in steps))
     what = f"{counted(len(steps), 'step')} of level in {axes} (the first at {steps[0].time:.6g} s)"
-    return [f"{what}, which long scales take for a random walk; {_WITHOUT}"]
+    return [f"{what}, which {_LEVEL}; {_WITHOUT}"]
 
 
 def about_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> list[str]:
     """What the numbers themselves say."""
     said = []
-    if gravity is not None and abs(gravity / STANDARD_GRAVITY - 1) > 0.05:
+    error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
+    if abs(error) > _OFF:
         said.append(
-            f"the specific force is {gravity:.4g} m/s², not {STANDARD_GRAVITY:.4g}: is the unit right, "
-            "was gravity removed?"
+            f"the specific force is {gravity:.4g} m/s², not {STANDARD_GRAVITY:.4g}: {_RIGHT}, "
+            + (_REMOVED if abs(error) > _WRONG else f"or is this {100 * error:+.1f} % a bias or scale?")
         )
     coarse = [name for name, axis in axes.items() if axis.lsb is not None and axis.noise < 0.5 * axis.lsb]
     if coarse:
@@ -111,8 +125,8 @@ def about_units(imu: Imu, pieces: Sequence[tuple[int, int]]) -> list[str]:
     if not found:
         return []
     return [
-        f"{', '.join(found)}: a noise of {max(found.values()):.3g} deg/s/√Hz is more than inertial gyroscopes at rest "
-        f"have (0.002 to {_NOISY:g}): is the unit right? If the numbers of the file are in deg/s, say "
+        f"{', '.join(found)}: a noise of {max(found.values()):.3g} deg/s/√Hz {_RANGE} "
+        f"(0.002 to {_NOISY:g}): {_RIGHT}? If the numbers of the file are in deg/s, say "
         'units={"gyro": "deg/s"}'
     ]
 
@@ -120,10 +134,25 @@ def about_units(imu: Imu, pieces: Sequence[tuple[int, int]]) -> list[str]:
 def about_declared(notes: Sequence[str]) -> list[str]:
     """Units that were declared against what the file itself says."""
     return [
-        f"the unit was declared against the file: {note}. If the file is right, every number is wrong by their ratio"
+        f"{_DECLARED}: {note}. If the file is right, every number is wrong by their ratio"
         for note in notes
         if OVERRULED in note
     ]
+
+
+def doubts(cautions: Sequence[str]) -> dict[str, bool]:
+    """Those that say that the numbers may be wrong by a factor, and whether nothing but that explains what was seen.
+
+    >>> doubts(["the specific force is 19.61 m/s², not 9.807: is the unit right, was gravity removed?", "2 knocks"])
+    {'the specific force is 19.61 m/s², not 9.807: is the unit right, was gravity removed?': True}
+    """
+    found = [text for text in cautions if _RIGHT in text or _DECLARED in text]
+    return {text: _REMOVED in text or _RANGE in text for text in found}
+
+
+def shifts(cautions: Sequence[str]) -> tuple[str, ...]:
+    """Those that say that the level of an axis changed for good."""
+    return tuple(text for text in cautions if _LEVEL in text)
 
 
 def span(seconds: float) -> str:

@@ -38,8 +38,14 @@ _UNITS = (
         ("dps", "°/s", "degrees/s", "degree/s", "deg/sec", "degs^-1", "degs-1"),
     ),
     Unit("mdeg/s", "gyro", math.pi / 180e3, ("mdps", "m°/s", "mdeg/sec")),
+    Unit("mrad/s", "gyro", 1e-3, ("mrad/sec", "mrads^-1", "mrads-1")),
+    Unit("deg/min", "gyro", math.pi / 180 / 60, ("°/min", "degrees/min")),
+    Unit("arcsec/s", "gyro", math.pi / 180 / 3600, ("arcsec/sec", "″/s")),
+    Unit("rpm", "gyro", 2 * math.pi / 60, ("rev/min", "r/min")),
     Unit("deg/h", "gyro", math.pi / 180 / 3600, ("°/h", "deg/hr", "deg/hour", "dph")),
     Unit("m/s²", "accel", 1.0, ("m/s^2", "m/s2", "ms^-2", "ms-2", "m.s^-2", "m/s/s", "m/sec^2", "mps2")),
+    Unit("mm/s²", "accel", 1e-3, ("mm/s^2", "mm/s2", "mms^-2", "mms-2", "mm.s^-2", "mm/s/s")),
+    Unit("cm/s²", "accel", 1e-2, ("cm/s^2", "cm/s2", "cms^-2", "cms-2", "cm.s^-2", "cm/s/s", "Gal")),
     Unit("g", "accel", STANDARD_GRAVITY, ("gn", "g0", "gee", "gees")),
     Unit("mg", "accel", STANDARD_GRAVITY / 1e3, ("millig",)),
     Unit("mGal", "accel", 1e-5, ("mgal",)),
@@ -66,6 +72,15 @@ def find_unit(text: str) -> Unit | None:
     return _BY_NAME.get(_key(text))
 
 
+def unit_names(quantity: Quantity) -> tuple[str, ...]:
+    """The units of a quantity by their usual names.
+
+    >>> unit_names("accel")[0]
+    'm/s²'
+    """
+    return tuple(unit.name for unit in _UNITS if unit.quantity == quantity)
+
+
 def parse_unit(text: str, quantity: Quantity) -> Unit:
     """The unit of `quantity` that a text names.
 
@@ -76,7 +91,7 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     """
     unit = find_unit(text)
     if unit is None or unit.quantity != quantity:
-        known = ", ".join(u.name for u in _UNITS if u.quantity == quantity)
+        known = ", ".join(unit_names(quantity))
         came = f"{text!r}" if unit is None else f"{text!r}, a unit of the other sensor"
         raise UnitError(f"the {quantity} unit must be one of {known}; got {came}")
     return unit

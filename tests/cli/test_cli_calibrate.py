@@ -7,6 +7,7 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.readers import read
+from gmwm.writers import write
 
 WITHIN = "GM + WN + RW"
 FILES = ["by_sensor.png", "calibration.json", "calibration.png", "imu.yaml", "report.html", "summary.txt"]
@@ -92,7 +93,7 @@ def test_a_lost_axis_is_told(gmwm, folder):
         (("--robust", "maybe"), "'maybe' is not one of"),
         (("--axis", "gyro_q"), "--axis must be one of gyro_x"),
         (("--confidence", 95), "error: --confidence must be between 0 and 1, got 95; 95 % is 0.95"),
-        (("--efficiency", 2), "error: efficiency must be from 0.3"),
+        (("--efficiency", 2), "error: --efficiency must be from 0.3 to 0.99, got 2.0"),
     ],
 )
 def test_errors_take_one_line(gmwm, recording, arguments, words):
@@ -101,6 +102,47 @@ def test_errors_take_one_line(gmwm, recording, arguments, words):
     assert outcome.out == ""
     assert words in outcome.err
     assert len([line for line in outcome.err.splitlines() if line.startswith("error: ")]) == 1
+
+
+@pytest.fixture(scope="module")
+def doubled(recording, folder):
+    """The recording with twice the specific force."""
+    imu = read(recording)
+    factors = {axis: 2.0 if axis.startswith("accel") else 1.0 for axis in imu}
+    path = folder / "doubled.csv"
+    write(library.Imu.from_arrays({axis: factor * imu[axis].values for axis, factor in factors.items()}, 100.0), path)
+    return path
+
+
+def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
+    assert gmwm("calibrate", doubled, "--within", "WN + RW", "--output", tmp_path).code == 0
+    found = Calibration.load(tmp_path / "calibration.json")
+    verdict = library.report_data(found)["verdict"]
+    assert verdict["state"] == "bad"
+    assert "as it stands" not in (tmp_path / "report.html").read_text(encoding="utf-8")
+    (point,) = [point for point in verdict["points"] if point["text"].startswith("The specific force is 19.61 m/s²")]
+    assert point["state"] == "bad"
+    # Where the text breaks depends on the file's name: words are compared, without the marks of comments.
+    head = " ".join((tmp_path / "imu.yaml").read_text(encoding="utf-8").replace("#", " ").split())
+    assert "CAUTION: the specific force is 19.61 m/s^2, not 9.807: is the unit right, was gravity removed?" in head
+
+
+def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, tmp_path):
+    arguments = ("--within", "WN", "--output", tmp_path)
+    assert "imu.yaml" in gmwm("calibrate", recording, *arguments).out
+    outcome = gmwm("calibrate", recording, "--axis", "gyro", *arguments)
+    assert outcome.code == 0
+    assert not (tmp_path / "imu.yaml").exists()
+    assert "warning: the imu.yaml of an earlier run is removed" in outcome.err
+    assert "imu.yaml" not in outcome.out
+
+
+def test_gaps_are_told_in_words_of_no_language(gmwm, broken):
+    outcome = gmwm("calibrate", broken, "--within", "WN")
+    words = " ".join(outcome.out.split())
+    assert "2 segments with 10 s missing between them" in words
+    assert "the longest of them can be taken alone" in words
+    assert "imu." not in words
 
 
 def test_an_output_that_is_a_file_is_refused_before_the_work(gmwm, recording):

@@ -68,7 +68,9 @@ def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_pa
     out = tmp_path / "a.imu"
     cases = {
         "pass --format 'imu:LN200' or --format 'imu:LN200IG'": (survey, tmp_path / "a.csv"),
-        "needs the type of its records; pass --format": (survey, out, "--format", "imu:LN200"),
+        "needs the type of its records; pass --to, one of imu:IMAR": (survey, out, "--format", "imu:LN200"),
+        "--to must be one of imu:IMAR": (survey, out, "--format", "imu:LN200", "--to", "imu:X"),
+        "--to is for .imu files alone": (survey, tmp_path / "a.csv", "--format", "imu:LN200", "--to", "imu:IMAR"),
         "no gyro_y, gyro_z": (unlabelled, out, "--rate", 50, "--units", "gyro=deg/s", "--to", "imu:IMAR"),
         "path must end in .csv, .parquet or .imu, got 'a.xlsx'": (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR"),
         "OUT must be another file than FILE": (survey, survey, "--format", "imu:LN200", "--to", "imu:LN200"),

@@ -85,5 +85,12 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
         assert said in outcome.err
     outcome = gmwm("export", gyro, "--all", tmp_path / "some")
     assert outcome.code == 0
-    assert "kalibr is not written" in outcome.err
+    assert outcome.err.count("\n") == 1
+    assert outcome.err.startswith("warning: not written: ")
+    assert ": each needs gyroscopes and accelerometers" in outcome.err
     assert "ros.yaml" in outcome.out
+    count = len(list((tmp_path / "some").iterdir()))
+    assert outcome.out.splitlines()[-1] == f"{count} of {len(export_formats())} formats written"
+    content = gmwm("export", gyro, "--all", tmp_path / "some", "--json").json
+    assert len(content["left_out"]) == len(export_formats()) - count
+    assert content["left_out"]["kalibr"].startswith("kalibr needs")

@@ -29,6 +29,15 @@ def test_json_says_where_it_is(gmwm, results, tmp_path):
     assert (tmp_path / "unit7.html").stat().st_size < 2_500_000
 
 
+def test_the_folder_is_taken_as_by_export(gmwm, results, tmp_path):
+    shutil.copy(results / "calibration.json", tmp_path)
+    outcome = gmwm("report", tmp_path)
+    assert outcome.code == 0
+    assert (tmp_path / "report.html").read_bytes() == (results / "report.html").read_bytes()
+    (tmp_path / "empty").mkdir()
+    assert "calibration.json: No such file" in gmwm("report", tmp_path / "empty").err
+
+
 @pytest.mark.parametrize(
     ("file", "output", "words"),
     [

@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.exporters import export, export_all, export_formats
-from gmwm.exporters.words import plain
+from gmwm.exporters.words import plain, unended
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve
 from .consumers import CONSUMERS, PER_AXIS, yaml
@@ -138,9 +138,31 @@ def test_a_plain_text_stays_so_when_it_is_made_plain_again():
     for text in (HOSTILE, "---", "-- -", "*/*/", "√Hz", "\\\\"):
         once = plain(text)
         assert once == plain(once)
-        assert "--" not in once
+        assert "--" not in unended(once)
+        assert unended(once) == unended(unended(once))
         assert "*/" not in once
         assert "\n" not in once
+
+
+def test_only_xml_breaks_double_hyphens(units):
+    assert "to inflate by 10 to 20: --inflation 10." in export(units["quantized"], format="openvins")
+    told = replace(units["quantized"], source="a--b.csv")
+    assert "a--b.csv" in export(told, format="kalibr")
+    text = export(told, format="gazebo")
+    assert "a- -b.csv" in text
+    ElementTree.fromstring(text)
+
+
+def test_doubts_of_the_recording_stand_in_every_head(units):
+    doubt = "gyro_x: the unit was declared against the file: deg/s -->"
+    told = replace(units["quantized"], cautions=(doubt, "2 knocks"))
+    for format in export_formats():
+        # Without the marks of comments, as words.
+        text = " ".join(re.sub(r"^\s*(#|%|//|;)", " ", export(told, format=format), flags=re.MULTILINE).split())
+        assert "the unit was declared against the file: deg/s" in text, format
+        assert "knocks" not in text, format
+    ElementTree.fromstring(export(told, format="gazebo"))
+    assert "CAUTION" not in export(units["quantized"])
 
 
 def test_all_formats_at_once(units, tmp_path):

@@ -81,6 +81,25 @@ def test_acceleration_without_gravity_is_not_joined_and_says_so(tmp_path):
     assert any("gravity was removed" in note for note in read(path, topic="Accelerometer").notes)
 
 
+@pytest.mark.parametrize("name", ["Linear Accelerometer", "Accelerometer"])
+def test_linear_acceleration_of_phyphox_is_not_joined_either(tmp_path, name):
+    def rows(columns):
+        return "".join(",".join(map(repr, (k / 400, *VALUES[k, columns].tolist()))) + "\n" for k in range(200))
+
+    gyro = PHYPHOX.format("Gyroscope", "rad/s") + rows(GYRO)
+    linear = PHYPHOX.format("Linear Acceleration", "m/s^2") + rows(ACCEL)
+    path = zipped(tmp_path, Gyroscope=gyro, **{name: linear})
+    with pytest.raises(ReadError, match=rf"Gyroscope, {name}"):
+        read(path)
+    assert any("gravity was removed" in note for note in read(path, topic=name).notes)
+    own = PHYPHOX.format("Acceleration", "m/s^2") + rows(ACCEL)
+    imu = read(zipped(tmp_path, Gyroscope=gyro, **{"Linear Acceleration": linear, "Raw Acceleration": own}))
+    assert "tables left out: Linear Acceleration" in imu.notes
+    assert table(imu).tolist() == VALUES.tolist()
+    ros = linear.replace("Linear Acceleration ", "linear_acceleration.")
+    assert table(read(zipped(tmp_path, gyro=gyro, accel=ros))).tolist() == VALUES.tolist()
+
+
 def test_a_table_taken_out_of_the_archive_is_known_by_its_name(tmp_path):
     (tmp_path / "Gyroscope.csv").write_text(logger(GYRO))
     imu = read(tmp_path / "Gyroscope.csv")

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from gmwm.errors import GmwmError, MissingDependencyError, ReadError
+from gmwm.errors import GmwmError, MissingDependencyError, ReadError, UnitError
 from gmwm.readers import arrays, find_reader, read
 from gmwm.signals import AXES
 
@@ -114,3 +114,32 @@ def test_mislabelled_and_without_the_library(path, monkeypatch):
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'gmwm\[hdf5\]'"):
         read(path, format="hdf5")
+
+
+def test_the_unit_of_the_stamps_in_an_attribute(path):
+    for unit, interval in (("min", 1 / 6000), ("seconds since 2020-01-01 00:00:00", 0.01)):
+        with h5py.File(path, "w") as file:
+            file["gyro"] = VALUES[:, :3]
+            file.create_dataset("time", data=interval * np.arange(60)).attrs["units"] = unit
+        assert read(path, units=UNITS).rate == pytest.approx(100, rel=1e-9)
+    with h5py.File(path, "w") as file:
+        file.create_dataset("gyro", data=VALUES[:, :3]).attrs["unit"] = "mrad/ms"
+        file.create_dataset("time", data=0.01 * np.arange(60)).attrs["units"] = "samples"
+    with pytest.raises(UnitError, match="'samples'"):
+        read(path, units=UNITS)
+    with pytest.raises(UnitError, match="'mrad/ms'"):
+        read(path, units={"time": "s"})
+
+
+def test_stamps_of_another_length_are_told_with_both(path):
+    with h5py.File(path, "w") as file:
+        file["imu/gyro"], file["imu/time"] = VALUES[:, :3], 0.01 * np.arange(61)
+        file["imu"].attrs["fs"] = 100.0
+        file["gps/time"], file["gps/height"] = np.arange(20.0), np.arange(20.0)
+    with pytest.raises(ReadError, match=r"imu/time has 61 values, imu/gyro has 60"):
+        read(path, units=UNITS)
+    imu = read(path, units=UNITS, rate=100)
+    assert "arrays left out: gps/height, gps/time, imu/time" in imu.notes
+    with h5py.File(path, "a") as file:
+        del file["imu/time"]
+    assert read(path, units=UNITS).rate == 100

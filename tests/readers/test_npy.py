@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import pytest
 
-from gmwm.errors import GmwmError, ReadError
+from gmwm.errors import GmwmError, ReadError, TimeBaseWarning
 from gmwm.readers import arrays, find_reader, read
 from gmwm.signals import AXES
 
@@ -139,3 +139,21 @@ def test_the_content_decides_and_a_wrong_name_is_told(tmp_path):
     for format, says in (("npy", "no complete NumPy file"), ("npz", "no complete zip archive")):
         with pytest.raises(ReadError, match=says):
             read(tmp_path / "b.npy", format=format)
+
+
+def test_a_stated_rate_that_the_stamps_contradict_is_warned_of(tmp_path):
+    content = {"gyro": VALUES[:, :3], "t": 0.01 * np.arange(60)}
+    assert read(npz(tmp_path, **content, fs=100.5), units=UNITS).rate == 100
+    path = npz(tmp_path, **content, fs=200.0)
+    with pytest.warns(TimeBaseWarning, match=r"states a rate of 200 Hz, but its time stamps say 100 Hz"):
+        imu = read(path, units=UNITS)
+    assert imu.rate == 100
+    assert any("states a rate of 200 Hz" in note for note in imu.notes)
+    assert read(path, units=UNITS, rate=200, columns={"time": None}).rate == 200
+
+
+def test_stamps_of_another_length(tmp_path):
+    content = {"gyro": VALUES[:, :3], "fs": 100.0}
+    with pytest.raises(ReadError, match="t has 59 values, gyro has 60"):
+        read(npz(tmp_path, **content, t=np.arange(59.0)), units=UNITS)
+    assert read(npz(tmp_path, **content, time=np.arange(9.0), height=np.arange(9.0)), units=UNITS).rate == 100

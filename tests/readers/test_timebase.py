@@ -196,6 +196,54 @@ def test_declared_time_unit(tmp_path):
     assert read(path, units={"time": "ms"}).rate == 200
     assert read(path, rate=200).rate == 200
     with pytest.raises(UnitError, match="time unit must be one of s, ms, us, ns"):
-        read(path, units={"time": "min"})
+        read(path, units={"time": "fortnight"})
     with pytest.raises(OptionError):
         read(path, units={"clock": "s"})
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("time [min]", 60), ("Time (min)", 60), ("time_min", 60), ("time [h]", 3600), ("t (hours)", 3600),
+        ("time [days]", 86400), ("time (s since boot)", 1), ("Time [seconds since 2020-01-01]", 1),
+    ],
+)  # fmt: skip
+def test_named_units_of_time_are_taken_at_their_word(tmp_path, name, seconds):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{name},gx [rad/s]\n" + "".join(f"{7 + k / 100 / seconds!r},{k % 3}\n" for k in range(50)))
+    imu = read(path)
+    assert imu.rate == pytest.approx(100, rel=1e-6)
+    assert imu["gyro_x"].start == pytest.approx(7 * seconds, rel=1e-12)
+    assert not any("inferred" in note for note in imu.notes)
+
+
+def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
+    rows = "".join(f"{k / 6000!r},{k % 3}\n" for k in range(50))
+    path = tmp_path / "a.csv"
+    path.write_text("# time in minutes\ntime,gx [rad/s]\n" + rows)
+    assert read(path).rate == pytest.approx(100, rel=1e-9)
+    path.write_text("# recorded for 10 minutes\ntime [s],gx [rad/s]\n" + rows)
+    assert read(path).rate == pytest.approx(6000, rel=1e-9)
+    imu = read(path, units={"time": "min"})
+    assert imu.rate == pytest.approx(100, rel=1e-9)
+    assert "time: min, declared (the file says s)" in imu.notes
+    with pytest.raises(ReadError, match=r'pass units=\{"time": "min"\}'):
+        read(path, rate=100)
+
+
+@pytest.mark.parametrize("unit", ["samples", "ticks", "10 ns", "-", "m"])
+def test_a_time_unit_that_is_named_but_not_known_is_an_error(tmp_path, unit):
+    path = tmp_path / "a.csv"
+    path.write_text(f"time [{unit}],gx [rad/s]\n" + "".join(f"{k / 100},{k % 3}\n" for k in range(50)))
+    with pytest.raises(UnitError, match=f"the file says '{unit}' for the unit of the time column"):
+        read(path)
+    imu = read(path, units={"time": "s"})
+    assert imu.rate == 100
+    assert f"time: s, declared (the file says {unit})" in imu.notes
+    assert read(path, columns={"time": None}, rate=50).rate == 50
+
+
+def test_a_clock_in_brackets_is_no_unit(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time (UTC),gx [rad/s]\n" + "".join(f"{k / 100},{k % 3}\n" for k in range(50)))
+    assert read(path).rate == 100

@@ -81,3 +81,50 @@ def test_unknown_units(tmp_path):
         read(path, rate=1, units={"gyro": "furlong"})
     with pytest.raises(UnitError, match="unit of the other sensor"):
         read(path, rate=1, units={"gyro": "g"})
+
+
+@pytest.mark.parametrize(
+    ("named", "size"),
+    [
+        ("[mrad/s]", 1e-3), ("_mrad_s", 1e-3), ("[deg/min]", np.pi / 180 / 60), ("(arcsec/s)", np.pi / 648000),
+        ("[rpm]", 2 * np.pi / 60),
+    ],
+)  # fmt: skip
+def test_less_usual_units_of_rate(tmp_path, named, size):
+    imu = read(saved(tmp_path, REST, [f"{axis}{named}" for axis in ("gyro_x", "gyro_y", "gyro_z")]), rate=100)
+    np.testing.assert_allclose(imu["gyro_y"].values, REST[:, 1] * size, rtol=1e-14)
+
+
+def test_less_usual_units_of_force(tmp_path):
+    for unit, size in (("mm/s²", 1e-3), ("cm/s^2", 1e-2)):
+        imu = read(saved(tmp_path, REST * 9.80665 / size, [f"a{axis} [{unit}]" for axis in "xyz"]), rate=100)
+        np.testing.assert_allclose(imu["accel_z"].values, REST[:, 2] * 9.80665, rtol=1e-14)
+
+
+@pytest.mark.parametrize("sensor", ["gyro", "accel"])
+def test_a_unit_that_is_named_but_not_known_is_called_by_its_name(tmp_path, sensor):
+    path = saved(tmp_path, REST, [f"{sensor}_{axis} [furlong/s]" for axis in "xyz"])
+    with pytest.raises(UnitError, match=rf"the file says 'furlong/s' .*{sensor}_x, which is not known.*--scale"):
+        read(path, rate=100)
+    si = {"gyro": "rad/s", "accel": "m/s²"}[sensor]
+    imu = read(path, rate=100, units={sensor: si}, scale={sensor: 3.0})
+    np.testing.assert_allclose(imu[f"{sensor}_y"].values, 3 * REST[:, 1], rtol=1e-15)
+    assert f"{sensor}: {si}, declared (the file says furlong/s)" in imu.notes
+
+
+def test_units_of_increments_point_to_them(tmp_path):
+    for sensor, unit, of_rate in (("gyro", "deg", "deg/s"), ("accel", "m/s", "m/s²")):
+        path = saved(tmp_path, REST * 9.80665 / 100, [f"{sensor}_{axis} [{unit}]" for axis in "xyz"])
+        with pytest.raises(UnitError, match=rf"the file says '{unit}'.*--increments.*\"{of_rate}\""):
+            read(path, rate=100)
+        imu = read(path, rate=100, units={sensor: of_rate}, increments=[sensor])
+        assert f"{sensor}: {of_rate}, declared" in imu.notes
+        assert (
+            f"{sensor}: {of_rate}, declared (the file says {unit})"
+            in read(path, rate=100, units={sensor: of_rate}).notes
+        )
+
+
+def test_what_stands_in_brackets_and_is_no_unit_leaves_it_to_gravity(tmp_path):
+    with pytest.warns(InferredUnitWarning, match="taken to be in g"):
+        read(saved(tmp_path, REST, ["ax (raw)", "ay (raw)", "az (raw)"]), rate=100)

@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 import gmwm
+from gmwm._words import OVERRULED
+from gmwm.cautions import about_declared, about_steps, about_values
 from gmwm.errors import OptionError
+from gmwm.knocks import Step
 from gmwm.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.plots.fit import fit_panel
@@ -45,6 +48,28 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     assert "accel_y: the signal is constant" in gmwm.report_data(lost)["verdict"]["points"][0]["text"]
     moved = dataclasses.replace(calibration, recording=dataclasses.replace(calibration.recording, static=False))
     assert gmwm.report_data(moved)["verdict"]["state"] == "bad"
+
+
+def test_doubts_of_the_recording_reach_the_verdict():
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    good = gmwm.calibrate(imu, "WN + RW")
+
+    def state(*cautions):
+        verdict = gmwm.report_data(dataclasses.replace(good, cautions=cautions))["verdict"]
+        assert verdict["state"] == "good" or "as it stands" not in verdict["headline"]
+        return verdict["state"]
+
+    def force(gravity):
+        return about_values({}, gravity)
+
+    noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, seed=1)
+    step = Step(time=3.0, axis="gyro_x", size=1e-3, times=9.0)
+    note = f"accel_x in g as declared; {OVERRULED} m/s²"
+    assert state(*force(9.80665), *force(9.7), *about_declared(["columns as named"]), "2 knocks") == "good"
+    assert state(*force(9.5)) == state(*about_declared([note])) == state(*about_steps((step,))) == "look"
+    points = gmwm.report_data(dataclasses.replace(good, cautions=gmwm.inspect(noisy).warnings))["verdict"]["points"]
+    assert any(point["text"].startswith("gyro_x: a noise of") for point in points)
+    assert state(*force(19.6)) == state(*force(0.23)) == state(*gmwm.inspect(noisy).warnings) == "bad"
 
 
 def test_a_good_recording_gets_a_good_verdict():

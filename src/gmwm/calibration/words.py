@@ -12,7 +12,7 @@ import numpy as np
 from gmwm._words import counted
 from gmwm.calibration.misfit import about_rejected
 from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, number, wrapped
-from gmwm.cautions import OR_ROBUST
+from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
 from gmwm.inference.goodness import usable_levels
 from gmwm.inference.plan import SEEN, length_text
 
@@ -147,7 +147,8 @@ def _legend(calibration: Calibration) -> list[str]:
 def cautions(warnings: Sequence[str], robust: Literal["auto"] | bool) -> tuple[str, ...]:
     """What an inspection warns of, for who has estimated already."""
     done = {"auto": "; where outliers matter, the robust curve was taken", True: "; the robust curve was taken"}
-    return tuple(text.replace(OR_ROBUST, done.get(robust, ", or leave them out by robust='auto'")) for text in warnings)
+    third = done.get(robust, ", or leave them out by robust='auto'")
+    return tuple(text.replace(OR_ROBUST, third).replace(LONGEST, ALONE) for text in warnings)
 
 
 # --- what to know and do ----------------------------------------------------------------------------

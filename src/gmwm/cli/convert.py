@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gmwm.cli.options import File, Json, Opening, load, opens
+
+if TYPE_CHECKING:
+    from gmwm.signals import Imu
 
 EXAMPLES = (
     "gmwm convert flight.imr static.parquet",
@@ -41,14 +45,14 @@ def convert(
     """
     from gmwm.cli.output import print_json, progress, tell, told_warnings
     from gmwm.errors import OptionError
-    from gmwm.writers import RECORDS, write
+    from gmwm.writers import RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
         raise OptionError(f"OUT must be another file than FILE, got {output} for both")
     with told_warnings() as told:
         imu = load(file, opening)
         with progress(f"writing {output.name}"):
-            write(imu, output, format=to)
+            _write(imu, output, to)
         if output.suffix.lower() == RECORDS and imu.temperature is not None:
             tell(told, f"the temperature is left out: {RECORDS} records have no place for it")
         content = {
@@ -62,3 +66,14 @@ def convert(
         for note in imu.notes:
             print(note)
         print(f"wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}")
+
+
+def _write(imu: Imu, output: Path, to: str | None) -> None:
+    """Write; what the library calls format= is --to here, as --format is of the file that is read."""
+    from gmwm.errors import OptionError
+    from gmwm.writers import write
+
+    try:
+        write(imu, output, format=to)
+    except OptionError as error:
+        raise OptionError(re.sub(r"^format\b|(?<=pass )format=", "--to", str(error))) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -89,11 +90,14 @@ def export(
         found = Calibration.load(file)
         if all is not None:
             made_directory(all, "--all")
-            written = _all(found, all, axes, inflation, horizon, rate, told)
+            written, left = _all(found, all, axes, inflation, horizon, rate)
+            _tell_left(left, told)
             if json:
-                print_json("export", {"file": str(file), "written": list(map(str, written))}, told)
-            else:
-                print_written(written)
+                paths = list(map(str, written))
+                print_json("export", {"file": str(file), "written": paths, "left_out": left}, told)
+                return
+            print_written(written)
+            print(f"\n{len(written)} of {len(written) + len(left)} formats written")
             return
         name = DEFAULT if format is None else format
         text = exported(found, output, name, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
@@ -114,30 +118,43 @@ def _all(
     inflation: float,
     horizon: float,
     rate: float | None,
-    told: list[str],
-) -> list[Path]:
-    """Every format that there can be of a calibration; the others are told."""
-    from gmwm.cli.output import tell
+) -> tuple[list[Path], dict[str, str]]:
+    """Every format that there can be of a calibration; and of the others, why not."""
     from gmwm.exporters import export_all
 
     written, left = export_all(found, folder, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
+    return list(written.values()), left
+
+
+def _tell_left(left: Mapping[str, str], told: list[str]) -> None:
+    """Each reason once, after the formats that it keeps from being written."""
+    from gmwm.cli.output import tell
+
+    reasons: dict[str, list[str]] = {}
     for name, why in left.items():
-        tell(told, f"{name} is not written: {why}")
-    return list(written.values())
+        reasons.setdefault(why.removeprefix(f"{name} "), []).append(name)
+    for why, names in reasons.items():
+        each = "each " if len(names) > 1 and why.startswith("needs") else ""
+        tell(told, f"not written: {', '.join(names)}: {each}{why}")
 
 
 def written_for_kalibr(found: Calibration, folder: Path) -> list[Path]:
-    """imu.yaml, if gyroscopes and accelerometers are calibrated; a warning if the data do not bound what it needs."""
+    """imu.yaml, if gyroscopes and accelerometers are calibrated and the data bound what it needs; an old one goes."""
     import warnings
 
     from gmwm.exporters import export as exported
 
-    if not {"gyro", "accel"} <= {axis.rpartition("_")[0] for axis in found}:
-        return []
     target = folder / "imu.yaml"
-    try:
-        exported(found, target)
-    except (DataError, MissingTheoryError) as error:
-        warnings.warn(f"{target.name} is not written: {error}", GmwmWarning, stacklevel=2)
-        return []
-    return [target]
+    if {"gyro", "accel"} <= {axis.rpartition("_")[0] for axis in found}:
+        try:
+            exported(found, target)
+        except (DataError, MissingTheoryError) as error:
+            warnings.warn(f"{target.name} is not written: {error}", GmwmWarning, stacklevel=2)
+        else:
+            return [target]
+    # Another run would have written over it; beside the new numbers it would be taken for theirs.
+    if target.is_file():
+        target.unlink()
+        warnings.warn(f"the {target.name} of an earlier run is removed: it is not of this calibration", GmwmWarning,
+                      stacklevel=2)  # fmt: skip
+    return []

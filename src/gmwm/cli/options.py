@@ -213,9 +213,24 @@ Robust = Annotated[
         "--robust", help="By the robust wavelet variance, which outliers do not reach.", rich_help_panel="Estimation"
     ),
 ]
+
+
+def checked_efficiency(given: float | None) -> float | None:
+    """The option's own name in the message, before the file is read."""
+    from gmwm.variance.biweight import biweight
+
+    if given is not None:
+        try:
+            biweight(given)
+        except OptionError as error:
+            raise OptionError(f"--{error}") from None
+    return given
+
+
 Efficiency = Annotated[
     float | None,
     typer.Option(
+        callback=checked_efficiency,
         help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: a low one stands outliers "
         "that are near, a high one more of those that are far. Default: 0.6.",
         rich_help_panel="Estimation",

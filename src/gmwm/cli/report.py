@@ -15,7 +15,11 @@ EXAMPLES = ("gmwm report results/calibration.json", "gmwm report results/calibra
 def report(
     file: Annotated[
         Path,
-        typer.Argument(help="What gmwm calibrate --output wrote.", metavar="CALIBRATION", show_default=False),
+        typer.Argument(
+            help="What gmwm calibrate --output wrote: calibration.json, or its folder.",
+            metavar="CALIBRATION",
+            show_default=False,
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -38,6 +42,7 @@ def report(
     from gmwm.cli.output import print_json, print_written, progress, told_warnings
 
     with told_warnings() as told:
+        file = file / "calibration.json" if file.is_dir() else file
         with progress("writing the report"):
             found = Calibration.load(file)
             page = found.report(file.with_name("report.html") if output is None else output)

@@ -182,7 +182,7 @@ class TwoNumbers(Exporter):
         settings = noise.settings
         said = [
             f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-            recording(calibration),
+            *recording(calibration),
         ]
         said += self.meaning
         for sensor in noise.sensors:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
-from gmwm.exporters.words import written
+from gmwm.exporters.words import unended, written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -42,7 +42,7 @@ class Gazebo(TwoNumbers):
         """The head as one comment of XML, as its lines have no mark."""
         text = super().export(calibration, settings)
         head, _, body = text.partition("\n\n")
-        lines = "\n".join(f"  {line.strip()}" for line in head.splitlines())
+        lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
         return f"<!--\n{lines}\n-->\n{body}"
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -7,6 +7,7 @@ import math
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from gmwm.cautions import doubts
 from gmwm.errors import DataError
 from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import has_matrices
@@ -44,6 +45,7 @@ class JsonNumbers(Exporter):
             "confidence": calibration.settings.confidence,
             "axes": {axis: _axis(axis, calibration, settings) for axis in calibration},
             "failed": dict(calibration.failed),
+            "cautions": list(doubts(calibration.cautions)),
         }
         return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 

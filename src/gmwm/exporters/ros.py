@@ -38,7 +38,7 @@ class Ros(Exporter):
         """A list of nine numbers for each sensor there is."""
         head = [
             f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-            recording(calibration),
+            *recording(calibration),
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
             f"Inflation factor: {settings.inflation:g}, which enters squared. Horizon: none.",

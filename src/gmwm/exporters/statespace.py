@@ -88,7 +88,7 @@ class StateSpaceFile(Exporter):
         head = commented(
             [
                 f"Noise of an IMU as {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                recording(calibration), *_MEANING,
+                *recording(calibration), *_MEANING,
             ],
             "#",
         )  # fmt: skip

@@ -34,7 +34,7 @@ class CsvTable(Exporter):
         head = commented(
             [
                 f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                recording(calibration),
+                *recording(calibration),
                 f"{_ABOUT} low and high: {100 * level:g} % interval; where upper_only is true the data only bound the "
                 "number, by high. inf: not determined.",
             ],
@@ -69,7 +69,7 @@ class LatexTable(Exporter):
         head = commented(
             [
                 f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                recording(calibration),
+                *recording(calibration),
                 f"Units of datasheets, in the first column. {_ABOUT} +-: half the {100 * level:g} % interval; "
                 f"<=: upper limit at {50 + 50 * level:g} %.",
             ],

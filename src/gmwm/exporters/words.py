@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from gmwm.cautions import doubts
 from gmwm.exporters.reduction import Number
 
 if TYPE_CHECKING:
@@ -19,28 +20,38 @@ _ASCII = {
 }  # fmt: skip
 
 
-def recording(calibration: Calibration) -> str:
-    """What was calibrated, in words."""
+def recording(calibration: Calibration) -> list[str]:
+    """What was calibrated, in words, and what makes its numbers doubtful."""
     source = f"{calibration.source}, " if calibration.source else ""
     digest = calibration.recording.sha256 if calibration.recording is not None else None
     extent = next(iter(calibration.values())).wavelet_variance.extent
-    return f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."
+    said = [f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."]
+    return [*said, *(f"CAUTION: {text}" for text in doubts(calibration.cautions))]
 
 
 def plain(text: str) -> str:
     """A text in ASCII on one line, which no comment can end in: for names and files that come from elsewhere.
 
     >>> plain("a√Hz * / -- b\\nc")
-    'asqrt(Hz) * / - - b c'
+    'asqrt(Hz) * / -- b c'
     """
     text = re.sub(r"√(\w+)", r"sqrt(\1)", text).replace("√", "sqrt")
     for sign, written in _ASCII.items():
         text = text.replace(sign, written)
     text = "".join(c if c.isprintable() else " " for c in text).encode("ascii", "replace").decode("ascii")
-    while "--" in text:
-        text = text.replace("--", "- -")
     # A backslash at the end of a line would carry a comment of C++ over to the next.
     return " ".join(text.replace("\\", "/").replace("*/", "* /").split())
+
+
+def unended(line: str) -> str:
+    """A line of plain text that cannot end a comment of XML.
+
+    >>> unended("a --> b")
+    'a - -> b'
+    """
+    while "--" in line:
+        line = line.replace("--", "- -")
+    return line
 
 
 def commented(paragraphs: Sequence[str], mark: str) -> list[str]:

@@ -19,7 +19,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.base import Chunk, Layout, Reader, register
 from gmwm.readers.compressed import packed_text
 from gmwm.readers.headers import named_unit, recognise
-from gmwm.readers.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
+from gmwm.readers.sensorlogger import REMOVED, WITHOUT_GRAVITY, SensorLoggerReader, sensor
 from gmwm.readers.sources import ZIP, MemberSource, PackedError, open_archive
 from gmwm.readers.text import TextReader
 from gmwm.signals import AXES, axis_quantity
@@ -43,8 +43,15 @@ class _Table:
 
     @property
     def filtered(self) -> bool:
-        """Whether the phone has taken gravity out: then it is its filter's work, not the sensor's."""
-        return isinstance(self.reader, SensorLoggerReader) and sensor(Path(self.source.member)) == WITHOUT_GRAVITY
+        """Whether the phone has taken gravity out: then it is its filter's work, not the sensor's.
+
+        Applications call that linear acceleration, in words of their own; linear_acceleration is the name of a field
+        in ROS messages, which holds gravity.
+        """
+        if isinstance(self.reader, SensorLoggerReader):
+            return sensor(Path(self.source.member)) == WITHOUT_GRAVITY
+        headed = any(c.name.casefold().startswith("linear acceleration ") for c in self.layout.channels)
+        return "accel" in self.quantities and (headed or "linear" in PurePosixPath(self.source.member).name.casefold())
 
     @property
     def time(self) -> int | None:
@@ -124,6 +131,8 @@ def _tables(path: Path) -> list[_Table]:
             first_error = first_error or error
             continue
         table = _Table(source, reader, replace(layout, topic=str(inside.with_suffix(""))))
+        if table.filtered and REMOVED not in layout.notes:
+            table = replace(table, layout=replace(table.layout, notes=(*layout.notes, REMOVED)))
         if table.quantities or len(names) == 1:
             found.append(table)
     if not found:
@@ -145,7 +154,7 @@ def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
         several = [t for t in several if sensor(Path(t.source.member)) in own] or several
     if len(several) == 1:
         return several[0]
-    several = [t for t in several if "linear" not in t.source.member.casefold()]
+    several = [t for t in several if not t.filtered]
     return several[0] if len(several) == 1 else None
 
 

@@ -134,7 +134,8 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     note = (f"arrays left out: {', '.join(left)}",) if left else ()
     topics = _topics(chosen)
     return tuple(
-        _layout(part, _rate(usable, part), topic, (*notes, *note)) for part, topic in zip(chosen, topics, strict=True)
+        _layout(part, _rate(usable, part), topic, (*notes, *note), _stray_time(part, split))
+        for part, topic in zip(chosen, topics, strict=True)
     )
 
 
@@ -291,14 +292,29 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
     return rate if rate is not None and np.isfinite(rate) and rate > 0 else None
 
 
-def _layout(part: Sequence[Array], rate: float | None, topic: str, notes: tuple[str, ...]) -> Layout:
+def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
+    """What to say where stamps in the folder of a recording without any are of another length, and nobody else's."""
+    if "time" in _roles(part):
+        return ""
+    folder = split_path(part[0].name)[0]
+    for other in parts:
+        beside = [array for array in other if split_path(array.name)[0] == folder]
+        if other is not part and beside and all(_roles([array]) == ["time"] for array in beside):
+            return (
+                f"{beside[0].name} has {beside[0].shape[0]} values, {part[0].name} has {part[0].shape[0]}: these time "
+                "stamps are not those of the samples"
+            )
+    return ""
+
+
+def _layout(part: Sequence[Array], rate: float | None, topic: str, notes: tuple[str, ...], stray: str) -> Layout:
     channels = _channels(part)
     state = tuple((array, k) for array in part for k in range(array.columns))
     first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
     stamped = any((c.axis or recognise(c.name).axis) == "time" for c in channels)
     if rate is not None and not stamped:
         notes = (*notes, f"rate {rate:g} Hz, as the file states it")
-    return Layout(channels, first, topic, rate, notes=notes, state=state)
+    return Layout(channels, first, topic, rate, notes=notes, state=state, stray_time=stray, rate_of_samples=True)
 
 
 def first_line(error: Exception) -> str:

@@ -73,6 +73,10 @@ class Layout:
         What the reader itself needs to find the numbers.
     inertial : bool
         Of several recordings in one file, whether this is one of an inertial sensor, by what the file says.
+    stray_time : str
+        Why stamps in the file cannot be this recording's, though it has none and no other column has their length.
+    rate_of_samples : bool
+        Whether `rate` is said of these very samples, not of a device's setting: stamps that say another are warned of.
     """
 
     channels: tuple[Channel, ...]
@@ -83,6 +87,8 @@ class Layout:
     notes: tuple[str, ...] = ()
     state: Any = None
     inertial: bool = True
+    stray_time: str = ""
+    rate_of_samples: bool = False
 
     @property
     def named(self) -> bool:

@@ -251,7 +251,7 @@ def _stated_units(comments: list[str]) -> dict[str, str]:
             for quantity in (about,) if about else ("gyro", "accel") if said else ():
                 for word in words:
                     unit = unit_of(word.strip(".-"), quantity)
-                    if unit and (about or word != "g") and not (quantity == "time" and word not in _CLEAR):
+                    if unit and (about or word != "g") and not (quantity == "time" and not _is_clear(word, clause)):
                         found.setdefault(quantity, unit)
     return found
 
@@ -267,4 +267,13 @@ _RATE = re.compile(
     r"(\d+(?:\.\d+)?)\s*(k)?(?:hz|sps|,|;|\s|$)",
     re.IGNORECASE,
 )
+
+
+def _is_clear(word: str, clause: str) -> bool:
+    """Whether a unit of time in a comment is that of the stamps: minutes and hours may be how long it took."""
+    stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
+    return word in _CLEAR or (word in _LONG and stands_alone)
+
+
+_LONG = {"min", "minutes", "h", "hours", "days"}
 _CLEAR = {"s", "ms", "us", "ns", "µs", "seconds", "milliseconds", "microseconds", "nanoseconds"}

@@ -14,15 +14,21 @@ from gmwm.units import find_unit
 TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 """Units of time stamps, and how many of them a second holds."""
 
+LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
+"""Units of time that only a name or the user tells, never the size of the stamps; and their seconds."""
+
 _TIME_WORDS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
     "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
     "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
     "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "min": "min", "mins": "min", "minute": "min", "minutes": "min",
+    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
 }  # fmt: skip
 
 # Spellings that only a column name has: there is no slash in gyro_x_rad_s.
 _UNIT_WORDS = {
+    "mrads": "mrad/s", "mradps": "mrad/s", "degmin": "deg/min", "mms2": "mm/s²", "mmps2": "mm/s²",
     "rads": "rad/s", "radps": "rad/s", "radpersec": "rad/s",
     "degs": "deg/s", "degps": "deg/s", "degpersec": "deg/s",
     "degh": "deg/h", "°s": "deg/s", "°h": "deg/h", "degperhour": "deg/h",
@@ -49,6 +55,14 @@ _TIME = {
 }  # fmt: skip
 _TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
 
+# What stands in brackets and is no unit: whose numbers they are, of which clock, and that they have no unit yet.
+_REMARKS = {
+    "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
+    "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
+}  # fmt: skip
+_CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
+_SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
+
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
 
@@ -61,7 +75,7 @@ class ColumnName:
     axis : str
         "gyro_x" … "accel_z", "time", "temperature", or "" where the name says nothing.
     unit : str
-        Unit of it, in the spelling of `gmwm.units` or `TIME_UNITS`; "" where the name says nothing.
+        Unit of it, in the spelling of `gmwm.units` or of time units; "" where the name says nothing.
     ros : bool
         Whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes.
     """
@@ -114,14 +128,42 @@ def named_unit(name: str, axis: str) -> str:
     if said.unit and said.axis.split("_")[0] == axis.split("_")[0]:
         return said.unit
     bracket = _BRACKETED.search(clean(name))
-    return unit_of(bracket.group(1), axis) if bracket else ""
+    if bracket:
+        return unit_of(bracket.group(1), axis)
+    last = _words(clean(name))[-1:]
+    return _TIME_WORDS.get(last[0], "") if axis == "time" and last and len(last[0]) > 1 else ""
+
+
+def unknown_unit(name: str, stated: str, axis: str) -> str:
+    """The text that stands where the unit of a column does and names none that its axis can have; "" if none does.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column, its unit in brackets.
+    stated : str
+        Unit that the file states beside the name; "" for none.
+    axis : str
+        What the column was taken for.
+
+    >>> unknown_unit("gyro_x [furlong/s]", "", "gyro_x"), unknown_unit("gyro_x [deg/s]", "", "gyro_x")
+    ('furlong/s', '')
+    """
+    bracket = _BRACKETED.search(clean(name))
+    remarks = _CLOCKS if axis == "time" else _REMARKS
+    for text in (bracket.group(1) if bracket else "", stated.strip()):
+        number = re.fullmatch(r"[\d:,.\s]*", text) is not None  # w[0], gyro(:,1)
+        if not number and text.casefold() not in remarks and not unit_of(text, axis):
+            return text
+    return ""
 
 
 def unit_of(text: str, axis: str) -> str:
     """The unit a text names, if it is one that `axis` can have; "" otherwise."""
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
-        return _TIME_WORDS.get(key, "")
+        since = _SINCE.fullmatch(text.strip().strip("[](){}<>"))  # "seconds since 1970-01-01"
+        return _TIME_WORDS.get(since.group(1).casefold() if since else key, "")
     if axis == "temperature":
         return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
     unit = find_unit(_UNIT_WORDS.get(key, key))

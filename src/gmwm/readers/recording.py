@@ -20,7 +20,7 @@ from gmwm.readers.base import Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose, described
 from gmwm.readers.factors import checked_increments, checked_scale, multiply
 from gmwm.readers.scales import Scales, checked_units, resolve, time_unit
-from gmwm.readers.timebase import Timing, as_stamps, timing, unstamped
+from gmwm.readers.timebase import Timing, as_stamps, beside_stated, timing, unstamped
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.units import SI_UNIT
 
@@ -126,7 +126,7 @@ def read(
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
     scale_notes = multiply(layout, choice, factors, integrals, raw, time.base.rate)
-    scales = resolve(layout, choice, declared_units, raw, time.base.rate)
+    scales = resolve(layout, choice, declared_units, raw, time.base.rate, integrals)
     imu = Imu(
         _signals(layout, choice, raw, scales, time),
         str(path),
@@ -206,6 +206,8 @@ def _apart(layouts: Sequence[Layout]) -> str:
 def _require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
     """There must be stamps or a rate, and the stamps must be numbers."""
     if "time" not in choice.columns:
+        if rate is None and layout.stray_time:
+            raise ReadError(f"{path}: {layout.stray_time}; repair the file, or pass rate= to read it without stamps")
         if rate is None and layout.rate is None:
             raise ReadError(
                 f"{path} has no time column (found: {described(layout)}), so rate= is needed (samples per "
@@ -266,8 +268,12 @@ def _timing(
     if "time" not in raw:
         stated = layout.rate if rate is None else rate
         return unstamped(as_rate(stated), raw[choice.axes[0]].size), ()
-    counted, remark = as_stamps(raw["time"], time_unit(layout, choice, units), rate)
-    return timing(counted, rate), (remark,) if remark else ()
+    unit, overruled = time_unit(layout, choice, units)
+    stamps, remark = as_stamps(raw["time"], unit, rate)
+    found = timing(stamps, rate)
+    if rate is None and layout.rate is not None and layout.rate_of_samples:
+        found = beside_stated(found, layout.rate)
+    return found, tuple(note for note in (overruled, remark) if note)
 
 
 def _signals(

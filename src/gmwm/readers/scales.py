@@ -5,7 +5,7 @@ A gyroscope has no such witness: its unit is declared or named, or it is an erro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,12 +15,15 @@ from gmwm._words import OVERRULED
 from gmwm.errors import OptionError, UnitError
 from gmwm.readers.base import Layout
 from gmwm.readers.columns import Choice
-from gmwm.readers.headers import TIME_UNITS, named_unit, recognise, unit_of
+from gmwm.readers.headers import LONG_TIME_UNITS, TIME_UNITS, named_unit, recognise, unit_of, unknown_unit
 from gmwm.signals import axis_quantity
-from gmwm.units import SI_UNIT, STANDARD_GRAVITY, Quantity, Unit, parse_unit
+from gmwm.units import SI_UNIT, STANDARD_GRAVITY, Quantity, Unit, find_unit, parse_unit, unit_names
 
 _INFERRED = ("g", "m/s²", "mg")  # what the norm may tell apart
 _NEAR = 0.10  # relative: biases and scale factors of low-cost accelerometers stay within
+
+
+_TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
 @dataclass(frozen=True)
@@ -46,25 +49,42 @@ def checked_units(units: Mapping[str, str] | None) -> dict[str, str]:
         if quantity == "time":
             given[quantity] = unit_of(text, "time")
             if not given[quantity]:
-                raise UnitError(f"the time unit must be one of {', '.join(TIME_UNITS)}; got {text!r}")
+                raise UnitError(f"the time unit must be one of {_TIME_NAMES}; got {text!r}")
         else:
             parse_unit(text, quantity)  # type: ignore[arg-type]
     return given
 
 
-def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> str:
-    """The unit of the time stamps where it is declared, named or fixed; "" otherwise."""
+def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, str]:
+    """The unit of the time stamps where it is declared, named or fixed, "" otherwise; and a remark where it overrules.
+
+    Raises
+    ------
+    UnitError
+        If the file names a unit that is not known: sizes and intervals may tell a unit that nobody named, not that one.
+    """
     channel = layout.channels[choice.columns["time"]]
-    return (
-        declared.get("time", "")
-        or named_unit(channel.name, "time")
-        or unit_of(channel.unit, "time")
-        or layout.units.get("time", "")
-    )
+    said = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
+    unknown = "" if said else unknown_unit(channel.name, channel.unit, "time")
+    if "time" in declared:
+        unit, other = declared["time"], said or unknown or layout.units.get("time", "")
+        return unit, f"time: {unit}, declared ({OVERRULED} {other})" if other and other != unit else ""
+    if unknown:
+        raise UnitError(
+            f"the file says {unknown!r} for the unit of the time column {channel.name!r}, which is not known; known "
+            f'are {_TIME_NAMES}. If it is one of them, pass units={{"time": "s"}}; if not, leave the stamps out with '
+            "columns={'time': None} and pass rate="
+        )
+    return said or layout.units.get("time", ""), ""
 
 
 def resolve(
-    layout: Layout, choice: Choice, declared: Mapping[str, str], values: Mapping[str, Vector], rate: float
+    layout: Layout,
+    choice: Choice,
+    declared: Mapping[str, str],
+    values: Mapping[str, Vector],
+    rate: float,
+    increments: Sequence[str] = (),
 ) -> Scales:
     """The unit of every axis.
 
@@ -78,6 +98,8 @@ def resolve(
         The numbers as they stand in the file, for what the accelerometers tell of themselves.
     rate : float
         Samples per second (Hz), for the noise shown when a gyroscope's unit is missing.
+    increments : sequence of str
+        Axes or sensors that the user declares as increments: "deg" in the file is not against "deg/s" then.
 
     Raises
     ------
@@ -90,7 +112,9 @@ def resolve(
         axes = [axis for axis in choice.axes if axis_quantity(axis) == quantity]
         if not axes:
             continue
-        known = {axis: _known(layout, choice, declared, axis, quantity) for axis in axes}
+        known = {
+            axis: _known(layout, choice, declared, axis, axis in increments or quantity in increments) for axis in axes
+        }
         names = {name for name, _ in known.values() if name}
         reason = next((why for name, why in known.values() if name), "")
         if not names:
@@ -112,26 +136,45 @@ def resolve(
     return Scales(units, tuple(notes), tuple(inferred), tuple(doubts))
 
 
-def _known(
-    layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, quantity: Quantity
-) -> tuple[str, str]:
+def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> tuple[str, str]:
     """The unit of an axis and how it is known, or empty."""
+    quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]
     by_name = named_unit(channel.name, axis)
     by_format = unit_of(channel.unit, axis)
     if quantity in declared:
         unit = parse_unit(declared[quantity], quantity).name
-        other = by_name or by_format
+        other = by_name or by_format or unknown_unit(channel.name, channel.unit, axis)
+        if integral and other and find_unit(f"{other}/s") == find_unit(unit):
+            other = ""
         return unit, "declared" + (f" ({OVERRULED} {other})" if other and other != unit else "")
     if by_name:
         return by_name, "named in the header"
     if by_format:
         return by_format, "stated by the file"
+    if unknown := unknown_unit(channel.name, channel.unit, axis):
+        raise UnitError(_unknown_message(unknown, axis, quantity))
     if quantity in layout.units:
         return parse_unit(layout.units[quantity], quantity).name, "named in a comment"
     if recognise(channel.name).ros:
         return SI_UNIT[quantity], "as ROS messages have it (REP-103)"
     return "", ""
+
+
+def _unknown_message(said: str, axis: str, quantity: Quantity) -> str:
+    """The error for a unit that the file names and nobody knows, with the way out for increments and for factors."""
+    known, si = ", ".join(unit_names(quantity)), SI_UNIT[quantity]
+    rate = find_unit(f"{said}/s")
+    message = f"the file says {said!r} for the unit of {axis}, which is not known; known are {known}. "
+    if rate is not None and rate.quantity == quantity:
+        return message + (
+            f'If these are increments, integrals over a sample, pass increments=["{quantity}"] (--increments) and '
+            f'units={{"{quantity}": "{rate.name}"}}; if they are rates after all, units= alone'
+        )
+    return message + (
+        f'If it is one of them, pass units={{"{quantity}": "{si}"}} or the like; if not, also '
+        f'scale={{"{quantity}": …}} (--scale) with its size in that unit'
+    )
 
 
 def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:

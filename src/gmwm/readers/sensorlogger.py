@@ -25,6 +25,9 @@ _SENSORS = {
 WITHOUT_GRAVITY = "accelerometer"
 """The table whose gravity the phone's own filter has removed."""
 
+REMOVED = "gravity was removed by the phone: this is its filter's noise, not the sensor's"
+"""The remark on such a table."""
+
 
 @register
 class SensorLoggerReader(TextReader):
@@ -50,12 +53,11 @@ class SensorLoggerReader(TextReader):
             if c.name in ("x", "y", "z") else Channel("(elapsed)")
             for c in found.channels
         ]  # fmt: skip
-        notes = ("gravity was removed by the phone: this is its filter's noise, not the sensor's",)
         return replace(
             found,
             channels=tuple(channels),
             topic=path.stem,
-            notes=(*found.notes, *(notes if sensor(path) == WITHOUT_GRAVITY else ())),
+            notes=(*found.notes, *((REMOVED,) if sensor(path) == WITHOUT_GRAVITY else ())),
         )
 
 

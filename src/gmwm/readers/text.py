@@ -66,7 +66,7 @@ class TextReader(Reader):
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
-            channels.append(Channel(name, unit_of(unit, axis) if axis else unit))
+            channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Packed bytes say themselves whether they are whole.
         notes = (_NO_END,) if source.seekable and _is_open(source) else ()
         return Layout(

@@ -7,7 +7,7 @@ Stamps are counted in their own unit from the first one on, so that integers sta
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
-from gmwm.readers.headers import TIME_UNITS
+from gmwm.readers.headers import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.readers.steady import require_one_rate, require_order
 from gmwm.signals import TimeBase
 
@@ -82,7 +82,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     values : (N,) array of int64 or float64
         The column as it stands in the file.
     unit : str
-        "s", "ms", "us" or "ns" where declared or named; "" to infer it.
+        One of `TIME_UNITS` or `LONG_TIME_UNITS` where declared or named; "" to infer it.
     rate : float or None
         Declared rate (Hz); it settles the unit where several are possible.
     """
@@ -90,6 +90,12 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
     ticks = (values - values[0]).astype(np.float64)
     spacing = 0.0 if integer else float(np.spacing(np.max(np.abs(values))))
     remark = ""
+    if unit in LONG_TIME_UNITS:
+        seconds = LONG_TIME_UNITS[unit]  # from here on they are counted in seconds
+        spacing = float(np.spacing(np.max(np.abs(values.astype(np.float64))))) * seconds
+        return Stamps(
+            ticks * seconds, float(values[0]) * seconds, spacing, "s"
+        ), f"time: stamps in {unit}, taken times {seconds} s"
     if not unit:
         unit = _inferred_unit(ticks, float(values[0]), rate)
         remark = f"time: unit {unit} inferred from the size and the interval of the stamps"
@@ -157,6 +163,17 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
     duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
     base = TimeBase(found, True, starts[0], jitter / per_second, gaps, duplicates, backward)
     return Timing(base, segments, starts, tuple(notes), tuple(_troubles(base, ticks.size)))
+
+
+def beside_stated(found: Timing, stated: float) -> Timing:
+    """The time base by the stamps, with a trouble where the rate (Hz) that the file states is another one."""
+    if abs(found.base.rate / stated - 1) <= _RATE_TOLERANCE:
+        return found
+    trouble = (
+        f"the file states a rate of {stated:g} Hz, but its time stamps say {found.base.rate:.6g} Hz, which counts; if "
+        "the stamps are wrong, leave them out with columns={'time': None} and pass rate="
+    )
+    return replace(found, troubles=(*found.troubles, trouble))
 
 
 def _nominal(ticks: Vector, declared: float | None = None) -> float:
@@ -278,7 +295,8 @@ def _declared(rate: float, found: float, unit: str) -> Iterator[str]:
     """Remarks on a declared rate beside the stamps'; an error if they contradict one another."""
     apart = abs(found / rate - 1)
     if apart > _RATE_TOLERANCE:
-        meant = (u for u, n in TIME_UNITS.items() if abs(found * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
+        known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
+        meant = (u for u, n in known.items() if abs(found * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
         hint = "".join(f' The stamps are not in {unit}, it seems: pass units={{"time": "{u}"}}.' for u in meant)
         raise ReadError(
             f"rate={rate:g} Hz contradicts the time stamps, which say {found:.6g} Hz; drop rate= to use the stamps, "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm.calibration.tables import SENSORS, by_sensor, in_order
 from gmwm.calibration.words import rejected
+from gmwm.cautions import doubts, shifts
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.inference.plan import SEEN, length_text
 
@@ -29,7 +30,8 @@ def verdict(calibration: Calibration) -> dict[str, Any]:
     """`{"state": …, "headline": …, "points": [{"state": …, "text": …}, …]}`, the worst state of the points on top."""
     points = [
         _about_axes(calibration), *_about_sensors(calibration), _about_fit(calibration), _about_outliers(calibration),
-        *_about_recording(calibration), *_about_errors(calibration), *_about_proof(calibration),
+        *_about_recording(calibration), *_about_units(calibration), *_about_errors(calibration),
+        *_about_proof(calibration),
     ]  # fmt: skip
     state = max((point["state"] for point in points), key=_ORDER.index)
     return {"state": state, "headline": _HEADLINES[state], "points": points}
@@ -123,7 +125,19 @@ def _about_recording(calibration: Calibration) -> list[dict[str, Any]]:
     if not recording.static:
         return [_point("bad", "The unit did not stand still: the curves hold its motion as well as its noise.")]
     gaps = f", in {recording.segments} segments" if recording.segments > 1 else ""
-    return [_point("good", f"The unit stood still{gaps}.")]
+    still = _point("good", f"The unit stood still{gaps}.")
+    return [still, *(_point("look", _sentence(text)) for text in shifts(calibration.cautions))]
+
+
+def _about_units(calibration: Calibration) -> list[dict[str, Any]]:
+    """What says that the numbers may be wrong by a factor, which no test of a model can see."""
+    return [_point("bad" if grave else "look", _sentence(text)) for text, grave in doubts(calibration.cautions).items()]
+
+
+def _sentence(text: str) -> str:
+    """A caution as a sentence; the name of an axis at its head stays as it is."""
+    begun = text if "_" in text.split(maxsplit=1)[0] else f"{text[:1].upper()}{text[1:]}"
+    return begun if begun.endswith((".", "?")) else f"{begun}."
 
 
 def _about_errors(calibration: Calibration) -> list[dict[str, Any]]:
