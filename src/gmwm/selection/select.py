@@ -15,6 +15,7 @@ from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.asymptotic import columns_of
 from gmwm.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
+from gmwm.inference.goodness import shortened
 from gmwm.inference.intervals import Method
 from gmwm.inference.paths import simulated_variances
 from gmwm.processes.base import Process
@@ -214,10 +215,7 @@ def _recordings(data: object, rate: float | None, robust: bool, efficiency: floa
 def _cut(wv: WaveletVariance, count: int) -> WaveletVariance:
     if not np.any(wv.variance > 0):
         raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
-    if count == len(wv):
-        return wv
-    cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-    return replace(wv, **cut)
+    return wv if count == len(wv) else shortened(wv, count)
 
 
 def _ranked(
