@@ -97,15 +97,7 @@ def fit(
     4.00e-06
     """
     wanted = as_model(model)
-    if isinstance(data, WaveletVariance):
-        if rate is not None and rate != data.rate:
-            raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
-        wv = _as_measured(data, robust, efficiency)
-    else:
-        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
-    if not np.any(wv.variance > 0):
-        raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
-    found = _fitted(wanted, wv, weighting, certify=certify)
+    found = _fitted(wanted, measured(data, rate, robust, efficiency), weighting, certify=certify)
     for note in found.diagnostics.notes():
         warnings.warn(note, FitWarning, stacklevel=2)
     return found
@@ -128,11 +120,26 @@ def _fitted(model: Model, wv: WaveletVariance, weighting: Weighting, *, certify:
     return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
+def measured(
+    data: WaveletVariance | Signal | ArrayLike, rate: float | None, robust: bool, efficiency: float
+) -> WaveletVariance:
+    """The wavelet variance that models are fitted to: that of a signal, or one that no option contradicts."""
+    if isinstance(data, WaveletVariance):
+        if rate is not None and rate != data.rate:
+            raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
+        wv = _as_measured(data, robust, efficiency)
+    else:
+        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+    if not np.any(wv.variance > 0):
+        raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
+    return wv
+
+
 def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
     """The wavelet variance itself; options that belong to measuring must not contradict it."""
     if robust and not wv.robust:
         raise OptionError(
-            "robust=True asks for a robust fit of a classical wavelet variance; pass the signal, or measure it with "
+            "robust=True asks for robust fits of a classical wavelet variance; pass the signal, or measure it with "
             "wavelet_variance(x, robust=True)"
         )
     if not wv.robust:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gmwm.covariance import Setting
 from gmwm.errors import DataError, ModelError, OptionError
+from gmwm.estimation.estimator import measured
 from gmwm.estimation.result import Fit
 from gmwm.inference.asymptotic import columns_of
 from gmwm.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
@@ -25,7 +26,6 @@ from gmwm.selection.exploration import Explored, Progress, explore
 from gmwm.selection.ranking import Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
-from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 Weights = Literal["optimal", "diagonal"]
@@ -190,32 +190,17 @@ def _recordings(data: object, rate: float | None, robust: bool, efficiency: floa
     items = list(data) if several and isinstance(data, (list, tuple)) else [data]
     if not items:
         raise DataError("data must be a recording or a list of them, got an empty list")
-    measured = []
-    for item in items:
-        if isinstance(item, WaveletVariance):
-            if rate is not None and rate != item.rate:
-                raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {item.rate:g} Hz; leave rate out")
-            if robust and not item.robust:
-                raise OptionError("robust=True asks for robust fits of a classical wavelet variance; pass the signal")
-            measured.append(item)
-        else:
-            measured.append(wavelet_variance(item, rate, robust=robust, efficiency=efficiency))  # type: ignore[arg-type]
-    first = measured[0]
-    for other in measured[1:]:
+    curves = [measured(item, rate, robust, efficiency) for item in items]  # type: ignore[arg-type]
+    first = curves[0]
+    for other in curves[1:]:
         for name in ("rate", "unit", "filter", "transform", "robust"):
             if getattr(other, name) != getattr(first, name):
                 raise DataError(
                     f"recordings of one sensor must have one {name}, got {getattr(first, name)!r} and "
                     f"{getattr(other, name)!r}; rank them one by one"
                 )
-    short = min(map(len, measured))
-    return [_cut(wv, short) for wv in measured]
-
-
-def _cut(wv: WaveletVariance, count: int) -> WaveletVariance:
-    if not np.any(wv.variance > 0):
-        raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
-    return wv if count == len(wv) else shortened(wv, count)
+    short = min(map(len, curves))
+    return [wv if len(wv) == short else shortened(wv, short) for wv in curves]
 
 
 def _ranked(
