@@ -27,9 +27,13 @@ def rows(process, decays, signs=(1.0, -1.0)):
     parameters = process.nonlinear_parameters()
     if not parameters:
         return np.empty((1, 0))
-    by_domain = {"positive": lambda d, s: d * RATE, "unit": lambda d, s: s * math.exp(-d), "real": lambda d, s: s * d}
-    made = [[by_domain[p.domain](d, s) for p in parameters] for d in decays for s in signs]
-    return np.unique(np.array(made), axis=0)
+    if process.search(1000, RATE):
+        by_domain = {"positive": lambda d, s: d * RATE, "between": lambda d, s: s * math.exp(-d)}
+        made = [[by_domain[p.domain](d, s) for p in parameters] for d in decays for s in signs]
+        return np.unique(np.array(made), axis=0)
+    ends, golden = process.scan(1000, RATE), (math.sqrt(5) - 1) / 2
+    shares = [(math.log(d) / 37 * (1 + 0.1 * s) + golden * np.arange(len(ends))) % 1.0 for d in decays for s in signs]
+    return process.at_coordinates(ends[:, 0] + np.array(shares) * (ends[:, 1] - ends[:, 0]))
 
 
 def examples(process):
@@ -78,9 +82,12 @@ def test_jacobian_agrees_with_differences(process, name):
 @every_process
 def test_extremes_give_finite_shapes_and_no_warning(process, name):
     f = find_filter(name)
-    extremes = {"positive": [1e-290, 1e290], "unit": [0.0, 5e-324, 1 - 2.0**-53, 2.0**-53 - 1], "real": [1e-290]}
-    for value in extremes[process.nonlinear_parameters()[0].domain] if process.nonlinear_parameters() else [None]:
-        table = np.array([[value]] if value is not None else [[]])
+    extremes = {"positive": [1e-290, 1e290], "between": [0.0, 5e-324, 1 - 2.0**-53, 2.0**-53 - 1]}
+    if process.search(1000, 1.0):
+        tables = [np.array([[value]]) for value in extremes[process.nonlinear_parameters()[0].domain]]
+    else:
+        tables = [rows(process, (1e-9, 1e9))]
+    for table in tables:
         with np.errstate(all="raise", under="ignore"):
             shape = process.shape(table, 40, 1.0, f)
             slope = process.shape_jacobian(table, 40, 1.0, f)

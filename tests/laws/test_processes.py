@@ -23,6 +23,8 @@ fixed_profile = settings(derandomize=True, deadline=None, max_examples=25, datab
 every_process = pytest.mark.parametrize("process", registry.values(), ids=registry.keys())
 curved = [p for p in registry.values() if p.nonlinear_parameters()]
 every_curved = pytest.mark.parametrize("process", curved, ids=[p.name for p in curved])
+searched = [p for p in curved if p.search(1000, 1.0)]
+every_searched = pytest.mark.parametrize("process", searched, ids=[p.name for p in searched])
 RATE = 250.0
 
 
@@ -32,12 +34,23 @@ def every_process_having(theory):
 
 
 LEVELS = np.arange(1, 11)
+GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 def draw(process: type[Process], decay: float, sign: float, scale: float) -> Process:
-    """An instance whose nonlinear parameters have the given distance from the wandering end."""
-    by_domain = {"positive": decay * RATE, "unit": sign * math.exp(-decay), "real": sign * decay}
-    nonlinear = {p.name: by_domain[p.domain] for p in process.nonlinear_parameters()}
+    """An instance whose nonlinear parameters have the given distance from the wandering end.
+
+    A process without a search has its parameters all over its scan instead, each elsewhere.
+    """
+    names = [p.name for p in process.nonlinear_parameters()]
+    if process.search(1000, RATE):
+        by_domain = {"positive": decay * RATE, "between": sign * math.exp(-decay)}
+        values = [by_domain[p.domain] for p in process.nonlinear_parameters()]
+    else:
+        ends = process.scan(1000, RATE)
+        share = (math.log(decay) / 37 * (1 + 0.1 * sign) + GOLDEN * np.arange(len(ends))) % 1.0
+        values = process.at_coordinates((ends[:, 0] + share * (ends[:, 1] - ends[:, 0])).reshape(1, -1))[0]
+    nonlinear = dict(zip(names, map(float, values), strict=True))
     return process(**nonlinear, **{process.scale_parameter().name: process.value_from(scale)})
 
 
@@ -58,9 +71,9 @@ def nonlinear_grid(process):
     decays = np.concatenate([np.geomspace(1e-12, 50.0, 45), [0.499, 0.5, 0.999, 1.0, 1.001, 2.0]])
     if not process.nonlinear_parameters():
         return np.empty((1, 0))
+    decays = [d for d in decays if process.parameters[0].domain != "between" or math.exp(-d) < 1]
     rows = [draw(process, float(d), s, 1.0).nonlinear for d in decays for s in (1.0, -1.0)]
-    rows = np.unique([row for row in rows if np.all(np.abs(row) < 1) or process.parameters[0].domain != "unit"], axis=0)
-    return np.asarray(rows)
+    return np.unique(rows, axis=0)
 
 
 # --- accuracy -----------------------------------------------------------------------------------------
@@ -105,9 +118,9 @@ def test_shape_takes_many_rows_at_once_and_raises_no_warning_at_the_extremes(pro
     np.testing.assert_array_equal(shapes[::2], shapes[1::2])
 
 
-@every_curved
+@every_searched
 def test_extreme_but_legal_values_give_finite_positive_shapes(process):
-    extremes = {"positive": [1e-290, 1e290], "unit": [0.0, -0.0, 5e-324, 1 - 2.0**-53, -1 + 2.0**-53], "real": [1e-290]}
+    extremes = {"positive": [1e-290, 1e290], "between": [0.0, -0.0, 5e-324, 1 - 2.0**-53, -1 + 2.0**-53]}
     for value in extremes[process.nonlinear_parameters()[0].domain]:
         with np.errstate(all="raise", under="ignore"):
             shape = process.shape(np.array([[value]]), 40, 1.0)
@@ -226,6 +239,8 @@ def mean_square_of_haar(paths, levels):
 @every_process
 @pytest.mark.parametrize("how", ["given", "default"])
 def test_simulated_paths_have_the_wavelet_variance(process, how):
+    if how == "default" and not process.has("state_space"):
+        pytest.skip("there is no default without a state space")
     simulate = process.simulate if how == "given" else Process.simulate
     for k, one in enumerate(examples(process, count=4, slowest=1e-2, fastest=1.0)):
         paths = simulate(one, 512, RATE, np.random.default_rng(7 + k), paths=300)
@@ -304,7 +319,7 @@ def test_each_name_is_written_once_on_the_model_side(process):
     assert sum(isinstance(node, ast.Constant) and node.value == process.name for node in nodes) == 1
 
 
-@every_curved
+@every_searched
 def test_search_branches_run_along_the_parameter(process):
     samples = 100_000
     for branch in process.search(samples, RATE):
@@ -325,6 +340,26 @@ def test_search_branches_run_along_the_parameter(process):
 
 
 @every_curved
+def test_coordinates_and_values_are_inverse_and_the_way_to_values_is_analytic(process):
+    ends = process.scan(100_000, RATE)
+    assert ends.shape == (len(process.nonlinear_parameters()), 2)
+    assert np.all(ends[:, 0] < ends[:, 1])
+    rng = np.random.default_rng(5)
+    z = ends[:, 0] + rng.random((40, len(ends))) * (ends[:, 1] - ends[:, 0])
+    values = process.at_coordinates(z)
+    np.testing.assert_allclose(process.coordinates(values), z, rtol=1e-9, atol=1e-9)
+    assert np.all(process.room(values) > 0)
+    for row in values:
+        assert process.standard(row).is_complete
+    for k in range(len(ends)):
+        step = np.zeros(len(ends))
+        step[k] = 1e-4
+        difference = (process.at_coordinates(z + step) - process.at_coordinates(z - step)) / 2e-4
+        slope = np.imag(process.at_coordinates(z + 1e-30j * (step > 0))) / 1e-30
+        np.testing.assert_allclose(slope, difference, rtol=1e-5, atol=1e-6 * np.abs(slope).max())
+
+
+@every_searched
 def test_every_value_lies_on_exactly_one_branch(process):
     for one in examples(process, slowest=1e-12, fastest=50.0):
         on = [b.coordinate(one.nonlinear[0]) for b in process.search(1000, RATE)]

@@ -9,7 +9,7 @@ profile = settings(derandomize=True, deadline=None, max_examples=150, database=N
 FINITE = {
     "positive": st.floats(min_value=5e-324, allow_infinity=False),
     "real": st.floats(allow_nan=False, allow_infinity=False),
-    "unit": st.floats(-1, 1, exclude_min=True, exclude_max=True),
+    "between": st.floats(-1, 1, exclude_min=True, exclude_max=True),
 }
 
 
@@ -19,6 +19,8 @@ def processes(draw):
     values = {}
     for parameter in process.parameters:
         number = FINITE[parameter.domain]
+        if parameter.limits != (-1.0, 1.0):
+            number = st.floats(*parameter.limits, exclude_min=True, exclude_max=True)
         value = draw(st.none() | number | number.map(fixed))
         if value is not None:
             values[parameter.name] = value

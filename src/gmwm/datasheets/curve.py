@@ -78,7 +78,8 @@ def slope(process: Process, name: str | None, n: int, rate: float) -> float:
     if parameter.scale_power is not None:
         return parameter.scale_power * float(process.allan_variance([n], rate)[0])
     at = process.value(name)
-    room = {"positive": at, "unit": 1.0 - abs(at), "real": at or 1.0}[parameter.domain]
+    place = [p.name for p in process.nonlinear_parameters()].index(name)
+    room = float(process.room(process.nonlinear.reshape(1, -1))[0, place])
     total = 0.0
     for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
         for sign in (1, -1):

@@ -171,10 +171,9 @@ def _of_process(
     """The same for one process: its scale first, then the nonlinear parameters `free`."""
     at = process.nonlinear
     moved = [at]
-    steps = np.empty(free.size)
+    steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
     for i, k in enumerate(free):
-        room = {"positive": at[k], "unit": 1 - abs(at[k]), "real": abs(at[k]) or 1.0}
-        steps[i] = BEND * room[process.nonlinear_parameters()[k].domain]
+        steps[i] = BEND * room[k]
         moved += [at + steps[i] * np.eye(at.size)[k], at - steps[i] * np.eye(at.size)[k]]
     shape = process.shape(at.reshape(1, -1), levels, rate, filter)[0]
     slope = np.empty((levels.size, 1 + free.size))

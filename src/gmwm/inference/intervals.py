@@ -181,9 +181,11 @@ def _interval(parameter: Parameter, value: float, reach: float) -> Interval:
     """value ± reach on the scale that keeps the ends inside the parameter's domain."""
     if parameter.domain == "real":
         return value - reach, value + reach
-    if parameter.domain == "unit":
-        centre, reach = math.atanh(value), reach / (1 - value * value)
-        return math.tanh(centre - reach), math.tanh(centre + reach)
+    if parameter.domain == "between":
+        low, high = parameter.limits
+        half, share = (high - low) / 2, (2 * value - low - high) / (high - low)
+        centre, reach = math.atanh(share), reach / half / (1 - share * share)
+        return low + half * (1 + math.tanh(centre - reach)), low + half * (1 + math.tanh(centre + reach))
     if reach / value > _UNKNOWN:
         return 0.0, math.inf
     factor = math.exp(reach / value)

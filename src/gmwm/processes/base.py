@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
@@ -22,6 +22,7 @@ from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes import filtered
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
@@ -203,10 +204,9 @@ class Process(ABC):
         """Derivative of `shape` by each nonlinear parameter, (n, J, q); by default differences of order 6."""
         wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
         result = np.zeros((len(theta), wanted.size, theta.shape[1]))
-        for k, parameter in enumerate(cls.nonlinear_parameters()):
-            at = theta[:, k]
-            room = {"positive": at, "unit": 1.0 - np.abs(at), "real": np.where(at == 0, 1.0, np.abs(at))}
-            step = 0.01 * room[parameter.domain]
+        room = cls.room(theta)
+        for k in range(theta.shape[1]):
+            step = 0.01 * room[:, k]
             for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
                 for sign in (1, -1):
                     moved = theta.copy()
@@ -217,8 +217,54 @@ class Process(ABC):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Where to look for the nonlinear parameter of a process that has one; empty where it has none."""
+        """Curves along which to look for the one nonlinear parameter, so that the best place can be proven.
+
+        By default none: then starting values come from `scan`, for any number of parameters.
+        """
         return ()
+
+    # --- coordinates of the nonlinear parameters, for a process without `search` ------------------------
+
+    @classmethod
+    def room(cls, nonlinear: Matrix) -> Matrix:
+        """How far each nonlinear parameter may move by itself (n, q); not positive where there is no such process."""
+        columns = [p.room(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
+        return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
+
+    @classmethod
+    def coordinates(cls, nonlinear: Matrix) -> Matrix:
+        """Coordinates (n, q) in which every point of R^q is a process; by default parameter by parameter."""
+        columns = [p.coordinate(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
+        return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
+
+    @classmethod
+    def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
+        """Nonlinear parameters (n, q) at coordinates; analytic, as derivatives are taken by complex steps."""
+        columns = [p.at_coordinate(z[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
+        return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
+
+    @classmethod
+    def scan(cls, samples: int, rate: float) -> Matrix:
+        """Ends (q, 2) of the coordinates among which starting values are sought; estimates may lie beyond."""
+        return np.array([_scanned(p, samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: Matrix | None) -> Matrix:
+        """Starting values as the paper draws them (its Algorithm 3): (draws, 1 + q), the scale coefficient first.
+
+        Where the paper has no rule, the coordinates are uniform over `scan`, and the scale is such that the process
+        has a uniform share of the sum of the wavelet variances.
+
+        Parameters
+        ----------
+        before : (draws, q) array or None
+            The nonlinear parameters drawn for the last term of the same class, if this is not the first.
+        """
+        ends = cls.scan(occasion.samples, occasion.rate)
+        nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
+        shapes = cls.shape(nonlinear, occasion.levels, occasion.rate, occasion.filter)
+        scales = rng.random(draws) * occasion.total / np.sum(shapes, axis=1)
+        return np.column_stack([scales, nonlinear])
 
     # --- theory of a process whose values are complete -------------------------------------------------
 
@@ -416,3 +462,11 @@ class Process(ABC):
 
 def _function(method: Any) -> Any:
     return getattr(method, "__func__", method)
+
+
+def _scanned(parameter: Parameter, samples: int, rate: float) -> tuple[float, float]:
+    """Ends of one coordinate: rates from a turn of the record to one per sample, shares to 0.995, else 0.1 to 10."""
+    if parameter.domain == "positive":
+        ends = (rate / samples, rate) if parameter.time_power == -1 else (0.1, 10.0)
+        return math.log(ends[0]), math.log(ends[1])
+    return (-3.0, 3.0) if parameter.domain == "between" else (-2.0, 2.0)

@@ -175,7 +175,7 @@ class AR1(_Markov):
     name = "AR1"
     title = "First-order autoregression"
     parameters = (
-        Parameter("phi", "φ", "autoregressive coefficient", domain="unit", per_sample=True),
+        Parameter("phi", "φ", "autoregressive coefficient", domain="between", per_sample=True),
         Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1),
     )
 

@@ -6,7 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
@@ -53,9 +56,11 @@ class Parameter:
         Its symbol in text, "σ²".
     description : str
         What it is, in a few words.
-    domain : "positive", "real" or "unit"
-        Positive, any real number, or strictly between −1 and 1. The scale parameter of a process may also
+    domain : "positive", "real" or "between"
+        Positive, any real number, or strictly between the `limits`. The scale parameter of a process may also
         be 0, which is what an estimate is when the data do not show the process.
+    limits : pair of float
+        Ends of the domain "between": −1 and 1 by default.
     signal_power, time_power : int
         Powers of the signal's unit and of the second in the parameter's unit: (2, 0) for a variance,
         (0, −1) for an inverse correlation time.
@@ -69,7 +74,8 @@ class Parameter:
     name: str
     symbol: str
     description: str
-    domain: Literal["positive", "real", "unit"] = "positive"
+    domain: Literal["positive", "real", "between"] = "positive"
+    limits: tuple[float, float] = (-1.0, 1.0)
     signal_power: int = 0
     time_power: int = 0
     per_sample: bool = False
@@ -113,9 +119,35 @@ class Parameter:
             least = "zero or positive" if zero_allowed else "positive"
             unit = f" ({self.unit()})" if self.unit() else ""
             raise ModelError(f"{name} ({self.description}) must be {least}{unit}, got {value!r}")
-        if self.domain == "unit" and not -1 < number < 1:
-            raise ModelError(f"{name} ({self.description}) must lie strictly between -1 and 1, got {value!r}")
+        low, high = self.limits
+        if self.domain == "between" and not low < number < high:
+            raise ModelError(
+                f"{name} ({self.description}) must lie strictly between {low:g} and {high:g}, got {value!r}"
+            )
         return number
+
+    # --- every real number as a coordinate ------------------------------------------------------------
+
+    def room(self, values: Vector) -> Vector:
+        """How far each value is from an end of the domain; its own size where that has none, 1 at zero."""
+        if self.domain == "between":
+            return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
+        size = np.abs(values)
+        return np.asarray(np.where(size == 0, 1.0, size) if self.domain == "real" else values)
+
+    def coordinate(self, values: Vector) -> Vector:
+        """Coordinates of values, in which every real number is allowed: ln θ, artanh, or θ itself."""
+        if self.domain == "between":
+            low, high = self.limits
+            return np.asarray(0.5 * np.log((values - low) / (high - values)))
+        return np.asarray(np.log(values) if self.domain == "positive" else values)
+
+    def at_coordinate(self, z: NDArray[Any]) -> NDArray[Any]:
+        """Values at coordinates; analytic, so that it takes complex ones too."""
+        if self.domain == "between":
+            low, high = self.limits
+            return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.tanh(z))
+        return np.asarray(np.exp(z) if self.domain == "positive" else z)
 
 
 @dataclass(frozen=True, eq=False)
