@@ -1,12 +1,15 @@
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm import GM, QN, RW, WN, Model, wavelet_variance
-from gmwm.errors import ModelError, OptionError
+from gmwm.errors import DataError, ModelError, OptionError
+from gmwm.readers import read
 from gmwm.signals import AXES
-from gmwm.simulation import models_by_axis, reference_imu, simulate
+from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal, write_components
 from gmwm.units import STANDARD_GRAVITY
 
 WHITE = "WN(sigma2=1e-6)"
@@ -99,6 +102,112 @@ def test_units_notes_and_source_say_what_it_is():
     assert "accel_y is simulated: QN(q2=1e-06)" in imu.notes
     assert "seed 7" in imu.notes[-1]
     assert "seed 7" in imu.source
+
+
+# --- latent processes -------------------------------------------------------------------------------
+
+
+@FIXED
+@given(
+    seed=st.integers(0, 2**40),
+    order=st.permutations(["WN(sigma2=2)", "GM(beta=1, sigma2=9)", "GM(beta=0.1, sigma2=1)"]),
+)
+def test_latent_processes_add_up_to_the_last_bit(seed, order):
+    model = Model.parse(" + ".join(order))
+    made = simulate_signal(model, rate=10.0, samples=64, seed=seed)
+    assert np.array_equal(sum(made[term].values for term in made), made.signal.values)
+    assert np.array_equal(made.signal.values, model.simulate(64, 10.0, seed))
+    drawn = model.simulate_terms(64, 10.0, seed)
+    assert set(made.components) == set(model.terms)
+    assert all(np.array_equal(made[term].values, drawn[term]) for term in model.terms)
+
+
+@pytest.mark.parametrize("gravity", ["accel_z", None])
+def test_a_recording_is_the_same_with_its_latent_processes(gravity):
+    options = {"rate": 100.0, "samples": 200, "seed": 8, "gravity": gravity, "resolution": {"accel_x": 0.01}}
+    alone = simulate(reference_imu(), **options)
+    made = simulate(reference_imu(), **options, components=True)
+    assert made.imu.notes == alone.notes
+    assert tuple(made) == AXES
+    for axis, one in made.axes.items():
+        assert np.array_equal(made.imu[axis].values, alone[axis].values)
+        assert np.array_equal(one.signal.values, alone[axis].values)
+        assert one.offset == (STANDARD_GRAVITY if axis == gravity else 0.0)
+        total = one.offset + sum(path.values for path in made.components[axis].values())
+        if axis == "accel_x":
+            assert one.resolution == 0.01
+            assert np.max(np.abs(total - one.signal.values)) <= 0.005 * (1 + 1e-9)
+        else:
+            assert np.array_equal(total, one.signal.values)
+
+
+def test_latent_processes_are_signals_with_the_variance_of_their_terms():
+    made = simulate(
+        {"gyro_x": "2*GM(beta=0.5, sigma2=4e-7) + WN(sigma2=1e-6)"}, rate=100.0, samples=2**16, seed=3, components=True
+    )
+    one = made["gyro_x"]
+    assert (one["WN"].unit, one["WN"].axis, one["WN"].rate) == ("rad/s", "gyro_x WN", 100.0)
+    for term, expected in one.model.decomposition(8, 100.0).items():
+        wv = wavelet_variance(one[term], levels=8, confidence=1 - 1e-6)
+        assert np.all((wv.lower < expected) & (expected < wv.upper))
+
+
+def test_what_was_simulated_can_be_pickled_and_says_what_it_is():
+    made = simulate({"gyro_x": WHITE}, rate=100.0, samples=50, seed=3, components=True)
+    again = pickle.loads(pickle.dumps(made))
+    assert repr(again) == repr(made)
+    assert repr(made).endswith("; gyro_x = WN)")
+    assert np.array_equal(again["gyro_x"]["WN"].values, made["gyro_x"]["WN"].values)
+    with pytest.raises(DataError, match="axis must be one of gyro_x"):
+        made["gyro_y"]
+    with pytest.raises(DataError, match="term must be one of WN"):
+        made["gyro_x"]["RW"]
+    with pytest.raises(TypeError):
+        made.axes["gyro_x"] = None
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix):
+    made = simulate(reference_imu(), rate=100.0, samples=100, seed=5, components=True)
+    path = tmp_path / f"parts{suffix}"
+    columns = write_components(made, path)
+    assert len(columns) == sum(len(model.terms) for model in reference_imu().values())
+    for axis, term in (("gyro_z", "GM[2]"), ("accel_z", "QN")):
+        column = f"{axis} {term} [{made.imu[axis].unit}]"
+        assert column in columns
+        assert np.array_equal(read(path, columns={axis: column})[axis].values, made[axis][term].values)
+
+
+def test_a_plain_signal_has_plain_columns(tmp_path):
+    made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, seed=1)
+    assert write_components(made, tmp_path / "parts.csv") == ("AR1", "WN")
+    with pytest.raises(OptionError, match=r"\.csv or \.parquet"):
+        write_components(made, tmp_path / "parts.txt")
+    assert [path.name for path in tmp_path.iterdir()] == ["parts.csv"]
+
+
+def test_a_signal_is_rounded_and_its_parts_are_not():
+    exact, rounded = (simulate_signal(WN(sigma2=1.0), rate=1.0, samples=50, seed=1, resolution=r) for r in (None, 0.5))
+    assert np.array_equal(rounded.signal.values, np.rint(exact.signal.values * 2) / 2)
+    assert np.array_equal(rounded["WN"].values, exact["WN"].values)
+    assert (exact.resolution, rounded.resolution) == (None, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "says"),
+    [
+        ({"model": "WN"}, ModelError, "^a simulation needs every value"),
+        ({"model": "WN(sigma2=1) + VN"}, ModelError, "VN"),
+        ({"rate": 0.0}, OptionError, "rate"),
+        ({"samples": None}, OptionError, "neither"),
+        ({"seed": -1}, OptionError, "seed"),
+        ({"resolution": -1.0}, OptionError, "resolution of the signal"),
+    ],
+)
+def test_errors_of_a_signal(arguments, error, says):
+    given_arguments = {"model": WHITE, "rate": 100.0, "samples": 100, "seed": 1, **arguments}
+    with pytest.raises(error, match=says):
+        simulate_signal(given_arguments.pop("model"), **given_arguments)
 
 
 def test_models_by_axis():

@@ -13,6 +13,8 @@ from validation import (
     study_optimum,
     study_plan,
     study_recovery,
+    study_starts,
+    study_timeseries,
     study_weak,
     study_weighting,
 )
@@ -166,3 +168,21 @@ def test_the_optimism_is_what_simulation_says():
     optimal = {row["model"]: row["asymptotic_at_truth"] for row in result["rows"] if row["weighting"] == "optimal"}
     assert abs(optimal["AR1 + WN"] - 6) < 1e-6
     assert study_optimism.table(result).count("\n|") == 2 + 5 + 2 + 2
+
+
+def test_random_starts_never_beat_the_convex_route():
+    result = study_starts.run(reduced=True)
+    assert study_starts.table(result).count("\n|") == 2 + len(result["rows"])
+    for row in result["rows"]:
+        assert row["least"] >= 1 - 1e-6, row
+        if row["start"] == "exact values":
+            assert row["worst"] <= 1 + 1e-6, row
+
+
+def test_intervals_of_autoregressions_hold_the_truth():
+    result = study_timeseries.run(reduced=True)
+    assert study_timeseries.table(result).count("\n|") == 2 + len(result["rows"])
+    for row in result["rows"]:
+        # 20 recordings: fewer than 16 would come by chance once in a thousand times.
+        assert row["covered"] >= 0.8, row
+        assert abs(row["median"] / row["truth"] - 1) < 0.05, row

@@ -68,20 +68,20 @@ def simulated(text: str, count: int, seed: int) -> Array:
     return simulated_variances(gmwm.parse_model(text).sorted(RATE), setting(), count, seed)
 
 
-def fitted(structure: str, variance: Array, weighting: str) -> gmwm.Fit:
+def fitted(structure: str, variance: Array, weighting: str, samples: int = SAMPLES, rate: float = RATE) -> gmwm.Fit:
     """The fit of a model without values to one recording; a term that it does not show is part of what is studied."""
-    wv = gmwm.WaveletVariance.from_values(variance, samples=SAMPLES, rate=RATE)
+    wv = gmwm.WaveletVariance.from_values(variance, samples=samples, rate=rate)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gmwm.FitWarning)
         return gmwm.fit(structure, wv, weighting=weighting, certify=False)
 
 
-def outcome(structure: str, weighting: str, variance: Array) -> Array:
+def outcome(structure: str, weighting: str, variance: Array, *, samples: int = SAMPLES, rate: float = RATE) -> Array:
     """All that is asked of one fit: (5, p) estimates, standard errors, ends of the intervals at 95 %, and p-value.
 
     NaN stands for a standard error that there is not.
     """
-    fit = fitted(structure, variance, weighting)
+    fit = fitted(structure, variance, weighting, samples, rate)
     ends, errors = fit.confidence_intervals(), fit.standard_errors
     pvalue = fit.goodness_of_fit().pvalue
     rows = [(value, errors.get(name, np.nan), *ends[name], pvalue) for name, value in fit.parameters.items()]

@@ -12,6 +12,8 @@ using namespace nb::literals;
 
 namespace {
 
+using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 std::span<double> view(const Rows& rows) {
@@ -31,6 +33,17 @@ void accumulate(const Rows& values, double scale) {
   gmwm::accumulate(all, values.shape(1), scale);
 }
 
+void mix(const Rows& values, const Values& phi, const Values& theta, const Table& predictors,
+         const Values& deviations, double rest) {
+  const std::span<double> all = view(values);
+  const std::size_t p = phi.size();
+  if (predictors.shape(0) != p || predictors.shape(1) != p || deviations.size() != p)
+    throw std::invalid_argument("predictors and deviations must have a row for each coefficient of phi");
+  const nb::gil_scoped_release release;
+  gmwm::mix(all, values.shape(1), {phi.data(), p}, {theta.data(), theta.size()}, {predictors.data(), p * p},
+            {deviations.data(), p}, rest);
+}
+
 }  // namespace
 
 void bind_paths(nb::module_& m) {
@@ -38,4 +51,8 @@ void bind_paths(nb::module_& m) {
           "Turn each row x in place into y_0 = first x_0, y_t = phi y_{t-1} + rest x_t.");
   m.def("accumulate", &accumulate, "values"_a.noconvert(), "scale"_a,
           "Turn each row x in place into y_t = scale (x_0 + ... + x_t).");
+  m.def("mix", &mix, "values"_a.noconvert(), "phi"_a.noconvert(), "theta"_a.noconvert(), "predictors"_a.noconvert(),
+        "deviations"_a.noconvert(), "rest"_a,
+        "Turn each row x in place into an autoregression z driven by rest x, begun by predictors, and that from theta.size() "
+        "on into the moving average of z.");
 }

@@ -37,6 +37,27 @@ void rows(std::size_t count, std::size_t n) {
   }
 }
 
+// As it is written down: a beginning, a recursion, and a moving average of what came of it.
+void mixed(std::size_t count, std::size_t n, std::size_t p) {
+  const std::vector<double> all{0.5, -0.3, 0.2, -0.1, 0.3}, theta{0.7, -0.4};
+  const std::vector<double> phi(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(p)), deviations(p, 2.5);
+  std::vector<double> predictors(p * p);
+  for (std::size_t i = 0; i < p * p; ++i) predictors[i] = 0.3 / static_cast<double>(i + 1);
+  const std::vector<double> x = some(count * n);
+  std::vector<double> out = x;
+  gmwm::mix(out, n, phi, theta, predictors, deviations, 0.9);
+  for (std::size_t k = 0; k < count; ++k) {
+    std::vector<double> z(n);
+    for (std::size_t t = 0; t < n; ++t) {
+      z[t] = (t < p ? deviations[t] : 0.9) * x[k * n + t];
+      for (std::size_t i = 1; i <= p && i <= t; ++i)
+        z[t] += (t < p ? predictors[p * t + i - 1] : phi[i - 1]) * z[t - i];
+    }
+    for (std::size_t t = 2; t < n; ++t)
+      CHECK(std::abs(out[k * n + t] - (z[t] + 0.7 * z[t - 1] - 0.4 * z[t - 2])) <= 1e-13);
+  }
+}
+
 // A path is the same alone and among others.
 void alone() {
   const std::size_t n = 100;
@@ -52,7 +73,10 @@ void alone() {
 
 int main() {
   for (std::size_t count = 0; count <= 9; ++count)
-    for (const std::size_t n : {1, 2, 3, 50}) rows(count, n);
+    for (const std::size_t n : {1, 2, 3, 50}) {
+      rows(count, n);
+      for (std::size_t p = 0; p <= 5; ++p) mixed(count, n, p);
+    }
   alone();
   return check::result("paths");
 }

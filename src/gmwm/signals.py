@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,9 @@ from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._late import LateMethod
 from gmwm.errors import DataError, OptionError
 from gmwm.units import SI_UNIT, Quantity, parse_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
@@ -138,6 +141,10 @@ class Signal:
         [array([1., 2.]), array([3.])]
         """
         return [self.values[first:last] for first, last in self.segments]
+
+    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
+        "gmwm.plots.series:plot_signal", 'The signal over time, as plot(units="si"|"datasheet", ax=…, path=…).'
+    )
 
     def longest(self) -> Signal:
         """The longest stretch without a gap, as a signal of its own."""
@@ -281,6 +288,10 @@ class Imu:
     between: ClassVar[LateMethod[..., Imu]] = LateMethod(
         "gmwm.cuts:cut",
         "The part between two times, as between(start, stop, skip=[(from, to), …]) in seconds from the first sample.",
+    )
+
+    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
+        "gmwm.plots.series:plot_recording", 'All axes over time, as plot(units="si"|"datasheet", path=…).'
     )
 
     def longest(self) -> Imu:

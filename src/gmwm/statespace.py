@@ -5,7 +5,7 @@ It knows no process. A process hands over its matrices, and sums of processes ar
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,10 +136,16 @@ class StateSpace:
         distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         values = np.empty(distances.size)
         column, reached = self.P0 @ self.H[0], 0
-        for k, distance in enumerate(distances):
-            column = np.linalg.matrix_power(self.F, int(distance) - reached) @ column
-            reached = int(distance)
-            values[k] = self.H[0] @ column + (self.R[0, 0] if distance == 0 else 0.0)
+        at = 0
+        while at < distances.size:
+            column = np.linalg.matrix_power(self.F, int(distances[at]) - reached) @ column
+            reached = int(distances[at])
+            # Lags that follow one another are taken in runs, which double.
+            run = int(np.argmin(np.append(distances[at:] - reached == np.arange(distances.size - at), False)))
+            values[at : at + run] = self.H[0] @ _powers(self.F, column, run)
+            at += run
+        if distances.size and distances[0] == 0:
+            values[0] += self.R[0, 0]
         return values[where.ravel()]
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
@@ -161,6 +167,33 @@ class StateSpace:
             out[:, t] += states @ self.H[0]
             states = states @ self.F.T + rng.standard_normal((paths, self.states)) @ root
         return np.asarray(out)
+
+
+def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Matrix:
+    """`haar_variance` of many state spaces of one size at once, (n, J)."""
+    wanted = as_levels(levels)
+    transition, seen = np.array([s.F for s in spaces]), np.array([s.H[0] for s in spaces])
+    start, mean = np.array([s.P0 for s in spaces]), np.array([s.m0 for s in spaces])
+    noise = np.array([_block_diagonal([s.Q, s.R]) for s in spaces])
+    n, p = seen.shape
+    result = np.empty((n, wanted.size))
+    carry = np.zeros((n, p + 1, p + 1))
+    carry[:, p, p] = 1.0
+    for level in range(1, int(wanted[-1]) + 1):
+        if level > 1:
+            # A block, and the same again from where it ends.
+            carry[:, :p, :p], carry[:, p, :p] = transition, seen
+            noise = carry @ noise @ np.swapaxes(carry, 1, 2) + noise
+            seen = seen + (seen[:, None, :] @ transition)[:, 0]
+            transition = transition @ transition
+        at = np.flatnonzero(wanted == level)
+        if at.size:
+            rise = (seen[:, None, :] @ transition)[:, 0] - seen
+            weights = np.concatenate([seen, np.full((n, 1), -1.0)], axis=1)
+            scatter = np.einsum("ni,nij,nj->n", weights, noise, weights) + noise[:, p, p]
+            moved = np.einsum("ni,nij,nj->n", rise, start, rise) + np.einsum("ni,ni->n", rise, mean) ** 2
+            result[:, at[0]] = (moved + scatter) / 4.0**level
+    return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,3 +247,12 @@ def _root(covariance: Matrix) -> Matrix:
     """L with L Lᵀ = covariance, which may be singular (a Cholesky factor would not exist)."""
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
+
+
+def _powers(transition: Matrix, column: Vector, count: int) -> Matrix:
+    """x, Fx, …, F^(count − 1) x as columns (p, count)."""
+    columns, power = column[:, None], transition
+    while columns.shape[1] < count:
+        columns = np.concatenate([columns, power @ columns], axis=1)
+        power = power @ power
+    return columns[:, :count]

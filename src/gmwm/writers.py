@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from gmwm._arrays import Vector
 from gmwm._files import written_whole
 from gmwm.errors import DataError, OptionError
 from gmwm.records import TYPES, RecordType, counts
@@ -66,24 +68,44 @@ def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) 
     elif format is not None:
         raise OptionError(f"format is for {RECORDS} files alone, {target.name!r} needs none; got {format!r}")
     else:
-        _write_table(imu, target)
+        write_table(_columns(imu), target)
 
 
-def _write_table(imu: Imu, target: Path) -> None:
+def table_path(path: str | os.PathLike[str]) -> Path:
+    """Where a table goes: a path that ends in .csv or .parquet.
+
+    Raises
+    ------
+    OptionError
+        If it ends in anything else.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in SUFFIXES:
+        raise OptionError(f"path must end in {' or '.join(SUFFIXES)}, got {target.name!r}")
+    return target
+
+
+def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> None:
+    """Write columns of one length by name as .csv or .parquet, whole or not at all."""
     import polars as pl
 
+    target = table_path(path)
+    frame = pl.DataFrame(dict(columns))
+    with written_whole(target) as temporary:
+        if target.suffix.lower() == ".csv":
+            frame.write_csv(temporary)
+        else:
+            frame.write_parquet(temporary)
+
+
+def _columns(imu: Imu) -> dict[str, Vector]:
     columns = {"time [s]": imu[imu.axes[0]].times()}
     for axis in imu:
         unit = imu[axis].unit
         columns[f"{axis} [{unit}]" if unit else axis] = imu[axis].values
     if imu.temperature is not None:
         columns["temperature [°C]"] = imu.temperature
-    frame = pl.DataFrame(columns)
-    with written_whole(target) as temporary:
-        if target.suffix.lower() == ".csv":
-            frame.write_csv(temporary)
-        else:
-            frame.write_parquet(temporary)
+    return columns
 
 
 def _record_type(format: str | None, target: Path) -> RecordType:

@@ -66,36 +66,6 @@ def test_held_and_free_terms_of_one_kind_mix():
     assert 2.0 in fit.parameters.values()
 
 
-def test_shapes_of_two_kinds_are_not_sought_together():
-    from dataclasses import dataclass
-
-    from gmwm.processes.parameter import Parameter
-
-    @dataclass(frozen=True, repr=False)
-    class Slow(GM, register=False):
-        name = "Slow"
-        family = None
-
-    @dataclass(frozen=True, repr=False)
-    class Lost(gmwm.Process, register=False):
-        name = "Lost"
-        title = "Process that does not say where to look"
-        parameters = (
-            Parameter("bend", "b", "shape"),
-            Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1),
-        )
-        bend: float | None = None
-        sigma2: float | None = None
-
-        def running_sum_covariance(self, lags, rate):
-            return -0.5 * self.scale * np.abs(lags) ** self.value("bend")
-
-    with pytest.raises(gmwm.ModelError, match="cannot be found together"):
-        gmwm.fit(GM() + Slow(), WV)
-    with pytest.raises(gmwm.ModelError, match="does not say where to look for bend"):
-        gmwm.fit(Lost(), WV)
-
-
 @pytest.mark.parametrize("factor", [1e-90, 1e90])
 def test_beyond_the_range_of_doubles(factor):
     with pytest.raises(gmwm.DataError, match="double precision"):

@@ -50,9 +50,9 @@ def exact_curve(axis, truth):
     return replace(like, **values, axis=axis, unit=UNITS[axis.partition("_")[0]], slope=None)
 
 
-def calibrated(truths):
+def calibrated(truths, within=WITHIN):
     return replace(
-        gmwm.calibrate({axis: exact_curve(axis, truth) for axis, truth in truths.items()}, WITHIN), source="bench.csv"
+        gmwm.calibrate({axis: exact_curve(axis, truth) for axis, truth in truths.items()}, within), source="bench.csv"
     )
 
 

@@ -6,10 +6,15 @@ number at lags up to L and by its exact form beyond, and what cancels is paid fo
 
 from __future__ import annotations
 
+import runpy
 import warnings
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 
 import mpmath as mp
+
+exponentials = runpy.run_path(str(Path(__file__).with_name("arma.py")))["exponentials"]
 
 DIGITS = 100
 
@@ -75,22 +80,25 @@ def _autocorrelation(filter_: list[mp.mpf]) -> list[mp.mpf]:
     return [sum(filter_[i] * filter_[i + abs(k)] for i in range(n - abs(k))) / 2 for k in range(1 - n, n)]
 
 
-def _levels(g: list[mp.mpf], start: Sequence, beyond: Callable[[int, list[mp.mpf]], Sequence], levels: int):
-    """ν_j², j = 1 … levels: `start` is the autocovariance, `beyond(j, …)` its exact form at level j past lag L."""
+def _levels(
+    g: list[mp.mpf], start: Sequence, beyond: Callable[[int, list[mp.mpf]], Sequence], levels: int, widths: int = 1
+):
+    """ν_j², j = 1 … levels: `start` is the autocovariance, `beyond(j, …)` its exact form at level j past `widths` L."""
     length = len(g)
     h = [(-1) ** i * g[length - 1 - i] for i in range(length)]
     smooth, detail = _autocorrelation(g), _autocorrelation(h)
     reach = range(1 - length, length)
-    current, out = start, []
+    current, out = cache(start), []
     for j in range(levels):
         out.append(sum(current(abs(n)) * w for n, w in zip(reach, detail, strict=True)))
-        near = [sum(current(abs(2 * k - n)) * w for n, w in zip(reach, smooth, strict=True)) for k in range(length + 1)]
+        near = [sum(current(abs(2 * k - n)) * w for n, w in zip(reach, smooth, strict=True))
+                for k in range(widths * length + 1)]  # fmt: skip
         far = beyond(j + 1, smooth)
 
         def following(k: int, near: list[mp.mpf] = near, far: Sequence = far) -> mp.mpf:
             return near[k] if k < len(near) else far(k)
 
-        current = following
+        current = cache(following)
     return out
 
 
@@ -156,6 +164,82 @@ def drift(g: list[mp.mpf], levels: int) -> list[mp.mpf]:
         return _levels(g, lambda k: -mp.mpf(k) * k / 2, beyond, levels)
 
 
+def sinusoid(g: list[mp.mpf], frequency: float, rate: float, levels: int) -> list[mp.mpf]:
+    """ν_j² of a sinusoid of mean square 1: squared gains, with the taps as they stand."""
+    with mp.workdps(DIGITS):
+        length, smooth, cycles, out = len(g), mp.mpf(1), mp.mpf(frequency) / mp.mpf(rate), []
+        h = [(-1) ** i * g[length - 1 - i] for i in range(length)]
+        for j in range(levels):
+            z = mp.expjpi(2 * mp.mpf(2) ** j * cycles)
+            gain, rest = (abs(mp.fsum(v * z**i for i, v in enumerate(taps))) ** 2 / 2 for taps in (h, g))
+            out.append(smooth * gain)
+            smooth *= rest
+        return out
+
+
+def power(g: list[mp.mpf], epsilon: mp.mpf, levels: int) -> list[mp.mpf]:
+    """ν_j² of a running sum of covariance |m|^(2+ε)/(2(2^ε − 1)): second differences, by powers of 1/k far out."""
+    terms, reach = 24, range(1 - len(g), len(g))
+    with mp.workdps(DIGITS):
+        # A logarithm is the difference of two powers that are next to each other.
+        eps = mp.mpf(epsilon) or mp.mpf(10) ** -60
+        scale = -1 / (2 * (mp.mpf(2) ** eps - 1))
+        tail = [2 * scale * mp.binomial(2 + eps, 2 * s + 2) for s in range(terms)]
+
+        @cache
+        def start(k: int) -> mp.mpf:
+            return scale * (mp.mpf(k + 1) ** (2 + eps) - 2 * mp.mpf(k) ** (2 + eps) + mp.mpf(abs(k - 1)) ** (2 + eps))
+
+        def beyond(level: int, smooth: list[mp.mpf]) -> Sequence:
+            if level == 1:
+                moments = [sum(w * mp.mpf(n) ** (2 * i) for n, w in zip(reach, smooth, strict=True))
+                           for i in range(terms)]  # fmt: skip
+                table[:] = [[mp.mpf(2) ** (eps - 2 * t) * mp.binomial(eps - 2 * s, 2 * (t - s)) * moments[t - s]
+                             for s in range(t + 1)] for t in range(terms)]  # fmt: skip
+            tail[:] = [sum(a * b for a, b in zip(row, tail, strict=False)) for row in table]
+            here = list(tail)
+
+            @cache
+            def far(k: int) -> mp.mpf:
+                y, total = mp.mpf(k) ** -2, mp.mpf(0)
+                for a in reversed(here):
+                    total = total * y + a
+                return total * mp.mpf(k) ** eps
+
+            return far
+
+        table: list[list[mp.mpf]] = []
+        return _levels(g, start, beyond, levels, widths=2)
+
+
+def arma(g: list[mp.mpf], theta: list[float], orders: tuple[int, int, int, int, int], levels: int) -> list[mp.mpf]:
+    """ν_j² of an ARMA process with innovation variance 1: exponentials, and what is left at the first lags."""
+    with mp.workdps(DIGITS):
+        pairs, early = exponentials(tuple(map(mp.mpf, theta)), orders, DIGITS)
+        weights, reach = [weight for weight, _ in pairs], range(1 - len(g), len(g))
+
+        def start(k: int) -> mp.mpf:
+            return mp.re(sum(w * root**k for w, root in pairs)) + (early[k] if k < len(early) else 0)
+
+        def beyond(level: int, smooth: list[mp.mpf]) -> Sequence:
+            powers = [root ** (2**level) for _, root in pairs]
+            for i, (_, root) in enumerate(pairs):
+                below = root ** (2 ** (level - 1))
+                weights[i] *= sum(w * below ** (-n) for n, w in zip(reach, smooth, strict=True))
+            here = list(weights)
+            return lambda k: mp.re(sum((w * power**k for w, power in zip(here, powers, strict=True)), mp.mpf(0)))
+
+        return _levels(g, start, beyond, levels, widths=1 + len(early) // len(g))
+
+
+ARMA = {
+    "AR(2)": (2, 0, 0, 0, 1),
+    "MA(1)": (0, 1, 0, 0, 1),
+    "ARMA(2,1)": (2, 1, 0, 0, 1),
+    "SARMA(1,1,1,0,4)": (1, 1, 1, 0, 4),
+}
+"""Orders p, q, P, Q and the period of those that laws are tested on."""
+
 SHAPES: dict[str, Callable[[list[mp.mpf], list[float], float, int], list[mp.mpf]]] = {
     "WN": lambda g, theta, rate, levels: white(g, levels),
     "QN": lambda g, theta, rate, levels: quantization(g, levels),
@@ -163,5 +247,17 @@ SHAPES: dict[str, Callable[[list[mp.mpf], list[float], float, int], list[mp.mpf]
     "DR": lambda g, theta, rate, levels: drift(g, levels),
     "AR1": lambda g, theta, rate, levels: autoregression(g, theta[0], levels),
     "GM": lambda g, theta, rate, levels: gauss_markov(g, theta[0] / rate, levels),
+    "FN": lambda g, theta, rate, levels: [v * mp.ln(2) / mp.pi for v in power(g, mp.mpf(0), levels)],
+    "PL": lambda g, theta, rate, levels: power(g, mp.mpf(theta[0]) - 1, levels),
+    "FGN": lambda g, theta, rate, levels: [
+        v * (1 - mp.mpf(2) ** (2 * mp.mpf(theta[0]) - 2)) for v in power(g, 2 * mp.mpf(theta[0]) - 2, levels)
+    ],
+    "SIN": lambda g, theta, rate, levels: sinusoid(g, theta[0], rate, levels),
+    **{
+        name: lambda g, theta, rate, levels, orders=orders: arma(g, theta, orders, levels)
+        for name, orders in ARMA.items()
+    },
 }
 """Wavelet variance at scale coefficient 1, levels 1 … J, of each process that has its own under every filter."""
+STRIDES = {"PL": 5, "FGN": 9, **dict.fromkeys(ARMA, 5)}
+"""Of processes whose sums take long: every how many of the places are looked at."""

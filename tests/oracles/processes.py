@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import runpy
 from collections.abc import Callable
+from pathlib import Path
 
 import mpmath as mp
+
+exponentials = runpy.run_path(str(Path(__file__).with_name("arma.py")))["exponentials"]
 
 DIGITS = 160  # enough that λ = 1e-12 at level 30 keeps fifty digits after all cancellation
 
@@ -49,6 +53,49 @@ def gauss_markov(beta: mp.mpf, rate: mp.mpf, level: int) -> mp.mpf:
     return autoregression(phi, level) * (1 - phi * phi)
 
 
+def sinusoid(frequency: mp.mpf, rate: mp.mpf, level: int) -> mp.mpf:
+    # The block sums of e^(iωt) are a geometric series, and one is e^(iωh) times the other.
+    h = mp.mpf(2) ** (level - 1)
+    one, block = mp.expjpi(2 * frequency / rate), mp.expjpi(2 * h * frequency / rate)
+    return abs((block - 1) / (one - 1) * (block - 1) / (2 * h)) ** 2
+
+
+def power(epsilon: mp.mpf, level: int) -> mp.mpf:
+    """Running sum of variance proportional to −m^(2+ε) for ε < 0, to which any a m² may be added."""
+    h = mp.mpf(2) ** (level - 1)
+    unit = -1 / (mp.mpf(2) ** epsilon - 1)
+    single, double = unit * h ** (2 + epsilon), unit * (2 * h) ** (2 + epsilon)
+    return _from_block_sums(single, double / 2 - single, level)
+
+
+def flicker(level: int) -> mp.mpf:
+    h = mp.mpf(2) ** (level - 1)
+    single, double = (-(m**2) * mp.ln(m) / mp.pi for m in (h, 2 * h))
+    return _from_block_sums(single, double / 2 - single, level)
+
+
+def arma(theta: list[mp.mpf], orders: tuple[int, int, int, int, int], level: int) -> mp.mpf:
+    pairs, early = exponentials(tuple(theta), orders, DIGITS)
+    h = mp.mpf(2) ** (level - 1)
+    variance = covariance = mp.mpf(0)
+    for weight, root in pairs:
+        power = root ** int(h)
+        variance += weight * (h * (1 + root) / (1 - root) - 2 * root * (1 - power) / (1 - root) ** 2)
+        covariance += weight * root * (1 - power) ** 2 / (1 - root) ** 2
+    for k, value in enumerate(early):
+        variance += value * (h if k == 0 else 2 * max(h - k, 0))
+        covariance += value * max(min(k, 2 * h - k), 0)
+    return _from_block_sums(mp.re(variance), mp.re(covariance), level)
+
+
+ARMA = {
+    "AR(2)": (2, 0, 0, 0, 1),
+    "MA(1)": (0, 1, 0, 0, 1),
+    "ARMA(2,1)": (2, 1, 0, 0, 1),
+    "SARMA(1,1,1,0,4)": (1, 1, 1, 0, 4),
+}
+"""Orders p, q, P, Q and the period of those that laws are tested on."""
+
 SHAPES: dict[str, Callable[[list[mp.mpf], mp.mpf, int], mp.mpf]] = {
     "WN": lambda theta, rate, level: white(level),
     "QN": lambda theta, rate, level: quantization(level),
@@ -56,6 +103,11 @@ SHAPES: dict[str, Callable[[list[mp.mpf], mp.mpf, int], mp.mpf]] = {
     "DR": lambda theta, rate, level: drift(level),
     "AR1": lambda theta, rate, level: autoregression(theta[0], level),
     "GM": lambda theta, rate, level: gauss_markov(theta[0], rate, level),
+    "FN": lambda theta, rate, level: flicker(level),
+    "PL": lambda theta, rate, level: power(theta[0] - 1, level),
+    "FGN": lambda theta, rate, level: (1 - mp.mpf(2) ** (2 * theta[0] - 2)) * power(2 * theta[0] - 2, level),
+    "SIN": lambda theta, rate, level: sinusoid(theta[0], rate, level),
+    **{name: lambda theta, rate, level, orders=orders: arma(theta, orders, level) for name, orders in ARMA.items()},
 }
 """Wavelet variance at scale coefficient 1 of each process that gives a closed form."""
 

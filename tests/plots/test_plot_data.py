@@ -12,6 +12,7 @@ from gmwm.plots.imu import imu_figure
 from gmwm.plots.overlay import overlay_panel
 from gmwm.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
 from gmwm.plots.variance import wavelet_variance_panel
+from gmwm.processes import registry
 
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
@@ -168,6 +169,46 @@ def test_no_two_terms_of_a_model_look_alike(text):
     for one, other in combinations(strokes, 2):
         assert one.dash != other.dash or len(strokes) > 9
         assert one != other
+
+
+PLACES = {"WN": 0, "QN": 1, "RW": 2, "DR": 3, "GM": 4, "AR1": 4}
+
+
+def test_strokes_of_inertial_noise_do_not_move_when_processes_are_added():
+    for name, place in PLACES.items():
+        process = registry[name]()
+        assert term_strokes([name], [process]) == {name: term_stroke(place)}
+
+
+class Named:
+    """As much of a process as its stroke goes by."""
+
+    def __init__(self, name, family=None):
+        self.name, self.family = name, family
+
+
+def test_every_process_has_a_stroke_that_goes_by_its_name():
+    others = [process() for name, process in registry.items() if name not in PLACES]
+    others += [Named(name) for name in ("ARMA(2,1)", "AR(3)", "MA(1)", "SARMA(1,0,1,1,12)", "New")]
+    core = gmwm.Model.parse("WN + QN + RW + DR + 2*GM")
+    for process in others:
+        alone = term_strokes([process.name], [process])[process.name]
+        terms = [*core.terms, process.name]
+        together = term_strokes(terms, [*core.processes, process])
+        assert together[process.name] == alone
+        assert len({stroke.dash for stroke in together.values()}) == 7
+        assert len({stroke.colour for stroke in together.values()}) == 7
+    assert term_strokes(["ARMA(2,1)"], others[-5:-4]).values() != term_strokes(["New"], others[-1:]).values()
+
+
+@pytest.mark.parametrize("count", [2, 5, 9, 12])
+def test_many_new_processes_in_one_model_are_told_apart(count):
+    terms = [f"SIN[{k}]" for k in range(1, count + 1)]
+    strokes = term_strokes(["WN", *terms], [registry["WN"](), *[Named("SIN")] * count])
+    assert len(set(strokes.values())) == count + 1
+    assert len({stroke.dash for stroke in strokes.values()}) == min(count + 1, 9)
+    turned = term_strokes([*terms, "WN"], [*[Named("SIN")] * count, registry["WN"]()])
+    assert turned == strokes
 
 
 def test_strokes_of_terms_repeat_late():

@@ -6,7 +6,7 @@ import pytest
 from gmwm.errors import OptionError
 from gmwm.plots.labels import axis_title, duration_text, model_text, parameter_text, term_label
 from gmwm.plots.view import view_of
-from gmwm.processes import registry
+from gmwm.processes import Model, Parameter, registry
 from gmwm.units import STANDARD_GRAVITY
 
 
@@ -87,13 +87,22 @@ def test_every_process_has_a_legend_with_units(name):
     assert text.startswith(f"{name}: ")
     scale = process.scale_parameter()
     if scale in process.parameters[:2] and scale.signal_power:
-        assert "deg/h" in text
+        assert "deg/h" in text or "deg²/h²" in text
 
 
 @pytest.mark.parametrize("name", sorted(registry))
-def test_a_variance_is_shown_as_its_root_in_the_unit(name):
+def test_what_is_written_as_a_square_is_shown_as_its_root_in_the_unit(name):
     scale = registry[name].scale_parameter()
     if scale.signal_power != 2:
         pytest.skip("its scale is no variance")
     text = parameter_text(scale, 4e-8, view_of("rad/s", "allan", "si"))
-    assert text == f"{scale.symbol.removesuffix('²')} = 2×10⁻⁴ rad/s"
+    root = scale.symbol.removesuffix("²")
+    assert text == (f"{root} = 2×10⁻⁴ rad/s" if root != scale.symbol else f"{root} = 4×10⁻⁸ rad²/s²")
+
+
+def test_legends_of_terms_with_many_parameters_are_short():
+    shown = view_of("rad/s", "wavelet", "si")
+    assert parameter_text(Parameter("f", "f₀", "frequency", time_power=-1), 50.0, shown) == "f₀ = 50 Hz"
+    assert parameter_text(Parameter("phi2", "φ₂", "coefficient", domain="real"), -0.6, shown) == "φ₂ = −0.6"
+    many = Model.parse("ARMA(2, 1, phi1=1.4, phi2=-0.6, theta1=0.3, sigma2=1)")
+    assert term_label(many.terms[0], many.processes[0], shown) == "ARMA(2,1): φ₁ = 1.4, φ₂ = −0.6, …"

@@ -52,6 +52,18 @@ class FromRunningSum(_MovingAverage, register=False):
         return -0.5 * self.scale * np.where(m == 0, 0.0, m * (1 + theta) ** 2 - 2 * theta)
 
 
+@dataclass(frozen=True, repr=False)
+class Impossible(_MovingAverage, register=False):
+    """An "autocovariance" that is larger at lag 1 than at lag 0."""
+
+    parameters = (SIGMA2,)
+    sigma2: Value = None
+
+    def autocovariance(self, lags, rate):
+        k = np.abs(np.asarray(lags))
+        return self.scale * np.where(k == 0, 1.0, np.where(k == 1, 2.0, 0.0))
+
+
 WAYS = [FromAutocovariance, FromStateSpace, FromRunningSum]
 
 
@@ -78,7 +90,22 @@ def test_what_cannot_be_derived_is_missing():
     with pytest.raises(MissingTheoryError, match="MA1 has no state space; it has"):
         FromAutocovariance(theta=0.5, sigma2=1.0).state_space(1.0)
     with pytest.raises(MissingTheoryError, match="MA1 has no way to be simulated"):
-        FromAutocovariance(theta=0.5, sigma2=1.0).simulate(3, 1.0, 1)
+        FromRunningSum(theta=0.5, sigma2=1.0).simulate(3, 1.0, 1)
+
+
+@pytest.mark.parametrize("way", [FromAutocovariance, FromStateSpace])
+def test_paths_follow_from_either_theory(way):
+    one = way(theta=0.5, sigma2=2.0)
+    paths = one.simulate(50, 1.0, rng=1, paths=4000)
+    np.testing.assert_array_equal(paths[:2], one.simulate(50, 1.0, rng=1, paths=4000)[:2])
+    products = [paths[:, 20] * paths[:, 20 + lag] for lag in range(4)]
+    for product, expected in zip(products, one.autocovariance(np.arange(4), 1.0), strict=True):
+        assert abs(product.mean() - expected) < 4 * product.std() / np.sqrt(4000)
+
+
+def test_what_is_no_autocovariance_cannot_be_simulated():
+    with pytest.raises(MissingTheoryError, match="no circle of up to"):
+        Impossible(sigma2=1.0).simulate(100, 1.0, 1)
 
 
 def test_an_incomplete_definition_is_refused_when_it_is_written():

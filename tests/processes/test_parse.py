@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm.errors import ModelError
-from gmwm.processes import GM, QN, RW, WN, Model, fixed, parse_model, registry
+from gmwm.processes import AR, ARMA, GM, MA, QN, RW, SARMA, WN, Model, fixed, parse_model, registry
 
 profile = settings(derandomize=True, deadline=None, max_examples=150, database=None)
 FINITE = {
@@ -77,6 +77,12 @@ def test_any_text_is_a_model_or_a_model_error(text):
         (" GM ( beta = 0.01 , sigma2 = fixed( +1e-6 ) )\n+ WN ", GM(beta=0.01, sigma2=fixed(1e-6)) + WN()),
         ("GM(sigma2=.5)", Model((GM(sigma2=0.5),))),
         ("WN(sigma2=0)", Model((WN(sigma2=0.0),))),
+        ("AR(2) + WN", AR(2) + WN()),
+        ("3*gm + ma( 1 )+RW", 3 * GM() + MA(1) + RW()),
+        ("ARMA(2,1)", Model((ARMA(2, 1),))),
+        ("ARMA(2, 1, phi1=1.4, phi2=-.6, theta1=fixed(0.3))", Model((ARMA(phi=[1.4, -0.6], theta=[fixed(0.3)]),))),
+        ("SARMA(1, 0, 1, 0, 12)", Model((SARMA(1, 0, 1, 0, period=12),))),
+        ("SARMA(1, 0, 1, 0, period=12, sphi1=0.5)", Model((SARMA(1, 0, 1, 0, 12, sphi1=0.5),))),
     ],
 )
 def test_texts_that_are_models(text, model):
@@ -113,6 +119,20 @@ def test_texts_that_are_models(text, model):
         ("+".join(["GM"] * 5000), "at most 10000 characters|at most 100 terms"),
         ("+".join(["GM"] * 200), "at most 100 terms"),
         ("100*GM + 100*GM", "at most 100 terms, got 200"),
+        ("GM + XX", r"AR\(p\), MA\(q\), ARMA\(p, q\), SARMA\(p, q, P, Q, period\)"),
+        ("WN + AR", r'at "AR" \(character 6\): AR is written with its orders, AR\(p\)'),
+        ("AR()", r'at "AR" \(character 1\): AR is written with its orders'),
+        ("AR(2", 'at the end: expected "," between orders and parameters'),
+        ("AR(2, 3)", r'at "AR" .* got 2 orders'),
+        ("AR(2.5)", r'at "2.5" \(character 4\): expected an order, a whole number'),
+        ("AR(99999999999)", "reaches back"),
+        ("AR(2 phi1=1)", r'at "phi1" .*expected "," between'),
+        ("AR(2, 0.5)", r'at "0.5" .*expected an order'),
+        ("AR(2, phi1=0.5, 1)", r"expected a parameter by name, as phi1=…"),
+        ("AR(1, phi2=0.5)", r'at "phi2" .*AR\(1\) has no such parameter; it has phi1, sigma2'),
+        ("WN + AR(1, phi1=1.5)", r'at "AR" \(character 6\): AR\(1\) must be stationary'),
+        ("SARMA(1, 0, 1, 0, period 12)", 'expected "=" after period'),
+        ("2*AR(2)", r"a sum of 2 is an ARMA\(4,2\)"),
     ],
 )
 def test_an_error_points_at_the_piece(text, message):

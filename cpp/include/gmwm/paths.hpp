@@ -1,4 +1,4 @@
-// Sample paths of first-order recursions, made in place of the noise that drives them.
+// Sample paths of recursions, made in place of the noise that drives them.
 //
 // Several rows go side by side, for each value waits for the one before it. Products and sums are rounded one by one,
 // never fused, and in this order: a seed gives the same path on every processor.
@@ -14,5 +14,11 @@ void autoregress(std::span<double> values, std::size_t n, double phi, double fir
 
 // Each row x of n values becomes y_t = scale (x_0 + … + x_t). values.size() is a multiple of n >= 1.
 void accumulate(std::span<double> values, std::size_t n, double scale);
+
+// Each row x of n values becomes first z_t = sum_i predictors(t, i) z_{t-i} + deviations_t x_t for t < p = phi.size(),
+// predictors (p, p), and z_t = sum_i phi_i z_{t-i} + rest x_t from t = p on; then y_t = z_t + sum_i theta_i z_{t-i} for
+// t >= theta.size(). The values before that are what was left on the way there.
+void mix(std::span<double> values, std::size_t n, std::span<const double> phi, std::span<const double> theta,
+         std::span<const double> predictors, std::span<const double> deviations, double rest);
 
 }  // namespace gmwm

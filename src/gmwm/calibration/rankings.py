@@ -18,6 +18,7 @@ from gmwm.variance.result import WaveletVariance
 
 _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "weight_notes",
+    "start",
 )  # fmt: skip
 """Of a fit in a ranking; all else follows from these, the data and Ω."""
 
@@ -86,12 +87,7 @@ def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix:
         model.decomposition(wv.levels, wv.rate, wv.filter),
         weighting,
         matrix,
-        Diagnostics(
-            dict(values["acts_as"]),
-            tuple(values["not_supported"]),
-            int(values["search_nodes"]),
-            tuple(values["weight_notes"]),
-        ),
+        Diagnostics.from_dict(values),
     )
 
 

@@ -26,10 +26,11 @@ from gmwm.cli.options import (
     load,
     opens,
 )
-from gmwm.processes import registry
+from gmwm.processes import families, registry
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
+    from gmwm.estimation.starts import Sampled
     from gmwm.inference.summary import Way
     from gmwm.signals import Signal
 
@@ -38,7 +39,10 @@ EXAMPLES = (
     "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
-_PROCESSES = ", ".join(f"{name} {process.title}" for name, process in registry.items())
+_PROCESSES = ", ".join(
+    [f"{name} {process.title}" for name, process in registry.items()]
+    + [f"{family.written()} {family.title}" for family in families.values()]
+)
 
 
 @opens
@@ -72,6 +76,16 @@ def fit(
         bool,
         typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
     ] = True,
+    draws: Annotated[
+        int | None,
+        typer.Option(
+            help="Start from the best of so many random draws, as the paper does, and --seed; for comparison only.",
+            metavar="DRAWS",
+            min=1,
+            rich_help_panel="Estimation",
+            show_default=False,
+        ),
+    ] = None,
     confidence: Annotated[
         float,
         typer.Option(
@@ -90,7 +104,7 @@ def fit(
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap.", min=0, rich_help_panel=RESULT)] = 0,
+    seed: Annotated[int, typer.Option(help="Of the bootstrap and the draws.", min=0, rich_help_panel=RESULT)] = 0,
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -107,8 +121,10 @@ def fit(
 
     Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
     estimate is the best there is: no starting values are needed, and the certificate says by how many per cent
-    of the objective a better one could gain at most.
+    of the objective a better one could gain at most. Processes with several parameters of their shape, as AR(2),
+    have none: theirs is the best of what a scan of all shapes leads to.
     """
+    import gmwm
     from gmwm import parse_model
     from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, tell_cautions, told_warnings
 
@@ -123,6 +139,7 @@ def fit(
         fits = fit_axes(
             dict.fromkeys(imu.axes, parsed), signals, weighting=weighting, robust=robust,
             efficiency=chosen_efficiency(robust, efficiency), certify=certify, filter=filter, transform=transform,
+            start=None if draws is None else gmwm.Sampled(draws, seed),
         )  # fmt: skip
         for name, found in fits.items():
             for note in found.wavelet_variance.notes():
@@ -172,6 +189,7 @@ def fit_axes(
     certify: bool = True,
     filter: str = "haar",
     transform: Literal["modwt", "dwt"] = "modwt",
+    start: Sampled | None = None,
 ) -> dict[str, Fit]:
     """A fit of each signal with the model of its axis, several at once."""
     import gmwm
@@ -179,7 +197,7 @@ def fit_axes(
 
     def measured_and_fitted(signal: Signal) -> Fit:
         wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
-        return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify)
+        return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify, start=start)
 
     return over_axes(measured_and_fitted, signals, "fitting")
 

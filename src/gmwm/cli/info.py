@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
-from gmwm.cli.options import File, Json, Opening, load, opens
+from pathlib import Path
+from typing import Annotated
 
-EXAMPLES = ("gmwm info static.csv", "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g")
+import typer
+
+from gmwm.cli.options import RESULT, File, Json, Opening, load, opens
+
+EXAMPLES = (
+    "gmwm info static.csv",
+    "gmwm info log.txt --rate 100 --units gyro=deg/s,accel=g",
+    "gmwm info static.csv --plot recording.png",
+)
 
 
 @opens
 def info(
     file: File,
     opening: Opening,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what a recording holds and whether it can be used.
@@ -23,16 +36,20 @@ def info(
     where one shows; wander, the largest difference between the means of 64 equal pieces of the recording.
     """
     from gmwm.cli.errors import as_options
-    from gmwm.cli.output import print_json, progress, tell, told_warnings
+    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
     from gmwm.inspection import inspect
 
     with told_warnings() as told:
         imu = load(file, opening)
         with progress("inspecting"):
             inspection = inspect(imu)
+        if plot is not None:
+            with progress(f"drawing {plot.name}"):
+                imu.plot(path=plot)
         if json:
             for warning in inspection.warnings:
                 tell(told, warning)
             print_json("info", {"file": str(file), **inspection.to_dict()}, told)
         else:
             print(as_options(inspection.summary()))
+            print_written([plot] if plot is not None else [])

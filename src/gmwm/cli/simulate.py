@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm simulate --reference --duration 3600 --output imu.csv",
     "gmwm simulate --model 'gyro=WN(sigma2=4e-8) + RW(gamma2=1e-14)' --rate 200 --duration 600 --output imu.parquet",
+    "gmwm simulate --reference --duration 600 --output imu.csv --components parts.csv",
 )
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
@@ -46,36 +47,57 @@ def simulate(
     ] = False,
     rate: Annotated[float, typer.Option(help="Samples per second (Hz).")] = 100.0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same recording.", min=0)] = 1,
+    components: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write the latent process of each term as well, a column each such as 'gyro_x WN [rad/s]': "
+            ".csv or .parquet.",
+            show_default=False,
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Write a static recording whose noise is known.
 
     Each axis is a path of its own model (values in SI units and per sample, GM.beta in 1/s); accel_z carries
-    gravity as well. Every axis draws from its own stream of the seed.
+    gravity as well. Every axis draws from its own stream of the seed. With --components the recording is the same;
+    less gravity, its axes are the sums of the columns of the other file.
     """
     from gmwm.cli.output import print_json, progress, told_warnings
-    from gmwm.simulation import models_by_axis, reference_imu
+    from gmwm.simulation import models_by_axis, reference_imu, write_components
     from gmwm.simulation import simulate as simulated
-    from gmwm.writers import write
+    from gmwm.writers import table_path, write
 
     if reference == bool(model):
         raise OptionError("give what to simulate as --model or as --reference, one of them")
+    # What cannot be written is told before anything is.
+    if components is not None and table_path(components).resolve() == output.resolve():
+        raise OptionError(f"--components needs a file of its own, got {str(components)!r} for --output too")
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
     with told_warnings() as told:
+        columns: tuple[str, ...] = ()
         with progress(f"simulating {duration:g} s"):
-            imu = simulated(truth, rate=rate, duration=duration, seed=seed)
+            made = None
+            if components is not None:
+                made = simulated(truth, rate=rate, duration=duration, seed=seed, components=True)
+            imu = made.imu if made is not None else simulated(truth, rate=rate, duration=duration, seed=seed)
         with progress(f"writing {output.name}"):
             write(imu, output)
+            if components is not None and made is not None:
+                columns = write_components(made, components)
         if json:
             content = {
                 "file": str(output), "seed": seed, "rate": imu.rate, "samples": len(imu), "duration": imu.duration,
                 "axes": {axis: {"model": str(m), "parameters": m.parameters} for axis, m in truth.items()},
+                "components": {"file": str(components), "columns": list(columns)} if columns else None,
             }  # fmt: skip
             print_json("simulate", content, told)
             return
         for axis, m in truth.items():
             print(f"{axis:<8} {m}")
         print(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
+        if components is not None:
+            print(f"wrote {components}: {len(columns)} columns of the same length, one for each latent process")
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:

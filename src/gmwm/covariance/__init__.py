@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm.covariance import filtered, gaussian
+from gmwm.covariance import filtered, gaussian, lines
 from gmwm.covariance.setting import Setting as Setting
 from gmwm.covariance.stretches import pooled
 from gmwm.errors import OptionError
@@ -22,6 +22,10 @@ def covariance(model: Model, setting: Setting) -> Matrix:
     """V = Cov(ν̂², ν̂²) (J, J) in u⁴ of a model whose values are complete; see `wavelet_covariance`."""
     if setting.segments:
         return pooled(setting, lambda stretch: covariance(model, stretch))
+    noise, waves = lines.apart(model, setting)
+    if noise is not model:
+        own = 0.0 if noise is None else covariance(noise, setting)
+        return np.asarray(own + lines.excess(noise, waves, setting, diagonal=False))
     if gaussian.knows(model, setting):
         return gaussian.covariance(model, setting)
     return filtered.covariance(model, setting)
@@ -31,6 +35,10 @@ def variances(model: Model, setting: Setting) -> Vector:
     """The diagonal of `covariance` (J,), at about a tenth of the cost."""
     if setting.segments:
         return pooled(setting, lambda stretch: variances(model, stretch))
+    noise, waves = lines.apart(model, setting)
+    if noise is not model:
+        own = 0.0 if noise is None else variances(noise, setting)
+        return np.asarray(own + lines.excess(noise, waves, setting, diagonal=True))
     if gaussian.knows(model, setting):
         return gaussian.variances(model, setting)
     return filtered.variances(model, setting)
@@ -44,6 +52,7 @@ def ratio_variances(model: Model, setting: Setting) -> Vector:
     """
     if setting.segments:
         return pooled(setting, lambda stretch: ratio_variances(model, stretch))
+    lines.apart(model, setting)
     if gaussian.knows(model, setting):
         return gaussian.ratio_variances(model, setting)
     return filtered.ratio_variances(model, setting)
@@ -76,14 +85,17 @@ def wavelet_covariance(
     with the same term for a drift. That rounding errors are uniform is left out there: where nothing else is felt, V is
     some 10 % too large. Levels of one or two coefficients are not estimated robustly, and are as of the classical one.
 
+    A sinusoid of fixed amplitude is not Gaussian; 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k) is added, R
+    the covariance of its coefficients, and what its phase makes of their squares. Robust estimates have no V then.
+
     Of stretches s between gaps, measured together and taken for independent,
 
         V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj,
 
     which is exact of white and quantization noise and of random walks, whose coefficients hold increments of their own
     stretch alone; a Gauss-Markov process that outlasts a gap correlates what lies on both sides of it a little, which
-    is left out. If more than 64 lengths differ, V_s M_s² is interpolated between lengths an eighth of an octave apart,
-    which makes V of the coarsest levels up to 1 % too large.
+    is left out, and a sinusoid is given a phase of its own in each. If more than 64 lengths differ, V_s M_s² is
+    interpolated between lengths an eighth of an octave apart, which makes V of the coarsest levels up to 1 % too large.
 
     Parameters
     ----------

@@ -24,10 +24,13 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.robust import hermite_weights
 from gmwm.covariance.setting import Setting
+from gmwm.errors import MissingTheoryError
 from gmwm.filters import WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.model import Model
 
+LONGEST = 2**26
+"""Samples of the longest record: half a gigabyte for each of a few arrays."""
 OVERSAMPLED = 4
 """A pair of levels is summed over lags 2^(j − 4) apart, j the finer one, or less where V_jj changes by `_ALIKE`."""
 FEWEST = 2**15
@@ -44,7 +47,7 @@ _FELT = 1e-6
 
 def covariance(model: Model, setting: Setting) -> Matrix:
     """V (J, J), in u⁴, to 2e-5 of its diagonal or better; exact for N < 32768 and of the decimated transform."""
-    lags = _Lags(model, setting)
+    lags = Lags(model, setting)
     v = np.zeros((setting.levels.size, setting.levels.size))
     for a in range(setting.levels.size):
         v[a, a:] = v[a:, a] = lags.row(a, lags.stage(a), setting.levels.size)
@@ -53,18 +56,18 @@ def covariance(model: Model, setting: Setting) -> Matrix:
 
 def variances(model: Model, setting: Setting) -> Vector:
     """The diagonal of V (J,), in u⁴."""
-    lags = _Lags(model, setting)
+    lags = Lags(model, setting)
     return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
 
 
 def ratio_variances(model: Model, setting: Setting) -> Vector:
     """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: what V_jj of the robust one has beyond that of the other."""
-    lags = _Lags(model, setting, beyond=True)
+    lags = Lags(model, setting, beyond=True)
     excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
     return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
 
 
-class _Lags:
+class Lags:
     """The sums over lags of a model in a setting; `beyond`: of what a robust estimate has beyond the classical one."""
 
     def __init__(self, model: Model, setting: Setting, *, beyond: bool = False) -> None:
@@ -72,7 +75,7 @@ class _Lags:
         self.known = [_signal_covariance(model, setting)]
         self.smooth: dict[int, tuple[int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
-        self.mean = _means(model, setting)
+        self.mean = means(model, setting)
         self.own = _own_variances(self.known[0], setting)
         # A robust estimate hardly feels that uniform errors have no tails: it is left as it is.
         present = [] if setting.efficiency is not None else [p for p in model.processes if p.scale > 0]
@@ -97,16 +100,21 @@ class _Lags:
     def row(self, a: int, stage: int, end: int) -> Vector:
         """V_jk of the level j at place a with those from there up to `end`, from lags 2^stage apart."""
         setting = self.setting
-        while len(self.known) <= stage:
-            self.known.append(_halved(self.known[-1], setting.filter))
-        below = (setting.levels[a:end] - stage).tolist()
-        covariances = _against(self._with_signal(stage, below[0]), self.known[stage].size, setting.filter, below)
         sums = [
-            _weighed(self._terms(values, a, b), first, stage, setting, a, b)
-            for b, (first, values) in enumerate(covariances, a)
+            weighed(self._terms(values, a, b), first, stage, setting, a, b)
+            for b, first, values in self.covariances(a, stage, end)
         ]
         total = np.array(sums) + self._excess(a, end)
         return np.asarray(total / setting.counts[a] / setting.counts[a:end])
+
+    def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
+        """Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: the place of k, the first lag over 2^stage, the values."""
+        while len(self.known) <= stage:
+            self.known.append(_halved(self.known[-1], self.setting.filter))
+        below = (self.setting.levels[a:end] - stage).tolist()
+        pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.setting.filter, below)
+        for b, (first, values) in enumerate(pairs, a):
+            yield b, first, values
 
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
         """Cov(W_{j,t}, X_{t+u}) of the signal of a stage, the level counted from there: the first lag, the values.
@@ -176,6 +184,12 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
 
 def _signal_covariance(model: Model, setting: Setting) -> Vector:
     """A(m) of the signal at all lags 0 … N − 1, up to a constant."""
+    if setting.samples > LONGEST:
+        slow = next(p for p in model.processes if p.scale > 0 and not p.has("coefficient_covariance"))
+        raise MissingTheoryError(
+            f"the covariance of {slow.name} is a sum over all lags, which is taken of up to {LONGEST} samples, got "
+            f"{setting.samples}; take a shorter record"
+        )
     lags = np.arange(setting.samples)
     total = np.zeros(setting.samples)
     for process in model.processes:
@@ -233,7 +247,7 @@ def _own_variances(known: Vector, setting: Setting) -> Vector:
     return filtered.autocovariance_variance(known, setting.filter, setting.levels)
 
 
-def _means(model: Model, setting: Setting) -> Vector:
+def means(model: Model, setting: Setting) -> Vector:
     """Means of the coefficients (J,): of a drift, under a filter that does not remove it."""
     if setting.filter.vanishing_moments > 1:
         return np.zeros(setting.levels.size)
@@ -244,7 +258,7 @@ def _means(model: Model, setting: Setting) -> Vector:
 # --- sums over lags -----------------------------------------------------------------------------------
 
 
-def _weighed(terms: Vector, first: int, stage: int, setting: Setting, a: int, b: int) -> float:
+def weighed(terms: Vector, first: int, stage: int, setting: Setting, a: int, b: int) -> float:
     """Σ_u n(u) f(u) from f at the lags 2^stage (first, first + 1, …), n(u) the number of pairs of coefficients."""
     if setting.transform == "dwt":
         ahead = first % 2

@@ -24,7 +24,7 @@ from gmwm.units import noise_unit
 _SHORT = 0.1
 """Correlation times (s) below which a term looks like white noise where the standard reads N, at τ = 1 s."""
 
-_ORDER = ("Q", "N", SYMBOL, "K", "R")
+_ORDER = ("Q", "N", SYMBOL, f"{SYMBOL}_f", "K", "R")
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,10 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     """What a fitted model says in the terms of datasheets, each number with its confidence interval.
 
         N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-        B = min over τ of the model's Allan deviation / √(2 ln 2/π)
+        B = min over τ of the model's Allan deviation / √(2 ln 2/π)   B_f = √B² of flicker noise
+
+    B is that of the whole curve, whatever its terms are, and so is comparable between models and with datasheets; B_f
+    is the coefficient of the flicker term alone, never more than B.
 
     Terms that act as another process to these data are counted to that one: a Gauss-Markov term that acts as white
     noise adds to N², one that acts as a random walk to K². What the model has no term for is not invented. An AR1 has
@@ -136,7 +139,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
         return [], f"{label} acts as {other}: no numbers of it"
     numbers = process.physical(wv.rate)
     if not numbers:
-        return [], f"{label} has no meaning in the terms of datasheets: no numbers of it"
+        return [], f"{label} says nothing of itself in the terms of datasheets: no numbers of it"
     weak = judged.weak(term, process)
     return [_entry(judged, term, label, process, number, weak) for number in numbers], None
 

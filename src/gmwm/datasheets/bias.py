@@ -20,6 +20,8 @@ from gmwm.variance.slope_line import LAWS
 
 _PER_OCTAVE = 24
 _ZOOM = 32
+_LEVEL = 1e-9
+"""A curve whose ends differ by no more than this share is flat, as that of flicker noise alone: all of it is B."""
 
 SYMBOL: Literal["B"] = "B"
 
@@ -86,6 +88,9 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
     """Why the minimum is only a bound, or None."""
     end = f"the longest averaging time, {last / rate:.4g} s"
+    ends = model.allan_variance([1, last], rate)
+    if abs(ends[1] - ends[0]) <= _LEVEL * ends[0] and n in (1, last):
+        return None
     if n == last:
         return f"{SYMBOL}: the model's Allan deviation still falls at {end}"
     if n == 1:

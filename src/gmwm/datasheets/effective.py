@@ -34,8 +34,11 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
         N_eff² = N² + Σ lim τσ²(τ)    K_eff² = K² + Σ q_c²
 
     where the limit is the level of a fast term at long averaging times, 2σ²_GM/β for β far below the rate. Quantization
-    noise averages out and a ramp is no noise: neither is counted. A term whose correlation time is near T_h is neither
-    white nor a walk, and is counted as the nearer of the two.
+    noise averages out, and a ramp or a line is no noise: none is counted. A term whose correlation time is near T_h is
+    neither white nor a walk, and is counted as the nearer of the two. Flicker and power-law noise have no correlation
+    time: they count as the random walk that has their Allan variance at T_h, K² = 3σ²(T_h)/T_h, or, where that still
+    falls there, as such white noise, N² = T_h σ²(T_h). At shorter times that walk is below the term itself, at longer
+    ones above it.
 
     Parameters
     ----------
@@ -91,14 +94,44 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     return found
 
 
+def counted(process: Process, horizon: float, rate: float) -> float | None:
+    """`WHITE` or `WALK`, as what a term counts over a horizon; None where it does not."""
+    powers = {number.time_power for number in process.physical(rate) if number.signal_power}
+    if process.line(rate) is not None or (powers and not powers & {WHITE, WALK, 0.0}):
+        return None
+    if is_scale_free(process, rate):
+        n = _steps(horizon, rate)
+        here, later = process.allan_variance([n, 2 * n], rate)
+        return WHITE if later < here * (1 - GONE) else WALK
+    time = process.correlation_time(rate)
+    return WHITE if time is not None and time < horizon else WALK
+
+
+def is_scale_free(process: Process, rate: float) -> bool:
+    """Whether a noise has no correlation time and is no random walk either: flicker and power-law noise."""
+    if process.line(rate) is not None:
+        return False
+    time = process.correlation_time(rate)
+    numbers = {number.time_power for number in process.physical(rate)}
+    return time is None or (time == math.inf and 0.0 in numbers)
+
+
+def _steps(horizon: float, rate: float) -> int:
+    """The horizon in samples."""
+    return max(1, round(horizon * rate))
+
+
 def _square(process: Process, name: str | None, power: float, horizon: float, rate: float) -> tuple[float, float]:
     """What a process adds to N² or K², and its derivative by ln θ; by its scale where no parameter is named."""
-    time = process.correlation_time(rate)
-    if process.scale == 0 or time is None or (time < horizon) != (power == WHITE):
+    if process.scale == 0 or counted(process, horizon, rate) != power:
         return 0.0, 0.0
+    if is_scale_free(process, rate):
+        n = _steps(horizon, rate)
+        factor = n / rate if power == WHITE else 3 * rate / n
+        return factor * float(process.allan_variance([n], rate)[0]), factor * slope(process, name, n, rate)
     if power == WHITE:
         # What is left of τσ²(τ) beyond its limit goes as 1/τ: two places tell the limit, which is zero where all goes.
-        near = math.ceil(_FAR * max(1.0, time * rate))
+        near = math.ceil(_FAR * max(1.0, (process.correlation_time(rate) or 0.0) * rate))
         far = 4 * near
         levels = process.allan_variance([near, far], rate) * np.array([near, far]) / rate
         slopes = [n / rate * slope(process, name, n, rate) for n in (near, far)]

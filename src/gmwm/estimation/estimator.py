@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from gmwm.errors import FitWarning, ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.result import Diagnostics, Fit
-from gmwm.estimation.reweighting import REWEIGHTED, Settled, settle
-from gmwm.estimation.solve import estimated, solve
+from gmwm.estimation.reweighting import REWEIGHTED, First, Settled, settle
+from gmwm.estimation.solve import estimated, final, solve, solve_sampled
+from gmwm.estimation.starts import Sampled
 from gmwm.estimation.weighting import Weighting, weighting_matrix, weighting_notes
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
@@ -33,11 +34,14 @@ def fit(
     robust: bool = False,
     efficiency: float = 0.6,
     certify: bool = True,
+    start: Sampled | None = None,
 ) -> Fit:
     """Fit a sum of latent processes to a signal or to its wavelet variance.
 
     θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), the global minimum: no starting values and no random numbers are
-    needed, and the fit carries a lower bound that proves it. Correlation times are sought from where a process is
+    needed, and the fit carries a lower bound that proves it. A process with several parameters of its shape, as an
+    autoregression of order 2, has no such proof: it is the best of the local optima that a scan of all its shapes leads
+    to, each with all other processes at their best. Correlation times are sought from where a process is
     white noise (β = 40 rate) to where it is a random walk to this record (β = 1e-10 rate / N; 1 − φ = 1e-5 / N);
     a term that ends there is reported as acting as WN or RW.
 
@@ -62,6 +66,9 @@ def fit(
         without robust=True.
     certify : bool
         Whether to prove by branch and bound that no better fit exists; False skips the proof.
+    start : Sampled, optional
+        Start from random draws as the paper does, ``Sampled(draws=20_000, seed=1)``, and descend from the best of them.
+        For comparison only; where there is a proof, it then tells what the draws have missed.
 
     Returns
     -------
@@ -97,7 +104,13 @@ def fit(
     4.00e-06
     """
     wanted = as_model(model)
-    found = _fitted(wanted, measured(data, rate, robust, efficiency), weighting, certify=certify)
+    if start is not None and not isinstance(start, Sampled):
+        raise OptionError(
+            f"start must be Sampled(draws=…, seed=…), got {start!r}; values to start from go in the model"
+        )
+    wv = measured(data, rate, robust, efficiency)
+    first = None if start is None else _draws(start, wv, data)
+    found = _fitted(wanted, wv, weighting, certify=certify, first=first)
     for note in found.diagnostics.notes():
         warnings.warn(note, FitWarning, stacklevel=2)
     return found
@@ -111,12 +124,25 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
     return as_fit(settled, wv, fit.weighting)
 
 
-def _fitted(model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool) -> Fit:
+def _draws(start: Sampled, wv: WaveletVariance, data: WaveletVariance | Signal | ArrayLike) -> First:
+    """The first solution from random draws; drifts go by the range of the data, or by their rise if that is known."""
+    if isinstance(data, WaveletVariance):
+        spread = abs(wv.slope or 0.0)
+    else:
+        values = np.asarray(data.values if isinstance(data, Signal) else data, dtype=np.float64)
+        spread = float(np.ptp(values)) / values.size
+    return lambda problem: solve_sampled(problem, wv, start, spread)
+
+
+def _fitted(
+    model: Model, wv: WaveletVariance, weighting: Weighting, *, certify: bool, first: First | None = None
+) -> Fit:
     if isinstance(weighting, str) and weighting in REWEIGHTED:
-        return as_fit(settle(model, wv, weighting, certify=certify), wv, weighting)
+        return as_fit(settle(model, wv, weighting, certify=certify, first=first), wv, weighting)
     matrix = weighting_matrix(weighting, wv)
     problem = pose(model, wv, matrix)
-    settled = Settled(problem, solve(problem, certify=certify), weighting_notes(matrix, wv))
+    solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
+    settled = Settled(problem, solution, weighting_notes(matrix, wv))
     return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
@@ -158,13 +184,14 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
     processes = estimated(problem, solution, wv.slope).processes
     model = Model(processes).sorted(wv.rate)
     label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
-    found = {label[id(processes[place])]: term for place, term in zip(problem.curved, solution.terms, strict=True)}
-    free = (*problem.linear, *problem.curved)
+    found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
+    free = (*problem.linear, *problem.shaped)
     diagnostics = Diagnostics(
         {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None},
         tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
         solution.nodes,
         settled.notes,
+        solution.start,
     )
     return Fit(
         wv, model, {name: v for name, v in model.parameters.items() if v is not None},

@@ -1,4 +1,4 @@
-"""The estimation problem as geometry: a target, fixed vectors, and a curve, all weighted by Ω."""
+"""The estimation problem as geometry: a target, fixed vectors, a curve, and surfaces, all weighted by Ω."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gmwm.variance.result import WaveletVariance
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Find non-negative scales of the linear processes, and scales and places of the curved ones.
+    """Find non-negative scales of the linear processes, and scales and shapes of the others.
 
     The criterion (ν̂ − ν)ᵀ Ω (ν̂ − ν) is `unit`² |target − Σ c a − Σ x g|², where the vectors a and g have length
     one and `unit` is a power of two, so that data scaled by a power of two give the same problem to the last bit.
@@ -28,7 +28,9 @@ class Problem:
     linear : tuple of int
         Places in the model of the processes that have no nonlinear parameter to find.
     curved : tuple of int
-        Places of those with one; all of one class.
+        Places of those with one, along which there is a search; all of one class.
+    free : tuple of int
+        Places of the others, whose shapes are found from starting values; by name, whatever their order in the sum.
     shapes : (n linear, J) array
         Wavelet variances of the linear processes at unit scale.
     observed : (J,) array, in the signal's unit²
@@ -49,7 +51,13 @@ class Problem:
     target: Vector
     linear: tuple[int, ...]
     curved: tuple[int, ...]
+    free: tuple[int, ...]
     shapes: Matrix
+
+    @property
+    def shaped(self) -> tuple[int, ...]:
+        """Places of all processes with a shape to find, the curved ones first."""
+        return (*self.curved, *self.free)
 
     @property
     def family(self) -> type[Process] | None:
@@ -95,9 +103,9 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
         If the model has nothing to estimate, or more parameters than there are levels, or a scale that is held
         while the shape it multiplies is to be found; or if the filter does not see one of the processes.
     """
-    linear, curved, held = _sorted_out(model)
-    _check_curved(model, [model.processes[place] for place in curved])
-    count = len(linear) + 2 * len(curved)
+    linear, shaped, held = _sorted_out(model)
+    curved, free = _searched(model, shaped)
+    count = len(linear) + sum(1 + len(to_find(model.processes[place])) for place in shaped)
     if count == 0:
         raise ModelError(f"nothing to estimate: every parameter of {model} is held; free one by leaving out fixed(…)")
     if count > len(wv):
@@ -114,7 +122,7 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     root, unit, target = _weighed(observed, matrix)
     return Problem(
         model, levels, rate, filter, wv.longest, observed, matrix, root, unit, target,
-        linear, curved, np.array(shapes).reshape(len(shapes), len(wv)),
+        linear, curved, free, np.array(shapes).reshape(len(shapes), len(wv)),
     )  # fmt: skip
 
 
@@ -137,25 +145,28 @@ def _shape(process: Process, levels: NDArray[np.int64], rate: float, filter: Wav
     return shape
 
 
-def _check_curved(model: Model, curved: list[Process]) -> None:
-    kinds = {type(process): process.name for process in curved}
-    if len(kinds) > 1:
-        raise ModelError(
-            f"{model}: the shapes of {' and '.join(kinds.values())} cannot be found together; hold the shape of one "
-            "with fixed(…)"
-        )
-    for kind, name in kinds.items():
-        if len(kind.nonlinear_parameters()) != 1 or not kind.search(1024, 1.0):
-            raise ModelError(
-                f"{name} does not say where to look for {', '.join(p.name for p in kind.nonlinear_parameters())}; "
-                "hold it with fixed(…), or define search in its class"
-            )
+def to_find(process: Process) -> tuple[int, ...]:
+    """Which of a process' nonlinear parameters are to be estimated, by number."""
+    return tuple(k for k, p in enumerate(process.nonlinear_parameters()) if not process.is_fixed(p.name))
+
+
+def _searched(model: Model, shaped: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Places of the processes along whose one parameter there is a search, and of all others.
+
+    The search is along the curve of one class. Should there be two, it is that which the model has more terms of.
+    """
+    kinds = {place: type(model.processes[place]) for place in shaped}
+    with_search = [kind for kind in kinds.values() if len(kind.nonlinear_parameters()) == 1 and kind.search(1024, 1.0)]
+    chosen = max(with_search, key=lambda kind: (with_search.count(kind), kind.name), default=None)
+    curved = tuple(place for place in shaped if kinds[place] is chosen)
+    free = sorted((place for place in shaped if kinds[place] is not chosen), key=lambda k: str(model.processes[k]))
+    return curved, tuple(free)
 
 
 def _sorted_out(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    """Places of the processes that are linear in what is to be found, curved in it, and held."""
+    """Places of the processes that are linear in what is to be found, have a shape to be found, and are held."""
     linear: list[int] = []
-    curved: list[int] = []
+    shaped: list[int] = []
     held: list[int] = []
     for place, process in enumerate(model.processes):
         scale = process.scale_parameter().name
@@ -168,5 +179,5 @@ def _sorted_out(model: Model) -> tuple[tuple[int, ...], tuple[int, ...], tuple[i
                 )
             held.append(place)
         else:
-            (curved if free else linear).append(place)
-    return tuple(linear), tuple(curved), tuple(held)
+            (shaped if free else linear).append(place)
+    return tuple(linear), tuple(shaped), tuple(held)

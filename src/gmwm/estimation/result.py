@@ -11,6 +11,7 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod, LateProperty
 from gmwm.errors import ModelError, ReadError
+from gmwm.estimation.starts import Start
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
@@ -39,12 +40,34 @@ class Diagnostics:
         Nodes of the search tree that the certificate took.
     weights : tuple of str
         What is to be known of the weights, in words; empty where they are what was asked for.
+    start : Start or None
+        From where the optimum was reached, and the criterion there; None of a fit that was read from a file without it.
     """
 
     acts_as: Mapping[str, str]
     not_supported: tuple[str, ...]
     nodes: int
     weights: tuple[str, ...] = ()
+    start: Start | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The diagnostics as plain numbers, lists and texts, ready for JSON."""
+        return {
+            "acts_as": dict(self.acts_as),
+            "not_supported": list(self.not_supported),
+            "search_nodes": self.nodes,
+            "weight_notes": list(self.weights),
+            "start": None if self.start is None else self.start.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
+        """The diagnostics whose `to_dict` gave `values`."""
+        start = values.get("start")  # this and the notes are not in what the first commands wrote
+        return cls(
+            dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
+            tuple(values.get("weight_notes", ())), None if start is None else Start.from_dict(start),
+        )  # fmt: skip
 
     def notes(self) -> list[str]:
         """The same in words."""
@@ -70,9 +93,10 @@ class Fit:
     objective : float
         (ν̂ − ν)ᵀ Ω (ν̂ − ν) at the estimate.
     lower_bound : float or None
-        No model of this form has a smaller objective; None if fitted with certify=False.
+        No model of this form has a smaller objective; None if fitted with certify=False, and where a process has
+        several parameters of its shape.
     relaxed_bound : float
-        No model with any number of the repeated process has a smaller objective.
+        No model with any number of the repeated process has a smaller objective; 0 where nothing better is known.
     implied : (J,) array, in unit²
         Wavelet variance of the fitted model.
     decomposition : mapping of term to (J,) array
@@ -183,11 +207,8 @@ class Fit:
             "decomposition": {term: part.tolist() for term, part in self.decomposition.items()},
             "weighting": self.weighting,
             "weighting_matrix": self.weighting_matrix.tolist(),
-            "acts_as": dict(self.diagnostics.acts_as),
-            "not_supported": list(self.diagnostics.not_supported),
             "undetermined": list(self.undetermined),
-            "search_nodes": self.diagnostics.nodes,
-            "weight_notes": list(self.diagnostics.weights),
+            **self.diagnostics.to_dict(),
             "wavelet_variance": self.wavelet_variance.to_dict(),
         }
 
@@ -228,14 +249,10 @@ class Fit:
         if matrix.shape != (len(wv), len(wv)):
             raise ModelError(f"the weighting matrix is of shape {matrix.shape}, the data have {len(wv)} levels")
         lower = values["lower_bound"]
-        diagnostics = Diagnostics(
-            dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
-            tuple(values.get("weight_notes", ())),  # not in what the first commands wrote
-        )  # fmt: skip
         return cls(
             wv, model, parameters, float(values["objective"]), None if lower is None else float(lower),
             float(values["relaxed_bound"]), _curve(values["implied"], len(wv)), decomposition,
-            str(values["weighting"]), matrix, diagnostics,
+            str(values["weighting"]), matrix, Diagnostics.from_dict(values),
         )  # fmt: skip
 
     def __repr__(self) -> str:

@@ -8,6 +8,7 @@ implies itself solves Σ_j (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from gmwm.covariance import Setting, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.problem import Problem, pose
-from gmwm.estimation.solve import Solution, estimated, resume, solve
+from gmwm.estimation.solve import Solution, estimated, final, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -42,6 +43,10 @@ RETURNS = 4
 """How often the global optimum may turn out to lie elsewhere than where the rounds led."""
 
 
+First = Callable[[Problem], Solution]
+"""The way to a first solution."""
+
+
 @dataclass(frozen=True, eq=False)
 class Settled:
     """A solved problem under its final weights, and what to know of these."""
@@ -59,6 +64,7 @@ def settle(
     certify: bool,
     start: Model | None = None,
     fixed: float = FIXED,
+    first: First | None = None,
 ) -> Settled:
     """The estimate that is optimal under the weights that it implies.
 
@@ -75,6 +81,8 @@ def settle(
         A model near the estimate, whose weights the rounds begin with.
     fixed : float
         The weights stand still where the curve changes by less (relative).
+    first : callable, optional
+        The solution that the rounds begin with, in place of the global search.
 
     Raises
     ------
@@ -88,7 +96,7 @@ def settle(
         problem = pose(model, wv, weighting_matrix("diagonal", wv))
     else:
         problem = pose(model, wv, implied_weights(weighting, start, setting, wv.variance))
-    solution = solve(problem, certify=False)
+    solution = solve(problem, certify=False) if first is None else first(problem)
     implied = _implied(problem, solution, wv)
     ahead = _Ahead()
     for _ in range(RETURNS):
@@ -100,7 +108,7 @@ def settle(
                 if weighting == "optimal":
                     raise
                 note = f"weights are those that the data show, not those of the model: {error}"
-                return Settled(problem, solve(problem, certify=certify), (note,))
+                return Settled(problem, final(problem, solution, certify=certify), (note,))
             problem = problem.under(matrix)
             solution = resume(problem, solution)
             before, implied = implied, _implied(problem, solution, wv)
@@ -108,9 +116,9 @@ def settle(
             history.append(change)
             if change <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
                 break
-        final = solve(problem, certify=certify)
-        moved = _change(implied, _implied(problem, final, wv))
-        solution, implied = final, _implied(problem, final, wv)
+        last = final(problem, solution, certify=certify)
+        moved = _change(implied, _implied(problem, last, wv))
+        solution, implied = last, _implied(problem, last, wv)
         if moved <= max(1e-6, change):
             break
     if change <= max(1e-6, fixed) and moved <= max(1e-6, fixed):
@@ -121,7 +129,7 @@ def settle(
         "the estimate and the weights that it implies did not agree; the weights are those of a smooth curve through "
         "the data, and the model may be wrong for these"
     )
-    return Settled(problem, solve(problem, certify=certify), (note,))
+    return Settled(problem, final(problem, solution, certify=certify), (note,))
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:

@@ -1,61 +1,36 @@
-"""Solving the estimation problem: global search on a tabulated curve, then a polish on the exact one.
+"""Solving the estimation problem.
 
-The criterion is linear in all parameters but the correlation times. Eliminating the linear ones by non-negative
-least squares leaves one search coordinate for each Gauss-Markov process (variable projection). The search starts
-from the convex relaxation, in which any number of them may take part, and branch and bound over intervals of the
-coordinate proves that nothing better was missed.
+The criterion is linear in all parameters but those of shapes. Eliminating the linear ones by non-negative least squares
+leaves one search coordinate for each Gauss-Markov process, and the coordinates of the parameters of each process that
+has no search (variable projection). `cone` finds the former with a proof; `surface` finds both from starting values,
+where there are any of the latter or the user wants it so.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gmwm import _core
-from gmwm._arrays import Matrix, Vector
-from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
-from gmwm.estimation.newton import sharpened
+from gmwm._arrays import Vector
+from gmwm.errors import ModelError
+from gmwm.estimation.atoms import Place
+from gmwm.estimation.cone import TABLE_ERROR, Search, Term
 from gmwm.estimation.problem import Problem
+from gmwm.estimation.starts import Sampled, Start, sampled_point, scanned_points
+from gmwm.estimation.surface import NOISE, Found, Point, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
-from gmwm.processes.parameter import Branch
+from gmwm.variance.result import WaveletVariance
 
-CERTIFIED_GAP = 1e-4
-"""Branch and bound stops when the best fit is within this share of its lower bound."""
-CERTIFY_NODES = 20_000
-"""… or after this many nodes of the search tree."""
-QUICK_NODES = 24
-"""Nodes that are looked at without a certificate: enough for starting points."""
-WIDTHS = (1e-2, 1e-3)
-"""Widths of the exact curve pieces that the polish works on; the last one is exact to rounding."""
-TABLE_ERROR = 1e-5
-"""Objectives on the tabulated curve that differ by less (relative) are told apart on the exact one."""
-SETTLED = 1e-12
-"""A polish ends when it lowers the objective by less (relative)."""
-POLISHES = 8
-"""A polish follows an optimum that wants to leave its piece of curve so many times."""
-NEWTON_STEPS = 5
-FOLLOWED = 0.05
-"""Way in the search coordinate that an optimum is followed by one step of Newton's when the weights change."""
-FLAT = 1e-10
-"""Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
-ACTS_AS = 1e-6
-"""A term acts as the process at the end of its domain if that raises the objective by less than this share."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """A fitted curved process: its nonlinear parameter, scale, and what it cannot be told from."""
-
-    value: float
-    scale: float
-    acts_as: str | None = None
+RETURNS = 3
+"""How often the curved processes may turn out to be better elsewhere, the free ones held where they came to rest."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The optimum: scales of the linear processes, the curved terms and where they are, criterion and bounds."""
+    """The optimum: scales of the linear processes, the terms with a shape and where they are, criterion and bounds."""
 
     objective: float
     lower_bound: float | None
@@ -64,17 +39,26 @@ class Solution:
     terms: tuple[Term, ...]
     places: tuple[Place, ...]
     nodes: int
+    start: Start
+    point: Point | None = None
 
 
 def solve(problem: Problem, *, certify: bool) -> Solution:
-    """The global optimum of a problem; with its certificate if asked."""
+    """The optimum of a problem, from deterministic starting points.
+
+    The global one, with its certificate if asked, of processes that are linear or have a search; of others the best of
+    the local optima that a scan leads to.
+    """
+    if problem.free:
+        return _scanned(problem)
     square = problem.unit**2
     if problem.family is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
-        return Solution(value, value if certify else None, value, problem.scales(problem.shapes, weights), (), (), 0)
-    search = _Search(problem, problem.family)
+        scales = problem.scales(problem.shapes, weights)
+        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, value))
+    search = Search(problem, problem.family)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
@@ -87,19 +71,124 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
         search.terms(best),
         tuple(best.places),
         nodes,
+        Start("convex", nodes or 1, float(candidates[0][0]) * square),
     )
 
 
 def resume(problem: Problem, solution: Solution) -> Solution:
     """The local optimum next to the solution of a problem that differs by its weights; to first order if near."""
+    if solution.point is not None:
+        return _resumed(problem, solution)
     if problem.family is None:
         return solve(problem, certify=False)
-    search = _Search(problem, problem.family)
+    search = Search(problem, problem.family)
     best = search.followed(list(solution.places))
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
-    return Solution(
-        best.objective * problem.unit**2, None, 0.0, scales, search.terms(best, ends=False), tuple(best.places), 0
-    )
+    return replace(
+        solution, objective=best.objective * problem.unit**2, lower_bound=None, relaxed_bound=0.0, scales=scales,
+        terms=search.terms(best, ends=False), places=tuple(best.places), nodes=0,
+    )  # fmt: skip
+
+
+def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Solution:
+    """The local optimum next to the best of random draws."""
+    surface = Surface(problem)
+    point = sampled_point(problem, wv, sampled, spread)
+    before, found = surface.at(point), surface.downhill(point)
+    if before is None or found is None:
+        raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
+    start = Start("sampled", sampled.draws, float(before.objective) * problem.unit**2)
+    return _solution(problem, surface, surface.sharpened(found), start)
+
+
+def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
+    """The solution under the last weights: from the global search again, or followed from where draws led.
+
+    Then a certificate is that of the global optimum, which draws may have missed.
+    """
+    if solution.start.how != "sampled":
+        return solve(problem, certify=certify)
+    followed = resume(problem, solution)
+    if problem.free or not certify:
+        return followed
+    proven = solve(problem, certify=True)
+    return replace(
+        followed, lower_bound=proven.lower_bound, relaxed_bound=proven.relaxed_bound, nodes=proven.nodes,
+        start=replace(followed.start, convex=proven.objective),
+    )  # fmt: skip
+
+
+def _scanned(problem: Problem) -> Solution:
+    """The best of the local optima that lie downhill from the points of a scan."""
+    surface = Surface(problem)
+    points, tried = scanned_points(problem, surface)
+    best: Found | None = None
+    start = Start("scan", tried, np.inf)
+    for how, point in points:
+        before, found = surface.at(point), surface.downhill(point)
+        if before is None or found is None:
+            continue
+        if best is None or found.objective < (1 - NOISE) * best.objective:
+            best, start = found, Start(how, tried, float(before.objective) * problem.unit**2)
+    if best is None:
+        raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
+    return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
+
+
+def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
+    """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
+    for _ in range(RETURNS if problem.family is not None else 0):
+        _, z = surface.split(best.point)
+        search = surface.curved_alone(z)
+        candidates, _, _, _ = search.branch_and_bound(certify=False)
+        places = search.located(candidates[0][1])
+        there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
+        found = surface.downhill(there)
+        if found is None or not found.objective < (1 - NOISE) * best.objective:
+            break
+        best = found
+    return best
+
+
+def _resumed(problem: Problem, solution: Solution) -> Solution:
+    surface = Surface(problem)
+    assert solution.point is not None
+    here = surface.at(solution.point)
+    found = None if here is None else surface.sharpened(here)
+    if found is None or not _at_rest(surface, found):
+        found = surface.downhill(solution.point)
+        assert found is not None  # the point was a process under the weights before, too
+        found = surface.sharpened(found)
+    return _solution(problem, surface, found, solution.start, ends=False)
+
+
+def _at_rest(surface: Surface, found: Found) -> bool:
+    """Whether the gradient is nothing beside the objective."""
+    slopes = surface.slopes(found)
+    gradient = -slopes @ found.residual
+    able = surface.moving(found, gradient)
+    size = np.linalg.norm(slopes, axis=1) * np.linalg.norm(surface.problem.target)
+    return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
+
+
+def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *, ends: bool = True) -> Solution:
+    """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
+    linear = len(problem.linear)
+    u, z = surface.split(found.point)
+    terms: tuple[Term, ...] = ()
+    places = tuple(zip(found.point.branches, u.tolist(), strict=True))
+    if problem.family is not None:
+        search = surface.curved_alone(z)
+        # A process that leaves no trace is not among the linear ones of that search.
+        terms = search.terms(search.at(list(places)), ends=ends)
+    # `unit` over the length of the weighted shape.
+    scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
+    for free, part, scale in zip(surface.frees, z, scales[len(places) :], strict=True):
+        values = tuple(free.values(part.reshape(1, -1))[0].tolist())
+        terms = (*terms, Term(values, float(scale)))
+    linear_scales = problem.scales(problem.shapes, found.weights[:linear])
+    value = float(found.objective * problem.unit**2)
+    return Solution(value, None, 0.0, linear_scales, terms, places, 0, start, found.point)
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
@@ -110,9 +199,11 @@ def estimated(problem: Problem, solution: Solution, slope: float | None) -> Mode
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):
         processes[place] = _with_scale(processes[place], float(scale), slope)
-    for place, term in zip(problem.curved, solution.terms, strict=True):
-        name = processes[place].nonlinear_parameters()[0].name
-        processes[place] = _with_scale(processes[place].with_values(**{name: term.value}), term.scale, slope)
+    for place, term in zip(problem.shaped, solution.terms, strict=True):
+        process = processes[place]
+        names = [p.name for p in process.nonlinear_parameters()]
+        shaped = process.with_values(**dict(zip(names, term.values, strict=True)))
+        processes[place] = _with_scale(shaped, term.scale, slope)
     return Model(tuple(processes))
 
 
@@ -122,132 +213,3 @@ def _with_scale(process: Process, scale: float, slope: float | None) -> Process:
     if parameter.domain == "real" and slope is not None and slope < 0:
         value = -value
     return process.with_values(**{parameter.name: value})
-
-
-@dataclass(frozen=True)
-class _Optimum:
-    """A local optimum on the exact curve: where its points are, and the weights of all unit vectors."""
-
-    objective: float
-    places: list[Place]
-    weights: Vector
-
-
-class _Search:
-    """The search for the places of the curved processes of one problem."""
-
-    def __init__(self, problem: Problem, family: type[Process]) -> None:
-        self.problem = problem
-        self.family = family
-        self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
-        self.fixed = problem.fixed
-        self.positive = problem.positive
-
-    def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Local optima on the tabulated curve, best first; lower bound; that of the relaxation; nodes."""
-        curve = table(self.grid, self.problem.root)
-        return _core.cone_search(
-            self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
-            len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
-        )  # fmt: skip
-
-    def _starts(self) -> Vector:
-        """Positions of the starting values the user gave, if every curved process has one."""
-        name = self.family.nonlinear_parameters()[0].name
-        positions = []
-        for place in self.problem.curved:
-            value = self.problem.model.processes[place].values[name]
-            for index, branch in enumerate(self.grid.branches):
-                u = None if value is None else branch.coordinate(value)
-                if u is not None:
-                    positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
-        return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
-
-    def located(self, positions: Vector) -> list[Place]:
-        """Positions on the tabulated curve as places."""
-        found = [self.grid.place(float(position)) for position in positions]
-        return [(self.grid.branches[index], u) for index, u in found]
-
-    def polished(self, places: list[Place]) -> _Optimum:
-        """The local optimum on the exact curve next to `places`."""
-        problem = self.problem
-        for width in WIDTHS if places else ():
-            before = np.inf
-            for _ in range(POLISHES):
-                if not places:
-                    break
-                piece, ends = close_up(
-                    self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
-                )
-                share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
-                moved, objective = _core.cone_refine(
-                    problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
-                    np.clip(share, 0.0, 1.0) + 2 * np.arange(len(places)),
-                )  # fmt: skip
-                which = moved.astype(int) // 2  # the piece around place i is [2i, 2i + 1]
-                share = moved - 2 * which
-                places = [(places[i][0], float(ends[i, 0] + t * width)) for i, t in zip(which, share, strict=True)]
-                leaving = [t in (0.0, 1.0) and b.low < u < b.high for t, (b, u) in zip(share, places, strict=True)]
-                if not any(leaving) or objective >= (1 - SETTLED) * before:
-                    break
-                before = objective
-        return self._sharpened(self._at(places))
-
-    def _sharpened(self, best: _Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> _Optimum:
-        """The same optimum to all digits, where Newton's method leads to one that is as good."""
-        places = sharpened(self.problem, self.family, best.places, best.weights, steps, reach)
-        if places is None:
-            return best
-        sharp = self._at(places)
-        return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
-
-    def followed(self, places: list[Place]) -> _Optimum:
-        """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
-        start = self._at(places)
-        there = self._sharpened(start, 1, FOLLOWED)
-        return self.polished(places) if there is start and places else there
-
-    def _rows(self, places: list[Place]) -> Matrix:
-        curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
-        return np.concatenate([self.fixed, self.problem.weighted(curved)])
-
-    def _at(self, places: list[Place]) -> _Optimum:
-        """The best weights with the curved processes at exact places."""
-        weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
-        return _Optimum(objective, places, weights)
-
-    def settled(self, best: _Optimum) -> _Optimum:
-        """The same optimum with points that lie where the criterion is flat up to an end moved to that end."""
-        for index, (branch, _) in enumerate(best.places):
-            for end in (branch.high, branch.low):
-                there = self._at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if there.objective <= (1 + FLAT) * best.objective:
-                    best = there
-                    break
-        return best
-
-    def terms(self, best: _Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
-        problem, places = self.problem, best.places
-        curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
-        scales = problem.scales(curved, best.weights[len(problem.linear) :])
-        terms = [
-            Term(self._value(branch, u), float(scale), self._acts_as(best, i) if ends else None)
-            for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
-        ]
-        # Terms that the data do not show have no place; they are put where they are whitest, and have no weight there.
-        branch = self.grid.branches[0]
-        missing = Term(self._value(branch, branch.high), 0.0)
-        return (*terms, *[missing] * (len(problem.curved) - len(places)))
-
-    def _acts_as(self, best: _Optimum, index: int) -> str | None:
-        """The process at an end of the branch that serves as well as curved process `index` does."""
-        branch, u = best.places[index]
-        for end, name in ((branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)):
-            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self._at(there).objective <= (1 + ACTS_AS) * best.objective):
-                return name
-        return None
-
-    def _value(self, branch: Branch, u: float) -> float:
-        return float(branch.values(np.array([u]))[0, 0])

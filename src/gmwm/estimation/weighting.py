@@ -108,7 +108,10 @@ def precision(covariance: Matrix) -> Matrix:
     """
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
-        raise ModelError("the model as estimated has no noise at some level: its covariance cannot be inverted")
+        raise ModelError(
+            "the model as estimated has no noise at some level: its covariance cannot be inverted; give it more terms, "
+            "as WN(), or take weighting='diagonal'"
+        )
     share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
     share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
     inverse = (axes / share) @ axes.T / scale[:, None] / scale[None, :]

@@ -13,7 +13,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.errors import DataError, OptionError
-from gmwm.exporters.reduction import RULES, Rule, SensorNoise, counted_as, sensor_noise
+from gmwm.exporters.reduction import RULES, Rule, SensorNoise, counted_as, has_scale_free, sensor_noise
 from gmwm.exporters.words import commented, recording
 from gmwm.units import Quantity
 
@@ -233,6 +233,12 @@ def _models(noise: Noise) -> list[str]:
         said.append(f"Model of {one.axis}: {one.fit.model.structure} ({'; '.join(parts)}).")
     if any(counted_as(one.fit, horizon)["in neither"] for sensor in noise.sensors for one in sensor.axes):
         said.append("In neither: quantization noise averages out, and a ramp is no noise.")
+    if any(has_scale_free(one.fit) for sensor in noise.sensors for one in sensor.axes):
+        said.append(
+            f"Terms without a correlation time, as flicker noise, are counted as what has their Allan deviation at "
+            f"{horizon:g} s, a random walk (K), or white noise (N) where it still falls there. A filter with these "
+            "numbers trusts the sensor a little too much at shorter times, and too little at longer ones."
+        )
     near = [
         one.axis
         for sensor in noise.sensors

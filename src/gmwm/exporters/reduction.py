@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from gmwm.datasheets import effective_noise
+from gmwm.datasheets.effective import WHITE, counted, effective_noise, is_scale_free
 from gmwm.datasheets.entry import Entry
 from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError, FitWarning, GmwmError, OptionError
@@ -221,17 +221,20 @@ def counted_as(fit: Fit, horizon: float) -> dict[str, list[str]]:
     for label, process in zip(labels, written.model.processes, strict=True):
         if process.scale == 0:
             continue
+        power = counted(process, horizon, rate)
         time = process.correlation_time(rate)
-        single = {number.time_power for number in process.physical(rate) if number.signal_power}
-        if single and not single & {0.5, -0.5}:
-            # Quantization noise averages out, a ramp is no noise.
-            found["in neither"].append(label)
-            continue
-        finite = time is not None and 0 < time < math.inf
-        found["N" if time is not None and time < horizon else "K"].append(
-            f"{label} (T_c {time:.3g} s)" if finite else label
-        )
+        if power is not None and is_scale_free(process, rate):
+            label = f"{label} (by its Allan deviation at the horizon)"
+        elif power is not None and time is not None and 0 < time < math.inf:
+            label = f"{label} (T_c {time:.3g} s)"
+        found["in neither" if power is None else "N" if power == WHITE else "K"].append(label)
     return found
+
+
+def has_scale_free(fit: Fit) -> bool:
+    """Whether a term that is there has no correlation time, as flicker noise."""
+    rate = fit.wavelet_variance.rate
+    return any(process.scale > 0 and is_scale_free(process, rate) for process in translated(fit)[0].model.processes)
 
 
 def checked_horizon(horizon: float) -> float:

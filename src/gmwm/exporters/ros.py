@@ -6,6 +6,7 @@ import math
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from gmwm.datasheets.effective import is_scale_free
 from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
@@ -64,6 +65,9 @@ class Ros(Exporter):
             "Random walks and ramps have no variance and are left out; the message has no place for them. The "
             "covariance of the orientation is not the sensors' noise."
         )
+        if any(not p.stationary and is_scale_free(p, fit.wavelet_variance.rate) and p.scale > 0
+               for fit in calibration.values() for p in fit.model.processes):  # fmt: skip
+            head.append("Flicker and power-law noise have none either, and are left out too.")
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
 

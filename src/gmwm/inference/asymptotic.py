@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 COLLINEAR = 1e-9
 """A direction of the parameters that moves the curve by less than this share of the others is not determined."""
 
+NO_COEFFICIENT = 1e-8
+"""What stands for a coefficient φ = 0, a pure number, where errors are relative to values."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sandwich:
@@ -100,7 +103,7 @@ def sandwich_of(
     are those that they would have if it were free, which are safe.
     """
     columns, reported = columns_of(model, acts_as or {})
-    values = np.array([model.parameters[name] for name in columns], dtype=np.float64)
+    values = _sizes(model, columns)
     slopes = np.column_stack([relative_jacobian(model, setting, columns), *_unseen(model, setting)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     kept = [k for k, name in enumerate(columns) if name in reported]
@@ -138,8 +141,14 @@ def relative_jacobian(model: Model, setting: Setting, names: list[str] | tuple[s
     """θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
     jacobian = model.jacobian(setting.levels, setting.rate, setting.filter)
     place = {name: k for k, name in enumerate(model.names)}
-    values = np.array([model.parameters[name] for name in names], dtype=np.float64)
+    values = _sizes(model, names)
     return np.asarray(jacobian[:, [place[name] for name in names]] * values)
+
+
+def _sizes(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
+    """Values of parameters; a coefficient of exactly zero, which nothing is relative to, stands as a small one."""
+    values = np.array([model.parameters[name] for name in names], dtype=np.float64)
+    return np.where(values == 0, NO_COEFFICIENT, values)
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:

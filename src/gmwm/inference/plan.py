@@ -32,6 +32,8 @@ PER_DECADE = 8
 """Lengths of the curve in a factor of ten."""
 LONGEST = 2**40
 """Samples of the longest record that is thought of: 350 years at 100 Hz."""
+SUMMED = 2**20
+"""Samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
 """How many times the planned duration is searched for a wanted accuracy."""
 PER_OCTAVE = 4
@@ -89,8 +91,11 @@ class Plan:
 
     @property
     def horizon(self) -> float:
-        """The longest recording in which `needed` looks (s)."""
-        return min(BEYOND * self.duration, LONGEST / self.rate)
+        """The longest recording in which `needed` looks (s): less far where a covariance takes a sum over all lags."""
+        far = min(BEYOND * self.duration, LONGEST / self.rate)
+        if self.model.has("coefficient_covariance"):
+            return far
+        return min(far, max(self.duration, SUMMED / self.rate))
 
     def at(self, duration: float) -> dict[str, float]:
         """Relative standard error of each parameter in a recording of `duration` (s).
@@ -109,7 +114,7 @@ class Plan:
         A record of more than twice the length is always better, within a factor of two the error may rise a little
         where levels are added and a drift and a random walk part: of several crossings the last one counts, looked
         for in steps of a quarter octave. `math.inf` where none is found up to `horizon`, 10 000 times the planned
-        duration or 2⁴⁰ samples.
+        duration or 2⁴⁰ samples; 2²⁰ samples, or the planned duration, of processes whose covariance is a long sum.
 
         Raises
         ------

@@ -195,17 +195,22 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
 def head(fit: Fit, way: Way) -> list[str]:
     """Model, data, criterion with its bounds, and the test."""
     wv = fit.wavelet_variance
+    start = fit.diagnostics.start
     certificate = "not certified (certify=False)"
+    if start is not None and start.how != "convex":
+        certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
         claim = "global optimum, no better fit" if fit.gap <= 1e-3 else "best found, not proven: none better"
         certificate = f"{claim} by more than {100 * fit.gap:.2g} %"
+        if start is not None and start.how == "sampled":
+            certificate = f"none better by more than {100 * fit.gap:.2g} %; {start.in_words}"
     _, words = test_in_words(fit, way)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
         f"{wv.extent}, {len(wv)} levels, "
         f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
         f"objective {fit.objective:.6g}: {certificate}",
-        f"any number of terms: at least {fit.relaxed_bound:.6g}",
+        *([f"any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),
         f"goodness of fit: {words}",
     ]
 

@@ -12,6 +12,7 @@ from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
 from gmwm.plots.plan import plot_plan
 from gmwm.plots.ranking import plot_candidates, plot_ranking
+from gmwm.plots.series import plot_components, plot_recording, plot_signal
 from gmwm.plots.variance import plot_wavelet_variance
 
 __all__ = [
@@ -21,9 +22,12 @@ __all__ = [
     "plot_avlr",
     "plot_candidates",
     "plot_comparison",
+    "plot_components",
     "plot_fit",
     "plot_imu",
     "plot_plan",
     "plot_ranking",
+    "plot_recording",
+    "plot_signal",
     "plot_wavelet_variance",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -94,10 +95,11 @@ def _tick_texts(values: Sequence[float]) -> list[str]:
     """Plain numbers if all of them are readable so, else all as powers of ten: one style for one axis."""
     if all(0.999e-3 <= value <= 1.001e4 for value in values):
         return [f"{value:.6g}" for value in values]
-    return [_power_text(value) for value in values]
+    return [power_text(value) for value in values]
 
 
-def _power_text(value: float) -> str:
+def power_text(value: float) -> str:
+    """A number of one digit with its power of ten, as 10⁻³ or 2×10⁶."""
     mantissa, _, exponent = f"{value:.0e}".partition("e")
     power = "10" + str(int(exponent)).translate(_SUPERSCRIPT)
     return power if mantissa == "1" else f"{mantissa}×{power}"
@@ -131,6 +133,11 @@ def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> 
         if not kept or tick.value >= least * kept[-1].value:
             kept.append(tick)
     return tuple(kept)
+
+
+def quiet(axis: Axis) -> Axis:
+    """The axis without its label and without numbers: another one beside it has them."""
+    return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))
 
 
 def value_axis(limits: tuple[float, float], label: str) -> Axis:

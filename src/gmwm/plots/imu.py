@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from gmwm.errors import OptionError
-from gmwm.plots.axes import spaced, value_axis
-from gmwm.plots.figure import Axis, Figure, Panel, Tick
+from gmwm.plots.axes import quiet, spaced, value_axis
+from gmwm.plots.figure import Axis, Figure, Panel
 from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.plots.overlay import Item, checked_items, measured, overlay_panel
@@ -170,8 +170,8 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
             left = next((p for p in row[:k] if p is not None), None)
             above = next((upper[k] for upper in rows[:i] if upper[k] is not None), None)
             below = next((lower[k] for lower in rows[i + 1 :] if lower[k] is not None), None)
-            y = _quiet(panel.y) if left is not None and _same(left.y, panel.y) else panel.y
-            x = _quiet(panel.x) if below is not None and _same(below.x, panel.x) else panel.x
+            y = quiet(panel.y) if left is not None and _same(left.y, panel.y) else panel.y
+            x = quiet(panel.x) if below is not None and _same(below.x, panel.x) else panel.x
             if above is not None and _same(above.x, panel.x):
                 x = replace(x, opposite=())
             done.append(replace(panel, x=x, y=y))
@@ -186,7 +186,3 @@ def _sparse(panel: Panel) -> Panel:
 
 def _same(one: Axis, other: Axis) -> bool:
     return one.label == other.label and one.limits == other.limits
-
-
-def _quiet(axis: Axis) -> Axis:
-    return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))

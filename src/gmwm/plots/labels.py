@@ -81,17 +81,22 @@ def term_label(term: str, process: Process, view: View) -> str:
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """One estimate: the root of a variance, the inverse of a rate, anything else as it is."""
+    """One estimate: the root of what is written as a square, the inverse of a rate, anything else as it is."""
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
+        if not parameter.symbol.endswith("²"):
+            square = f" {view.square}" if view.unit else ""
+            return f"{parameter.symbol} = {number_text(view.factor**2 * value, DIGITS)}{square}"
         root = parameter.symbol.removesuffix("²")
         return f"{root} = {number_text(view.factor * value**0.5, DIGITS)}{unit}"
     if parameter.signal_power == 1 and parameter.time_power == 0:
         per = " per sample" if parameter.per_sample else ""
         return f"{parameter.symbol} = {number_text(view.factor * value, DIGITS)}{unit}{per}"
     if parameter.signal_power == 0 and parameter.time_power == -1 and value > 0:
+        if parameter.symbol.startswith("f"):
+            return f"{parameter.symbol} = {number_text(value)} Hz"
         return f"T = {duration_text(1 / value)}"
-    return f"{parameter.symbol} = {number_text(value)}"
+    return f"{parameter.symbol} = {number_text(value)}".replace("-", "−")
 
 
 def duration_text(seconds: float) -> str:

@@ -97,6 +97,7 @@ def _new_picture(figure: Figure) -> MatplotlibFigure:
             if panel is not None:
                 for label, handle in draw_panel(panel, part.add_subplot(at)).items():
                     handles.setdefault(label, handle)
+    picture.align_ylabels()
     if figure.title:
         picture.suptitle(figure.title, fontsize=TEXT_SIZE + 1)
     if handles:
@@ -134,7 +135,8 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
     if len(figure.panels) != 1:
         raise OptionError(f"ax holds one panel, this plot has {len(figure.panels)}; leave ax out")
     handles = draw_panel(figure.panels[0], ax)
-    ax.legend([*handles.values()], [*handles], fontsize=LEGEND_SIZE, frameon=False, handlelength=3.0)
+    if handles:
+        ax.legend([*handles.values()], [*handles], fontsize=LEGEND_SIZE, frameon=False, handlelength=3.0)
     owner: Any = ax.figure
     while not isinstance(owner, MatplotlibFigure):
         owner = owner.figure

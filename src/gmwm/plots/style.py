@@ -5,8 +5,10 @@ No two curves of one panel differ by colour alone; dash or symbol differ as well
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 from gmwm.plots.figure import Stroke, Symbol
 from gmwm.processes import registry
@@ -21,6 +23,9 @@ GREEN = "#009E73"
 BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 PURPLE = "#CC79A7"
+WINE = "#882255"
+INDIGO = "#332288"
+OLIVE = "#999933"
 GREY = "#6E6E6E"
 GRID = "#DADADA"
 
@@ -42,7 +47,18 @@ IMPLIED = Stroke(ORANGE, 2.6, SOLID)
 
 # Six colours and nine dashes: a pair first repeats after 54 terms, a dash alone (as in grey) after nine.
 _TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY)
+_MORE_COLOURS = (WINE, INDIGO, OLIVE)
 _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, SPARSE, LONG_SHORT)
+
+_ALONE = 4
+"""How many processes of inertial sensors cannot be repeated."""
+# Every other process: in colours of its own (P. Tol's muted scheme), first with the three dashes that the terms of few
+# models have; neighbours in the list differ in colour and dash.
+_FURTHER = tuple(
+    Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
+    for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
+    for k in range(3 * len(dashes))
+)
 
 # x, y, z are red, green, blue by the field's habit; here vermillion, bluish green and blue, with their own
 # symbols and dashes, so that the habit survives colour blindness and a photocopier.
@@ -73,27 +89,51 @@ def term_stroke(index: int) -> Stroke:
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
     """The stroke of each term of a model, which it has in every model and in every picture.
 
-    It goes by the place of the process in the registry; of a process that can be repeated, by the number of the
-    term as well. Two parametrisations of one process look alike.
+    The processes of inertial sensors, first in the registry, have strokes that go by their place there, and by the
+    number of the term where one can be repeated. Any other process has one of further strokes, by its name: what else
+    is in the registry does not change it. Only where another term of the model has its stroke or its dash, it takes
+    the next that is free. Two parametrisations of one process look alike.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
     >>> one["RW"] == other["RW"], one["GM"] == other["GM[1]"], other["GM[1]"] == other["GM[2]"]
     (True, True, False)
     """
-    single = [name for name, process in registry.items() if not process.repeatable]
-    families = list(dict.fromkeys(p.family or name for name, p in registry.items() if p.repeatable))
-    seen: dict[str, int] = {}
-    strokes = {}
-    for term, process in zip(terms, processes, strict=True):
-        kind = process.family or process.name
-        if kind in families:
-            place = len(single) + families.index(kind) + len(families) * seen.get(kind, 0)
-        else:
-            place = single.index(kind) if kind in single else -1 - seen.get("", 0)
-        seen[kind if place >= 0 else ""] = seen.get(kind if place >= 0 else "", 0) + 1
-        strokes[term] = term_stroke(place)
-    return strokes
+    kinds = {term: _kind(process) for term, process in zip(terms, processes, strict=True)}
+    settled = _settled()
+    strokes, seen = {}, Counter[str]()
+    for term, kind in kinds.items():
+        if kind in settled:
+            strokes[term] = term_stroke(settled[kind] + seen[kind])
+            seen[kind] += 1
+    # In an order that does not hang on that of the terms.
+    for term in sorted(kinds.keys() - strokes.keys()):
+        strokes[term] = _free(crc32(kinds[term].encode()), list(strokes.values()))
+    return {term: strokes[term] for term in terms}
+
+
+def _kind(process: type[Process] | Process) -> str:
+    """What two parametrisations of one process have in common, and two orders of one family."""
+    return process.family or process.name.partition("(")[0]
+
+
+def _settled() -> dict[str, int]:
+    """Places of the first strokes: of the four processes that stand alone, then of the first that is repeated."""
+    alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
+    repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
+    first = list(alone)[:_ALONE]
+    return {kind: place for place, kind in enumerate([*first, *list(repeated)[:1]])}
+
+
+def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
+    """The first of the further strokes, from `start` on, whose dash, and then whose colour, none of those taken has."""
+    preferred = 3 * len(_TERM_DASHES[6:])
+    turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
+    dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}
+    return min(
+        [*turned, *_FURTHER[preferred:]],
+        key=lambda stroke: (stroke in taken, stroke.dash in dashes, stroke.colour in colours),
+    )
 
 
 def letter_stroke(letter: str) -> Stroke | None:

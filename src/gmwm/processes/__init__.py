@@ -7,11 +7,18 @@ from gmwm.processes.noise import WN as WN, QN as QN  # isort: skip
 from gmwm.processes.walk import RW as RW  # isort: skip
 from gmwm.processes.drift import DR as DR  # isort: skip
 from gmwm.processes.markov import AR1 as AR1, GM as GM  # isort: skip
+from gmwm.processes.power import FN as FN, PL as PL, FGN as FGN  # isort: skip
+from gmwm.processes.matern import MAT as MAT  # isort: skip
+from gmwm.processes.sinusoid import SIN as SIN  # isort: skip
+from gmwm.processes.arma import AR as AR, MA as MA, ARMA as ARMA, SARMA as SARMA  # isort: skip
 from gmwm.processes.base import Process as Process
 from gmwm.processes.base import registry as registry
 from gmwm.processes.model import Model as Model
 from gmwm.processes.model import ModelLike as ModelLike
 from gmwm.processes.model import as_model as as_model
+from gmwm.processes.ordered import Ordered as Ordered
+from gmwm.processes.ordered import every_class as every_class
+from gmwm.processes.ordered import families as families
 from gmwm.processes.parameter import Branch as Branch
 from gmwm.processes.parameter import Fixed as Fixed
 from gmwm.processes.parameter import Parameter as Parameter

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
-from gmwm.processes import filtered
+from gmwm.processes import embedding, filtered
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.processes.physical import Physical
-from gmwm.statespace import StateSpace
+from gmwm.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
     from gmwm.processes.model import Model
@@ -51,7 +51,7 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "running_sum_covariance": ("state_space", "autocovariance"),
     "autocovariance": ("state_space",),
     "psd": ("state_space",),
-    "simulate": ("state_space",),
+    "simulate": ("state_space", "autocovariance"),
     "state_space": (),
     "coefficient_covariance": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
@@ -172,6 +172,23 @@ class Process(ABC):
         given = dict(zip(names, map(float, nonlinear), strict=True))
         return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
+    @classmethod
+    def repeats(cls, count: int) -> str:
+        """Why a sum cannot hold `count` of a process that is not `repeatable`, and the way out."""
+        return f"they all have one shape, so that no data can tell them from a single one; write {cls.name}() once"
+
+    # --- which processes are cases of which, for the choice among models ----------------------------------
+
+    @classmethod
+    def smaller(cls) -> tuple[type[Process], ...]:
+        """Classes of the processes that this one is for some of its values: those of lower orders. By default none."""
+        return ()
+
+    @classmethod
+    def joined(cls, other: type[Process]) -> type[Process] | None:
+        """The smallest class that both are cases of; None where there is none but their sum."""
+        return cls if cls is other else None
+
     # --- the shape, on which estimation stands --------------------------------------------------------
 
     @classmethod
@@ -193,8 +210,10 @@ class Process(ABC):
         -------
         (n, J) array
         """
-        wanted = as_levels(levels)
-        rows = [cls.standard(row)._variance_under(filter, wanted, rate) for row in np.asarray(nonlinear)]
+        wanted, made = as_levels(levels), [cls.standard(row) for row in np.asarray(nonlinear)]
+        if filter is HAAR and made and cls._gives("state_space"):
+            return haar_variances([process.state_space(rate) for process in made], wanted)
+        rows = [process._variance_under(filter, wanted, rate) for process in made]
         return np.array(rows, dtype=np.float64).reshape(len(rows), wanted.size)
 
     @classmethod
@@ -249,7 +268,7 @@ class Process(ABC):
         return np.array([_scanned(p, samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
 
     @classmethod
-    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: Matrix | None) -> Matrix:
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """Starting values as the paper draws them (its Algorithm 3): (draws, 1 + q), the scale coefficient first.
 
         Where the paper has no rule, the coordinates are uniform over `scan`, and the scale is such that the process
@@ -257,8 +276,8 @@ class Process(ABC):
 
         Parameters
         ----------
-        before : (draws, q) array or None
-            The nonlinear parameters drawn for the last term of the same class, if this is not the first.
+        before : tuple of (draws, q) array
+            The nonlinear parameters drawn for earlier terms of the same class.
         """
         ends = cls.scan(occasion.samples, occasion.rate)
         nonlinear = cls.at_coordinates(ends[:, 0] + rng.random((draws, len(ends))) * (ends[:, 1] - ends[:, 0]))
@@ -345,6 +364,13 @@ class Process(ABC):
         """
         return 0.0
 
+    def line(self, rate: float) -> tuple[float, float] | None:
+        """Power P (u²) and cycles per sample of a sinusoid of fixed amplitude and random phase; None of noise.
+
+        The wavelet coefficients of a line are not Gaussian, and their squares scatter in a way of their own.
+        """
+        return None
+
     def decays(self, rate: float) -> tuple[float, ...]:
         """Rates λ per sample of the exponentials in `coefficient_covariance`; negative where they alternate in sign."""
         return ()
@@ -356,10 +382,17 @@ class Process(ABC):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Sample paths: (n,), or (paths, n). `rng` is a NumPy Generator or a seed."""
+        """Gaussian sample paths: (n,), or (paths, n). `rng` is a NumPy Generator or a seed.
+
+        From the state space, or of a stationary autocovariance by embedding it in that of a circle.
+        """
         self._require("simulate")
-        n, count = as_paths(n, paths)
-        out = self.state_space(as_rate(rate)).simulate(n, as_rng(rng), count)
+        (n, count), rate, generator = as_paths(n, paths), as_rate(rate), as_rng(rng)
+        if self.has("state_space"):
+            out = self.state_space(rate).simulate(n, generator, count)
+        else:
+            roots = embedding.safe_amplitudes(lambda lags: self.autocovariance(lags.astype(np.int64), rate), n)
+            out = embedding.paths(roots, n, generator, count)
         return out.reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
+from gmwm.processes import homogeneous
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,14 @@ def walk(at: LagGrid) -> Vector:
 def quantization(at: LagGrid) -> Vector:
     """Q² = 1, K(m) = 1 at m = 0 and 0 elsewhere: spikes at the kinks."""
     return _core.spike_differences(at.fine, at.coarse, at.lag)
+
+
+def power(at: LagGrid, exponent: float) -> Vector:
+    """ν_1² = 1, K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; m² ln|m|/(2 ln 2) where that is 0."""
+    fine = np.asarray(at.fine, dtype=np.float64)
+    size = 0.5 * float(homogeneous.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
+    middle = (at.lag + at.fine - at.coarse) / fine
+    return np.asarray(size * homogeneous.second_bend(at.coarse / fine, middle, exponent))
 
 
 def exponential(at: LagGrid, decay: float) -> Vector:

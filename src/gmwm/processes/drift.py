@@ -14,6 +14,7 @@ from gmwm.processes import filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
@@ -49,6 +50,11 @@ class DR(Process):
         if filter is not HAAR:
             return np.tile(filtered.drift_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, 2 * as_levels(levels) - 4), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """ω² of ω ~ U(R/100, R/2), R = (max x − min x)/N."""
+        return np.square(rng.uniform(0.01 * occasion.spread, 0.5 * occasion.spread, (draws, 1)))
 
     def mean(self, t: ArrayLike) -> Vector:
         """ωt at sample numbers t."""

@@ -36,7 +36,7 @@ def white_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """ν_j² = 2[r(0) − r(1)] of e_t − e_{t−1}, Var e = 1 (J,)."""
-    step = _transition(_autocorrelation(_without_zero(filter)), filter.length)
+    step = _transition(_autocorrelation(without_zero(filter)), filter.length)
     base = _folded(_autocorrelation(np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])), filter.length)
     u = np.zeros(base.size)
     u[0] = 1.0
@@ -53,7 +53,7 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
     Of levels 1 … `level`, as long as there are no more than `most` taps; Haar's has three at every level.
     """
     taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
-    places, factor = np.flatnonzero(taps), _without_zero(filter)
+    places, factor = np.flatnonzero(taps), without_zero(filter)
     taps = np.asarray(taps[places], dtype=np.float64)
     filters: list[tuple[Levels, Vector]] = []
     while len(filters) < level and taps.size <= most:
@@ -72,7 +72,7 @@ def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     return np.asarray(np.ldexp(moment * moment, 2 * (levels - 1)))
 
 
-def _without_zero(filter: WaveletFilter) -> Vector:
+def without_zero(filter: WaveletFilter) -> Vector:
     """g(z)/(1 + z) of the smoothing filter; there is no remainder, g has a zero at z = −1."""
     sign = (-1.0) ** np.arange(filter.length)
     return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
@@ -204,7 +204,7 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
         return np.asarray((-1.0) ** (lag - 1) * np.exp(-np.outer(lam, lag - 1)) * (below / above)[:, None])
 
     # c(k) = Σ_n r(n) s(2k − n), against the form that it has beyond the reach of r, continued to k = 0.
-    r = _autocorrelation(_without_zero(filter))
+    r = _autocorrelation(without_zero(filter))
     n = np.arange(2 - size, size - 1)
     near = np.zeros((size + 1, lam.size))
     for place in range(size // 2):

@@ -17,6 +17,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.noise import WN
+from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Branch, Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.processes.walk import RW
@@ -153,6 +154,28 @@ class _Markov(Process, abstract=True):
         return draws
 
 
+FASTEST_DRAWN = 0.999995
+"""Largest φ that the paper draws."""
+
+
+def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
+    """Marginal variance s² and φ (draws, 2) as the paper draws them, after `before` (draws,), the φ of the last term.
+
+    On condition 1, φ = (1 − √(1 − 3U))/5; on 2, φ ~ U(max(0.9, φ₋), φ_max) and σ² ~ U(0, σ̂_T²(1 − φ²)/100); else
+    φ = (φ_max − φ₋)√(1 − 3U) + φ₋; U ~ U(0, 1/3), and where not said else σ² ~ U(½, 1) σ̂_T²(1 − φ)².
+    """
+    condition = occasion.first + number
+    last = np.zeros(draws) if before is None else np.maximum(before, 0.0)
+    u, v = rng.random((2, draws))
+    root = np.sqrt(1.0 - u)
+    low = np.maximum(0.9, last)
+    later = np.where(condition == 2, low + u * (FASTEST_DRAWN - low), (FASTEST_DRAWN - last) * root + last)
+    phi = np.where(condition == 1, (1.0 - root) / 5.0, later)
+    half = occasion.total * (1.0 - phi) ** 2 / 2.0
+    innovation = np.where(condition == 2, v * occasion.total * (1.0 - phi**2) / 100.0, half * (1.0 + v))
+    return np.column_stack([innovation / (1.0 - phi**2), phi])
+
+
 @dataclass(frozen=True, repr=False)
 class AR1(_Markov):
     """First-order autoregression X_t = φX_{t−1} + ε_t, Var ε = σ².
@@ -203,6 +226,12 @@ class AR1(_Markov):
         """Two branches, φ = e^(−λ) and φ = −e^(−λ), along u = ln λ."""
         # At φ → −1 the sign alternates while the size wanders, which is no other process here.
         return _ar1_branch(samples, 1.0, RW.name), _ar1_branch(samples, -1.0, None)
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """σ² and φ, see `_drawn`."""
+        drawn = _drawn(occasion, rng, draws, before[-1][:, 0] if before else None, len(before))
+        return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
         phi = self.value("phi")
@@ -288,6 +317,15 @@ class GM(_Markov):
                 high_acts_as=WN.name,
             ),
         )
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """σ² and β of the φ = e^(−βΔt) that is drawn, see `_drawn`."""
+        phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
+        drawn = _drawn(occasion, rng, draws, phi, len(before))
+        # A φ of zero is white noise, for which β is infinite.
+        decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
+        return np.column_stack([drawn[:, 0], occasion.rate * decay])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
         return self.scale, 1.0, self.value("beta") / rate

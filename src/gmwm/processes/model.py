@@ -228,7 +228,7 @@ class Model:
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
         total = np.zeros(shape_of_paths(n, paths))
         # Added in the order of drawing, so that the order of the terms changes no bit.
-        for label in self._drawing_order():
+        for label in self.drawing_order():
             total += by_label[label].simulate(n, rate, generator, paths)
         return total
 
@@ -245,10 +245,11 @@ class Model:
         self._require("simulate")
         as_paths(n, paths)
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
-        drawn = {label: by_label[label].simulate(n, rate, generator, paths) for label in self._drawing_order()}
+        drawn = {label: by_label[label].simulate(n, rate, generator, paths) for label in self.drawing_order()}
         return {label: drawn[label] for label in self.terms}
 
-    def _drawing_order(self) -> list[str]:
+    def drawing_order(self) -> list[str]:
+        """Labels in the order in which `simulate` draws and adds the terms: that of their texts."""
         return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
 
     # --- algebra and text -----------------------------------------------------------------------------
@@ -325,10 +326,7 @@ def _check_repeats(processes: tuple[Process, ...]) -> None:
     for name, count in Counter(p.name for p in processes).items():
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
-            raise ModelError(
-                f"{name} cannot be repeated, got {count}: they all have one shape, so that no data can tell them "
-                f"from a single one; write {name}() once"
-            )
+            raise ModelError(f"{name} cannot be repeated, got {count}: {process.repeats(count)}")
     for a, b in combinations(processes, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):
             held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
@@ -361,6 +359,8 @@ def _text(terms: Iterable[str]) -> str:
     return " + ".join(f"{count}*{term}" if count > 1 else term for term, count in runs)
 
 
-def _order(process: Process, rate: float) -> float:
-    time = process.correlation_time(rate)
-    return math.inf if time is None else time
+def _order(process: Process, rate: float) -> tuple[float, ...]:
+    """By correlation time, and by the nonlinear parameters where that is not known."""
+    time, values = process.correlation_time(rate), process.values
+    shape = [values[p.name] for p in process.nonlinear_parameters()]
+    return (math.inf if time is None else time, *(math.inf if value is None else value for value in shape))

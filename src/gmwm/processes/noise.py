@@ -1,15 +1,18 @@
 """White noise and quantization noise.
 
 To add a process of your own, write a class like the ones below, in this file or in a new one that
-`processes/__init__.py` imports. It needs
+`processes/__init__.py` imports; the order there is the order in which processes are shown. It needs
 
-- `name`, `title` and `parameters`, with a field for each parameter; exactly one has a `scale_power`;
-- one piece of theory: `state_space`, `running_sum_covariance`, `autocovariance` or `shape`;
-- `physical`, if its parameters mean something in continuous time that a datasheet could tell.
+- `name`, `title` and `parameters`, with a field for each; exactly one has a `scale_power`. `parameter.py` says what a
+  parameter can be, and `markov.py` shows one that changes the shape. `self.value("beta")` is its value, held or not;
+- one piece of theory. `state_space` gives all the rest, and at every level; `autocovariance` all but a state space;
+  `running_sum_covariance` the wavelet variance and its covariance; `shape` the wavelet variance alone;
+- `correlation_time` and `physical`, if its parameters mean something in continuous time that a datasheet could tell.
 
-Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find
-the class by themselves. Define a further method only where it is more exact or faster than the default; the
-law tests then hold the two against each other.
+Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find the class by
+themselves. Define a further method only where it is more exact or faster than the default; the law tests then hold the
+two against each other. A difference such as 1 − e^(−x) cancels where x is small: write −expm1(−x). `search` says where
+to look for the one parameter of a shape; with it fits are proven to be the best there are.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from gmwm.processes import differences, filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
@@ -60,6 +64,12 @@ class WN(Process):
         if filter is not HAAR:
             return np.tile(filtered.white_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """σ² ~ U(σ̂_T²/2, σ̂_T²) where white noise dominates, else U(σ̂_T²/10⁵, σ̂_T²/10)."""
+        low, high = (0.5, 1.0) if occasion.dominant == "white" else (1e-5, 0.1)
+        return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = −σ²|m|/2."""
@@ -125,6 +135,12 @@ class QN(Process):
         if filter is not HAAR:
             return np.tile(filtered.quantization_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """Q² ~ U(σ̂_T²/8, σ̂_T²/3) where quantization noise dominates, else U(σ̂_T²/(2·10⁵), σ̂_T²/100)."""
+        low, high = (1 / 8, 1 / 3) if occasion.dominant == "quantization" else (5e-6, 0.01)
+        return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = Q² at m = 0, else 0: the running sum is e_t itself."""

@@ -26,6 +26,8 @@ class Occasion:
         (max x − min x)/N.
     dominant : "quantization", "white" or "markov"
         What dominates the first levels.
+    first : (draws,) int array
+        1 or 2: the condition of Algorithm 3 with which the first autoregression of each draw begins.
     levels : (J,) int array
     samples : int
         Length N of the record.
@@ -37,6 +39,7 @@ class Occasion:
     total: float
     spread: float
     dominant: Dominant
+    first: NDArray[np.int64]
     levels: NDArray[np.int64]
     samples: int
     rate: float

@@ -2,10 +2,12 @@
 
     model   = term { "+" term }
     term    = [ count "*" ] process | process "*" count
-    process = name [ "(" [ parameter "=" value { "," parameter "=" value } ] ")" ]
+    process = name [ "(" [ entry { "," entry } ] ")" ]
+    entry   = order | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
-Names of processes may be written in lower case. The way back is `str(model)`.
+Orders, whole numbers, come first, and only where the process has them: ARMA(2, 1, phi1=0.5). A period may be written by
+name. Names of processes may be written in lower case. The way back is `str(model)`.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from typing import NoReturn
 from gmwm.errors import ModelError
 from gmwm.processes.base import Process, registry
 from gmwm.processes.model import MOST_TERMS, Model
+from gmwm.processes.ordered import Ordered, families
 from gmwm.processes.parameter import Fixed, Value
 
 _TOKEN = re.compile(
@@ -103,22 +106,47 @@ class _Reader:
     def _process(self) -> Process:
         token = self._advance()
         if token.kind != "name":
-            self._fail(token, f"expected a process, one of {', '.join(registry)}")
-        by_key = {name.casefold(): process for name, process in registry.items()}
+            self._fail(token, f"expected a process, one of {_known()}")
+        by_key = {name.casefold(): process for name, process in {**registry, **families}.items()}
         process = by_key.get(token.text.casefold())
         if process is None:
-            self._fail(token, f"no process of this name; there are {', '.join(registry)}")
-        return process(**self._arguments(process)) if self._take("(") else process()
+            self._fail(token, f"no process of this name; there are {_known()}")
+        opened = self._take("(")
+        if issubclass(process, Ordered):
+            orders = self._orders(process) if opened else []
+            try:
+                process = process.of(*orders)
+            except ModelError as error:
+                self._fail(token, str(error))
+        given = self._arguments(process) if opened else {}
+        try:
+            return process(**given)
+        except ModelError as error:
+            self._fail(token, str(error))
+
+    def _orders(self, family: type[Ordered]) -> list[int]:
+        orders: list[int] = []
+        while self._next.kind == "number" or (self._next.text == family.period_name and orders):
+            if self._take_name(family.period_name):
+                self._expect("=", f"after {family.period_name}")
+            token = self._advance()
+            if not token.text.isdigit():
+                self._fail(token, f"expected an order, a whole number, as in {family.written()}")
+            orders.append(int(token.text[:9]))
+            if self._next.text != ")":
+                self._expect(",", "between orders and parameters")
+        return orders
 
     def _arguments(self, process: type[Process]) -> dict[str, Value]:
         known = [p.name for p in process.parameters]
+        example = f"{known[0]}=…" if issubclass(process, Ordered) else f"{process.name}({known[0]}=…)"
         given: dict[str, Value] = {}
         while not self._take(")"):
             if given:
                 self._expect(",", "between parameters")
             token = self._advance()
             if token.kind != "name":
-                self._fail(token, f'expected a parameter by name, as {process.name}({known[0]}=…), or ")"')
+                self._fail(token, f'expected a parameter by name, as {example}, or ")"')
             if token.text not in known:
                 self._fail(token, f"{process.name} has no such parameter; it has {', '.join(known)}")
             if token.text in given:
@@ -165,6 +193,12 @@ class _Reader:
         self._advance()
         return True
 
+    def _take_name(self, name: str | None) -> bool:
+        if self._next.kind != "name" or self._next.text != name:
+            return False
+        self._advance()
+        return True
+
     def _expect(self, mark: str, where: str) -> None:
         if not self._take(mark):
             self._fail(self._next, f'expected "{mark}" {where}')
@@ -173,3 +207,7 @@ class _Reader:
         piece = f'"{token.text}" (character {token.at + 1})' if token.kind != "end" else "the end"
         shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
         raise ModelError(f'cannot read the model "{shown}" at {piece}: {why}')
+
+
+def _known() -> str:
+    return ", ".join([*registry, *(family.written() for family in families.values())])

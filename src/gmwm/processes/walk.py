@@ -15,6 +15,7 @@ from gmwm.processes import differences, filtered
 from gmwm.processes.base import Process
 from gmwm.processes.differences import LagGrid
 from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.statespace import StateSpace
@@ -53,6 +54,12 @@ class RW(Process):
             return np.tile(filtered.walk_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         tau = np.ldexp(1.0, as_levels(levels))
         return np.tile(tau / 12.0 + 1.0 / (6.0 * tau), (len(nonlinear), 1))
+
+    @classmethod
+    def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
+        """γ² ~ U(σ̂_T²/(10⁵ N), σ̂_T²/N)."""
+        largest = occasion.total / occasion.samples
+        return rng.uniform(1e-5 * largest, largest, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = γ²(|m|³ − |m|)/12."""

@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._arrays import Matrix, freeze
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solve import Solution, solve
+from gmwm.estimation.starts import scanned_shapes
 from gmwm.processes.model import Model
-from gmwm.selection.structure import largest_within, nested, structure_of, without_values
+from gmwm.selection.structure import largest_within, nested, of_lower_order, structure_of, without_values
 from gmwm.variance.result import WaveletVariance
 
 NOT_LOWER = 1e-9
@@ -24,6 +25,9 @@ NOT_LOWER = 1e-9
 
 EVERY = 8
 """Every so manieth place of the grid: 20 % in the correlation time."""
+
+SCANNED = 256
+"""Places of a process without a grid."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of candidates done, and of all."""
@@ -123,7 +127,9 @@ class _Exploration:
         """See to it that no sum has a larger objective than one of its parts."""
         for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
             parts = [
-                p for p in self.solved.values() if p.structure != found.structure and p.structure <= found.structure
+                p
+                for p in self.solved.values()
+                if p.structure != found.structure and of_lower_order(p.structure, found.structure)
             ]
             best = min(parts, key=lambda p: p.solution.objective, default=found)
             if best.solution.objective < found.solution.objective * (1 - NOT_LOWER):
@@ -140,8 +146,8 @@ class _Exploration:
         """The solution without the terms that are zero."""
         old = found.problem
         kept = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
-        moving = [k for k, term in zip(old.curved, found.solution.terms, strict=True) if term.scale > 0]
-        free = {*old.linear, *old.curved}
+        moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
+        free = {*old.linear, *old.shaped}
         places = sorted([*kept, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
         model = Model(tuple(old.model.processes[k] for k in places))
         problem = pose(without_values(model), self.wv, self.matrix)
@@ -155,7 +161,7 @@ def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
     """The structure without the terms that are zero."""
     structure = structure_of(model)
     zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
-    zero += [k for k, term in zip(problem.curved, solution.terms, strict=True) if term.scale == 0]
+    zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
     bare = without_values(problem.model).processes
     return structure - Counter(str(bare[k]) for k in zero)
 
@@ -165,13 +171,13 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Wavelet variances (n, J) of the general model's processes, and how many come first that have no search.
+    """Wavelet variances (n, J) of the general model's processes, and how many come first that have no shape to find.
 
-    Those with a search are taken at places all over their domain.
+    Those with one are taken at places all over their domain.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
-    rows: list[Vector] = list(problem.shapes)
+    rows = [problem.shapes, scanned_shapes(problem, SCANNED)]
     if problem.family is not None:
-        rows += list(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
-    return np.array(rows), len(problem.shapes)
+        rows.append(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
+    return np.concatenate(rows), len(problem.shapes)

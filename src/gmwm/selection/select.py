@@ -174,12 +174,24 @@ def _union(models: Sequence[Model]) -> Model:
     single: dict[str, int] = {}
     for process, count in most.items():
         place = single.get(process.name)
-        if process.repeatable or place is None:
+        larger = next(((k, kind) for k, p in enumerate(terms) if (kind := _join(p, process)) is not None), None)
+        if larger is not None:
+            terms[larger[0]] = larger[1]()
+        elif process.repeatable or place is None:
             single[process.name] = len(terms)
             terms += [process] * count
         elif terms[place].is_complete:
             terms[place] = process
     return Model(tuple(terms))
+
+
+def _join(one: Process, other: Process) -> type[Process] | None:
+    """The class of a process with an order that has two of lower orders in it; none where values are held."""
+    if type(one) is type(other) or any(
+        process.is_fixed(p.name) for process in (one, other) for p in process.parameters
+    ):
+        return None
+    return type(one).joined(type(other))
 
 
 def _recordings(data: object, rate: float | None, robust: bool, efficiency: float) -> list[WaveletVariance]:

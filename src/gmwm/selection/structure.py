@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -9,8 +10,9 @@ from itertools import product
 
 from gmwm.errors import ModelError
 from gmwm.estimation.result import Fit
-from gmwm.processes.base import Process, registry
+from gmwm.processes.base import Process
 from gmwm.processes.model import Model
+from gmwm.processes.ordered import find_class
 
 MOST_CANDIDATES = 5000
 
@@ -25,9 +27,13 @@ def without_values(model: Model) -> Model:
 def nested(general: Model) -> list[Model]:
     """Every sum of some of the terms of a general model, the largest first; held processes are in all of them.
 
+    A process with an order is taken at every lower order too.
+
     >>> from gmwm import parse_model
     >>> [model.structure for model in nested(parse_model("2*GM + WN"))]
     ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
+    >>> [model.structure for model in nested(parse_model("AR(2) + RW"))]
+    ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
 
     Raises
     ------
@@ -39,20 +45,24 @@ def nested(general: Model) -> list[Model]:
     free = Counter(p for p in bare.processes if not p.is_complete)
     if not free:
         raise ModelError(f"nothing to choose: every parameter of {general} is held; free one by leaving out fixed(…)")
-    size = 1
-    for count in free.values():
-        size *= count + 1
+    choices = [_choices(process, count) for process, count in free.items()]
+    size = math.prod(map(len, choices))
     if size > MOST_CANDIDATES:
         raise ModelError(
             f"{general.structure} has {size - 1} models in it, more than the {MOST_CANDIDATES} that are compared; "
             "take a smaller one, or name the candidates: rank([…], data)"
         )
-    sums = []
-    for counts in product(*(range(count, -1, -1) for count in free.values())):
-        terms = [p for p, count in zip(free, counts, strict=True) for _ in range(count)]
-        if terms:
-            sums.append(Model((*terms, *held)))
+    chosen = ([process for part in parts for process in part] for parts in product(*choices))
+    sums = [Model((*terms, *held)) for terms in chosen if terms]
     return sorted(sums, key=lambda model: -freedom(model))
+
+
+def _choices(process: Process, count: int) -> list[list[Process]]:
+    """What a sum may have of a term that is there so many times, most first."""
+    every = [[process] * k for k in range(count, -1, -1)]
+    if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
+        return every
+    return [[process], *([kind()] for kind in type(process).smaller()), []]
 
 
 def freedom(model: Model) -> int:
@@ -89,21 +99,35 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
     """
-    missing = part - whole
+    missing = list((part - whole).elements())
+    return _matched(missing, list((whole - part).elements()))
+
+
+def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
+    """Whether one structure has terms of the other alone, each of its own order or a lower one."""
+    return _matched(list((part - whole).elements()), list((whole - part).elements()), limits=False)
+
+
+def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
+    """Whether for each missing term there is a spare one of its own that is it for some values."""
     if not missing:
         return True
-    spare = [name for name, count in (whole - part).items() for _ in range(count)]
-    becoming = Counter(name for name in spare if all(limit in _limits(name) for limit in missing))
-    return becoming.total() >= missing.total()
+    first, *rest = missing
+    return any(
+        first in _cases(name, limits) and _matched(rest, [*spare[:k], *spare[k + 1 :]], limits=limits)
+        for k, name in enumerate(spare)
+    )
 
 
 @lru_cache
-def _limits(name: str) -> frozenset[str]:
-    """Names of the processes that a process becomes at the ends of its domain."""
-    if name not in registry:
+def _cases(name: str, limits: bool) -> frozenset[str]:
+    """Names of the processes that a process is for some values, and those it becomes at the ends of its domain."""
+    kind = find_class(name)
+    if kind is None:
         return frozenset()
-    ends = (end for branch in registry[name].search(1024, 1.0) for end in (branch.low_acts_as, branch.high_acts_as))
-    return frozenset(end for end in ends if end is not None)
+    ends = (end for branch in kind.search(1024, 1.0) for end in (branch.low_acts_as, branch.high_acts_as))
+    names = frozenset(smaller.name for smaller in kind.smaller())
+    return names | frozenset(end for end in ends if end is not None) if limits else names
 
 
 def largest_within(models: Sequence[Model], levels: int) -> Model:

@@ -1,22 +1,21 @@
-"""Static recordings with known truth: each axis of an IMU is a path of its own model."""
+"""Paths of models: each axis of a static recording from its own one, or a single signal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import TypeVar
+from typing import Literal, TypeVar, overload
 
 import numpy as np
 
 from gmwm._arrays import Vector, as_rate
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.processes.base import Process
-from gmwm.processes.markov import GM
 from gmwm.processes.model import Model, ModelLike, as_model
-from gmwm.processes.noise import QN, WN
-from gmwm.processes.walk import RW
-from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, axis_quantity
+from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
+from gmwm.simulation.components import SimulatedImu, SimulatedSignal
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY
 
 T = TypeVar("T")
@@ -25,6 +24,7 @@ _PLACES = (*SI_UNIT, *AXES)
 _ACCELEROMETERS = tuple(axis for axis in AXES if axis_quantity(axis) == "accel")
 
 
+@overload
 def simulate(
     models: Mapping[str, ModelLike] | ModelLike,
     *,
@@ -34,7 +34,31 @@ def simulate(
     samples: int | None = None,
     resolution: Mapping[str, float] | None = None,
     gravity: str | None = "accel_z",
-) -> Imu:
+    components: Literal[False] = False,
+) -> Imu: ...
+@overload
+def simulate(
+    models: Mapping[str, ModelLike] | ModelLike,
+    *,
+    rate: float,
+    seed: int,
+    duration: float | None = None,
+    samples: int | None = None,
+    resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z",
+    components: Literal[True],
+) -> SimulatedImu: ...
+def simulate(
+    models: Mapping[str, ModelLike] | ModelLike,
+    *,
+    rate: float,
+    seed: int,
+    duration: float | None = None,
+    samples: int | None = None,
+    resolution: Mapping[str, float] | None = None,
+    gravity: str | None = "accel_z",
+    components: bool = False,
+) -> Imu | SimulatedImu:
     """A static recording whose noise is known: X_t = Σ_k X_t^(k) on each axis, from that axis' model.
 
     Every axis draws from its own stream of `seed`, so that gyro_y is the same path whichever other axes are
@@ -59,11 +83,14 @@ def simulate(
         which adds white noise of variance resolution²/12. None is rounded by default.
     gravity : axis or None
         The accelerometer that carries 9.80665 m/s², if it is simulated; None for no gravity at all.
+    components : bool
+        Whether to return the latent process of each term as well. The recording is the same either way.
 
     Returns
     -------
-    Imu
-        The recording in SI units; its notes state the truth of each axis and the seed.
+    Imu, or SimulatedImu with `components=True`
+        The recording in SI units; its notes state the truth of each axis and the seed. A `SimulatedImu` holds it as
+        `imu`, and the latent processes as `components["gyro_x"]["WN"]`.
 
     Raises
     ------
@@ -79,6 +106,9 @@ def simulate(
     Imu(gyro_x: 1000 samples at 100 Hz, 10 s)
     >>> imu.notes[0]
     'gyro_x is simulated: WN(sigma2=4e-08) + RW(gamma2=1e-14)'
+    >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, seed=1, components=True)
+    >>> simulated["gyro_x"]["WN"]
+    Signal(gyro_x WN, 1000 samples at 100 Hz, rad/s)
     """
     rate = as_rate(rate)
     n = _length(rate, duration, samples)
@@ -86,19 +116,83 @@ def simulate(
     steps = {axis: _step(axis, value) for axis, value in _by_axis(resolution or {}, "resolution").items()}
     if gravity is not None and gravity not in _ACCELEROMETERS:
         raise OptionError(f"gravity must be one of {', '.join(_ACCELEROMETERS)} or None, got {gravity!r}")
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise OptionError(f"seed must be an integer that is not negative, got {seed!r}")
-    streams = dict(zip(AXES, np.random.SeedSequence(int(seed)).spawn(len(AXES)), strict=True))
+    streams = dict(zip(AXES, np.random.SeedSequence(_seed(seed)).spawn(len(AXES)), strict=True))
 
-    arrays = {}
+    arrays, made = {}, {}
     for axis, model in truth.items():
-        path = _path(axis, model, n, rate, np.random.default_rng(streams[axis]))
-        if axis == gravity:
-            path += STANDARD_GRAVITY
-        arrays[axis] = _rounded(path, steps[axis]) if axis in steps else path
+        generator = np.random.default_rng(streams[axis])
+        _require_values(axis, model)
+        offset = STANDARD_GRAVITY if axis == gravity else 0.0
+        with _named(axis):
+            if components:
+                unit = SI_UNIT[axis_quantity(axis)]
+                made[axis] = _simulated(
+                    model, n, rate, generator, unit=unit, axis=axis, offset=offset, step=steps.get(axis)
+                )
+                arrays[axis] = made[axis].signal.values
+            else:
+                arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
     notes = [f"{axis} is simulated: {truth[axis]}" for axis in imu.axes]
-    return replace(imu, notes=(*notes, f"seed {seed}; an axis draws from its own stream of it"))
+    imu = replace(imu, notes=(*notes, f"seed {seed}; an axis draws from its own stream of it"))
+    return SimulatedImu(imu, made) if components else imu
+
+
+def simulate_signal(
+    model: ModelLike,
+    *,
+    rate: float,
+    seed: int,
+    duration: float | None = None,
+    samples: int | None = None,
+    unit: str = "",
+    resolution: float | None = None,
+) -> SimulatedSignal:
+    """One path of one model, with each latent process that it is the sum of: X_t = Σ_k X_t^(k).
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        Complete, with variances in the square of `unit` per sample.
+    rate : float
+        Samples per second (Hz); 1 where time is counted in samples.
+    seed : int
+        Not negative; the path is that of `model.simulate(n, rate, seed)`.
+    duration : float, optional
+        Length (s); give this or `samples`.
+    samples : int, optional
+        Length (samples), at least 8.
+    unit : str
+        Unit of the signal; none by default.
+    resolution : float, optional
+        The signal is rounded to multiples of it, in its unit; its latent processes are not.
+
+    Returns
+    -------
+    SimulatedSignal
+        With `signal`, `components` by term, and `plot()`.
+
+    Raises
+    ------
+    OptionError
+        If an argument cannot be used.
+    ModelError
+        If the model has a parameter without a value, or a process that cannot be simulated.
+
+    Examples
+    --------
+    >>> text = "GM(beta=0.05, sigma2=1.0) + WN(sigma2=4.0) + RW(gamma2=0.001)"
+    >>> simulated = simulate_signal(text, rate=1.0, samples=1000, seed=1)
+    >>> simulated
+    SimulatedSignal(Signal(unnamed, 1000 samples at 1 Hz, no unit) = GM + WN + RW)
+    >>> bool(np.all(sum(simulated[term].values for term in simulated) == simulated.signal.values))
+    True
+    """
+    truth, rate = as_model(model), as_rate(rate)
+    n = _length(rate, duration, samples)
+    step = None if resolution is None else _step("the signal", resolution)
+    _require_values("", truth)
+    return _simulated(truth, n, rate, np.random.default_rng(_seed(seed)), unit=unit, step=step)
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
@@ -115,27 +209,6 @@ def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Mod
             f"got {models!r}"
         )
     return {axis: as_model(model) for axis, model in _by_axis(models, "models").items()}
-
-
-def reference_imu() -> dict[str, Model]:
-    """The models of a good MEMS unit at 100 Hz: the truth that `gmwm demo` simulates and finds again.
-
-    Gyroscopes: white noise (angular random walks of 0.22 to 0.27 deg/√h), quantization of the angle on x,
-    Gauss-Markov processes with correlation times from 0.1 to 5 s, and a rate random walk on y. Accelerometers:
-    white noise (velocity random walks of 0.027 to 0.033 m/s/√h), quantization on z, Gauss-Markov processes on x
-    and y, and a random walk on x and z.
-
-    >>> reference_imu()["gyro_z"].structure
-    'WN + 2*GM'
-    """
-    return {
-        "gyro_x": QN(q2=2.5e-7) + WN(sigma2=6e-7) + GM(beta=0.2, sigma2=2e-8),
-        "gyro_y": WN(sigma2=4e-7) + GM(beta=4.0, sigma2=3e-8) + RW(gamma2=2e-11),
-        "gyro_z": WN(sigma2=5e-7) + GM(beta=8.0, sigma2=5e-8) + GM(beta=0.2, sigma2=1e-8),
-        "accel_x": WN(sigma2=3e-5) + GM(beta=6.0, sigma2=2e-6) + RW(gamma2=2.5e-10),
-        "accel_y": WN(sigma2=2.5e-5) + GM(beta=8.0, sigma2=3e-6) + GM(beta=0.2, sigma2=4e-7),
-        "accel_z": QN(q2=1e-5) + WN(sigma2=2e-5) + RW(gamma2=5e-11),
-    }
 
 
 def _by_axis(given: Mapping[str, T], name: str) -> dict[str, T]:
@@ -167,19 +240,58 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
     return n
 
 
-def _path(axis: str, model: Model, n: int, rate: float, rng: np.random.Generator) -> Vector:
+def _seed(seed: object) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise OptionError(f"seed must be an integer that is not negative, got {seed!r}")
+    return int(seed)
+
+
+def _require_values(axis: str, model: Model) -> None:
     open_ends = [name for name, value in model.parameters.items() if value is None]
     if open_ends:
         process = next(process for process in model.processes if not process.is_complete)
         values = (f"{name}={'…' if value is None else f'{value:g}'}" for name, value in process.values.items())
         raise ModelError(
-            f"{axis}: a simulation needs every value of its model, {model} has none for {', '.join(open_ends)}; "
-            f'write them in it, as "{process.name}({", ".join(values)})"'
+            f"{axis and f'{axis}: '}a simulation needs every value of its model, {model} has none for "
+            f'{", ".join(open_ends)}; write them in it, as "{process.name}({", ".join(values)})"'
         )
+
+
+@contextmanager
+def _named(axis: str) -> Iterator[None]:
+    """Say of which axis an error speaks."""
     try:
-        return np.asarray(model.simulate(n, rate, rng), dtype=np.float64)
+        yield
     except GmwmError as error:
         raise type(error)(f"{axis}: {error}") from None
+
+
+def _simulated(
+    model: Model,
+    n: int,
+    rate: float,
+    rng: np.random.Generator,
+    *,
+    unit: str,
+    axis: str = "",
+    offset: float = 0.0,
+    step: float | None,
+) -> SimulatedSignal:
+    """A path with its latent processes, in the order in which `Model.simulate` adds them."""
+    drawn = model.simulate_terms(n, rate, rng)
+    total = np.zeros(n)
+    parts = {}
+    for term in model.drawing_order():
+        total += drawn[term]
+        parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
+    signal = Signal(_finished(total, offset, step), rate, unit, axis)
+    return SimulatedSignal(signal, parts, model, offset, step)
+
+
+def _finished(path: Vector, offset: float, step: float | None) -> Vector:
+    if offset:
+        path += offset
+    return path if step is None else _rounded(path, step)
 
 
 def _step(axis: str, step: float) -> float:

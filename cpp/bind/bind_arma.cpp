@@ -1,0 +1,113 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+
+#include "gmwm/arma.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Orders = std::array<std::size_t, 5>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Lags = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out1 = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Out2 = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Out3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+void require(bool fits, const char* what) {
+  if (!fits) throw std::invalid_argument(what);
+}
+
+gmwm::ArmaOrders orders_of(const Orders& given, std::size_t parameters) {
+  const gmwm::ArmaOrders orders{given[0], given[1], given[2], given[3], given[4]};
+  require(orders.period >= 1, "the period must be at least 1");
+  require(parameters == orders.parameters(), "there must be as many parameters as orders");
+  return orders;
+}
+
+template <class A>
+std::span<const double> view(const A& array) {
+  return {array.data(), array.size()};
+}
+
+template <class A>
+std::span<double> writable(const A& array) {
+  return {array.data(), array.size()};
+}
+
+void shapes(const Orders& given, const Rows& parameters, const Values& odd, const Out2& out) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.shape(1));
+  require(out.shape(0) == parameters.shape(0), "out must have a row for each row of parameters");
+  const nb::gil_scoped_release release;
+  gmwm::arma_shapes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(1), writable(out));
+}
+
+void slopes(const Orders& given, const Rows& parameters, const Values& odd, const Out3& out) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.shape(1));
+  require(out.shape(0) == parameters.shape(0) && out.shape(1) == parameters.shape(1),
+          "out must have a row for each parameter of each row");
+  const nb::gil_scoped_release release;
+  gmwm::arma_slopes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(2), writable(out));
+}
+
+void coordinates(const Rows& coefficients, const Out2& out) {
+  require(coefficients.shape(1) >= 1, "coefficients must have at least one column");
+  require(out.shape(0) == coefficients.shape(0) && out.shape(1) == coefficients.shape(1),
+          "out must have the shape of coefficients");
+  gmwm::arma_coordinates(view(coefficients), coefficients.shape(1), writable(out));
+}
+
+std::span<const std::int64_t> ascending(const Lags& lags, const Out1& out) {
+  require(lags.size() == out.size(), "out must be as long as the lags");
+  for (std::size_t k = 0; k < lags.size(); ++k)
+    require(lags.data()[k] >= (k == 0 ? 0 : lags.data()[k - 1]), "lags must ascend from 0 or more");
+  return {lags.data(), lags.size()};
+}
+
+void autocovariance(const Orders& given, const Values& parameters, const Lags& lags, bool from_zero, const Out1& out) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
+  gmwm::arma_autocovariance(orders, view(parameters), ascending(lags, out), from_zero, writable(out));
+}
+
+void block_variance(const Orders& given, const Values& parameters, const Lags& sizes, const Out1& out) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
+  gmwm::arma_block_variance(orders, view(parameters), ascending(sizes, out), writable(out));
+}
+
+void recursion(const Orders& given, const Values& parameters, const Out1& phi, const Out1& theta,
+               const Out2& predictors, const Out1& deviations) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
+  const std::size_t p = orders.full_ar();
+  require(phi.size() == p && theta.size() == orders.full_ma(), "phi and theta must be as long as the polynomials");
+  require(predictors.shape(0) == p && predictors.shape(1) == p && deviations.size() == p,
+          "predictors and deviations must have a row for each coefficient of phi");
+  gmwm::arma_recursion(orders, view(parameters), writable(phi), writable(theta), writable(predictors),
+                       writable(deviations));
+}
+
+}  // namespace
+
+void bind_arma(nb::module_& m) {
+  m.def("arma_shapes", &shapes, "orders"_a, "parameters"_a.noconvert(), "odd"_a.noconvert(), "out"_a.noconvert(),
+        "Write the wavelet variances (rows, levels) of ARMA processes of rows of parameters to out.");
+  m.def("arma_slopes", &slopes, "orders"_a, "parameters"_a.noconvert(), "odd"_a.noconvert(), "out"_a.noconvert(),
+        "Write their derivatives (rows, parameters, levels) to out.");
+  m.def("arma_coordinates", &coordinates, "coefficients"_a.noconvert(), "out"_a.noconvert(),
+        "Write artanh of the partial autocorrelations of each row to out; NaN where it is not stationary.");
+  m.def("arma_autocovariance", &autocovariance, "orders"_a, "parameters"_a.noconvert(), "lags"_a.noconvert(),
+        "from_zero"_a, "out"_a.noconvert(), "Write the autocovariance at ascending lags, less that at 0 if wanted.");
+  m.def("arma_block_variance", &block_variance, "orders"_a, "parameters"_a.noconvert(), "sizes"_a.noconvert(),
+        "out"_a.noconvert(), "Write the variances of sums of ascending numbers of samples to out.");
+  m.def("arma_recursion", &recursion, "orders"_a, "parameters"_a.noconvert(), "phi"_a.noconvert(),
+        "theta"_a.noconvert(), "predictors"_a.noconvert(), "deviations"_a.noconvert(),
+        "Write the full polynomials, and the predictors and their errors that paths start by.");
+}

@@ -1,0 +1,89 @@
+// Numbers of twice the digits, each the unevaluated sum of two doubles, W of them side by side; and their derivatives.
+//
+// A sum or product is within a few 2^-104 of what it is of (|a| + |b| for a sum). What is built on these must be
+// compiled with -ffp-contract=off: the error of a sum is lost where a product is fused into it.
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+
+#include "gmwm/clones.hpp"
+
+namespace gmwm {
+
+template <std::size_t W>
+struct Twofold {
+  static constexpr std::size_t lanes = W;
+  double high[W], low[W];
+
+  static GMWM_INLINE Twofold of(double a) {
+    Twofold c;
+    for (std::size_t l = 0; l < W; ++l) c.high[l] = a, c.low[l] = 0.0;
+    return c;
+  }
+  friend GMWM_INLINE Twofold operator+(const Twofold& a, const Twofold& b) {
+    Twofold c;
+    for (std::size_t l = 0; l < W; ++l) {
+      const double s = a.high[l] + b.high[l], t = s - a.high[l];
+      const double e = ((a.high[l] - (s - t)) + (b.high[l] - t)) + (a.low[l] + b.low[l]);
+      c.high[l] = s + e;
+      c.low[l] = e - (c.high[l] - s);
+    }
+    return c;
+  }
+  friend GMWM_INLINE Twofold operator-(const Twofold& a, const Twofold& b) {
+    Twofold c;
+    for (std::size_t l = 0; l < W; ++l) c.high[l] = -b.high[l], c.low[l] = -b.low[l];
+    return a + c;
+  }
+  friend GMWM_INLINE Twofold operator*(const Twofold& a, const Twofold& b) {
+    Twofold c;
+    for (std::size_t l = 0; l < W; ++l) {
+      const double s = a.high[l] * b.high[l];
+      const double e = std::fma(a.high[l], b.high[l], -s) + (a.high[l] * b.low[l] + a.low[l] * b.high[l]);
+      c.high[l] = s + e;
+      c.low[l] = e - (c.high[l] - s);
+    }
+    return c;
+  }
+  // By a power of two.
+  friend GMWM_INLINE Twofold operator*(double power, const Twofold& a) {
+    Twofold c;
+    for (std::size_t l = 0; l < W; ++l) c.high[l] = power * a.high[l], c.low[l] = power * a.low[l];
+    return c;
+  }
+  GMWM_INLINE Twofold inverse() const {
+    Twofold y;
+    for (std::size_t l = 0; l < W; ++l) y.high[l] = 1.0 / high[l], y.low[l] = 0.0;
+    return y + y * (of(1.0) - *this * y);
+  }
+  GMWM_INLINE double shown(std::size_t l) const { return high[l]; }
+  GMWM_INLINE const Twofold& main() const { return *this; }
+};
+
+// A number and its derivative in one direction, which may be another in each lane.
+template <std::size_t W>
+struct Sloped {
+  static constexpr std::size_t lanes = W;
+  Twofold<W> value, slope;
+
+  static GMWM_INLINE Sloped of(double a) { return {Twofold<W>::of(a), Twofold<W>::of(0.0)}; }
+  friend GMWM_INLINE Sloped operator+(const Sloped& a, const Sloped& b) {
+    return {a.value + b.value, a.slope + b.slope};
+  }
+  friend GMWM_INLINE Sloped operator-(const Sloped& a, const Sloped& b) {
+    return {a.value - b.value, a.slope - b.slope};
+  }
+  friend GMWM_INLINE Sloped operator*(const Sloped& a, const Sloped& b) {
+    return {a.value * b.value, a.value * b.slope + a.slope * b.value};
+  }
+  friend GMWM_INLINE Sloped operator*(double power, const Sloped& a) { return {power * a.value, power * a.slope}; }
+  GMWM_INLINE Sloped inverse() const {
+    const Twofold<W> y = value.inverse();
+    return {y, Twofold<W>::of(0.0) - y * y * slope};
+  }
+  GMWM_INLINE double shown(std::size_t l) const { return slope.high[l]; }
+  GMWM_INLINE const Twofold<W>& main() const { return value; }
+};
+
+}  // namespace gmwm

@@ -1,0 +1,189 @@
+"""What sinusoids of fixed amplitude and random phase add to the covariance of a wavelet variance.
+
+Of a signal X = Y + Σ_l A_l cos(ω_l t + U_l), Y Gaussian and the U_l uniform and independent, the coefficients are W_j =
+G_j + L_j. L_j² is nearly constant, so that it adds next to nothing by itself; what scatters is its product with noise:
+
+    V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²),
+
+C_jk(u) = Cov(G_{j,t}, G_{k,t+u}), R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], P = A²/2, H the gain of a filter at ω_l.
+The second term is a sum over lags while these are few, or can be taken far apart as the line is slow. Else the line
+turns many hundred times in the record, and it is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), S the spectral density
+of Y: its error is a share of about 2^k / M_k, small at the levels at which such a line is felt.
+
+The last term is what of L_j² depends on the phases: of a line c_j = ½A² H_j² D_j(2ω), D_j(Ω) the mean of e^(iΩt) over
+the coefficients, A_l A_m H_j H_j D_j(ω_l ± ω_m) of a pair, and 2μ_j A H_j D_j(ω) of a line with the mean μ_j that a
+drift has; each adds ½ Re(c_j c_k*).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix
+from gmwm.covariance import filtered
+from gmwm.covariance.setting import Setting
+from gmwm.errors import MissingTheoryError
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+
+FEW_LAGS = 2**14
+"""A record of so many samples is summed over all its lags; of a longer one as many are taken, where a line is slow."""
+_TURN = 32
+"""Lags in a turn of a line, at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """A sinusoid as the wavelet filters of a setting see it.
+
+    Attributes
+    ----------
+    power : float
+        P = A²/2, in u².
+    cycles : float
+        Turns per sample, within ±½.
+    gain : (J,) complex array
+        H_j.
+    """
+
+    power: float
+    cycles: float
+    gain: NDArray[np.complex128]
+
+
+def apart(model: Model, setting: Setting) -> tuple[Model | None, tuple[Line, ...]]:
+    """The noise of a model, itself if it has no sinusoids and None if it has nothing else, and its lines.
+
+    Raises
+    ------
+    MissingTheoryError
+        If there are lines, and the estimate is a robust one.
+    """
+    seen = [process.line(setting.rate) for process in model.processes]
+    if not any(seen):
+        return model, ()
+    felt = [(process, at) for process, at in zip(model.processes, seen, strict=True) if at and all(at)]
+    if felt and setting.efficiency is not None:
+        raise MissingTheoryError(
+            f"{felt[0][0].name} has a fixed amplitude: its wavelet coefficients are not Gaussian, which a robust "
+            "estimate takes for granted. It is biased where they are felt, and its covariance is not known; measure "
+            "the wavelet variance with robust=False"
+        )
+    rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
+    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], setting)) for _, at in felt)
+
+
+def excess(noise: Model | None, lines: tuple[Line, ...], setting: Setting, *, diagonal: bool) -> Matrix:
+    """What the lines add to V (J, J) of the noise, or to its diagonal (J,), in u⁴."""
+    total = _of_phases(noise, lines, setting)
+    if noise is not None:
+        for line in lines:
+            total += _with_noise(noise, line, setting, diagonal=diagonal)
+    return np.asarray(np.diag(total).copy() if diagonal else total)
+
+
+def _gains(cycles: float, setting: Setting) -> NDArray[np.complex128]:
+    """H_j = Σ_l h_{j,l} e^(−iωl) (J,)."""
+    smooth, wavelet = setting.filter.scaling / np.sqrt(2.0), setting.filter.wavelet / np.sqrt(2.0)
+    gain, found = 1.0 + 0.0j, np.empty(int(setting.levels[-1]), dtype=np.complex128)
+    for j in range(found.size):
+        z = np.exp(-2j * np.pi * np.fmod(np.ldexp(cycles, j), 1.0))
+        found[j] = gain * np.polyval(wavelet[::-1], z)
+        gain *= complex(np.polyval(smooth[::-1], z))
+    return found[setting.levels - 1]
+
+
+# --- the phases ---------------------------------------------------------------------------------------
+
+
+def _of_phases(noise: Model | None, lines: tuple[Line, ...], setting: Setting) -> Matrix:
+    """½ Re Σ c_j c_k* (J, J) over all that turns with a phase of its own."""
+    mean = np.zeros(setting.levels.size) if noise is None else filtered.means(noise, setting)
+    turning = []
+    for k, line in enumerate(lines):
+        turning.append(line.power * line.gain**2 * _mean_turn(2.0 * line.cycles, setting))
+        turning.append(2.0 * mean * math.sqrt(2.0 * line.power) * line.gain * _mean_turn(line.cycles, setting))
+        for other in lines[:k]:
+            size = 2.0 * math.sqrt(line.power * other.power)
+            both = (line.gain * other.gain, line.cycles + other.cycles)
+            beat = (line.gain * np.conj(other.gain), line.cycles - other.cycles)
+            turning += [size * gain * _mean_turn(cycles, setting) for gain, cycles in (both, beat)]
+    c = np.array(turning).reshape(-1, setting.levels.size)
+    return np.asarray(0.5 * np.real(c.T @ np.conj(c)))
+
+
+def _mean_turn(cycles: float, setting: Setting) -> NDArray[np.complex128]:
+    """Mean of e^(2πi t cycles) over the places t of the coefficients of each level (J,)."""
+    count = setting.counts.astype(np.float64)
+    if setting.transform == "dwt":
+        step = np.ldexp(1.0, setting.levels)
+        last = step * (setting.samples >> setting.levels) - 1.0
+    else:
+        step, last = np.ones_like(count), np.full_like(count, setting.samples - 1.0)
+    # Half the angle of a step and of all of them; a whole number of turns a step is none.
+    half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
+    still = np.abs(np.sin(half)) < 1e-12
+    size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
+    middle = last - 0.5 * step * (count - 1.0)
+    return np.asarray(size * np.exp(2j * np.pi * np.fmod(middle * cycles, 1.0)))
+
+
+# --- line and noise -----------------------------------------------------------------------------------
+
+
+def _with_noise(noise: Model, line: Line, setting: Setting, *, diagonal: bool) -> Matrix:
+    """4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J)."""
+    size, counts = setting.levels.size, setting.counts.astype(np.float64)
+    stages = _stages(line, setting)
+    total = np.zeros((size, size))
+    if np.any(stages < 0):
+        square = np.abs(line.gain) ** 2
+        density = _density(noise, line.cycles, setting)
+        total += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
+    if np.any(stages >= 0):
+        lags = filtered.Lags(noise, setting)
+    for a in np.flatnonzero(stages >= 0).tolist():
+        stage = int(stages[a])
+        for b, first, values in lags.covariances(a, stage, a + 1 if diagonal else size):
+            u = np.arange(first, first + values.size)
+            turn = np.exp(2j * np.pi * np.fmod(math.ldexp(line.cycles, stage) * u, 1.0))
+            shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
+            total[a, b] = 4.0 * filtered.weighed(values * shared, first, stage, setting, a, b) / (counts[a] * counts[b])
+            total[b, a] = total[a, b]
+    return total
+
+
+def _stages(line: Line, setting: Setting) -> NDArray[np.int64]:
+    """How far apart, 2^stage, the lags are for each level with those above (J,); −1 where the spectrum is taken."""
+    if setting.transform == "dwt":
+        return setting.levels - 1
+    stage = max(-(-setting.samples // FEW_LAGS) - 1, 0).bit_length()
+    if stage and abs(line.cycles) * (_TURN << stage) > 1:
+        return np.full(setting.levels.size, -1)
+    enough = setting.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(setting.levels.size, dtype=np.bool_)
+    return np.where(enough, stage, -1)
+
+
+def _density(noise: Model, cycles: float, setting: Setting) -> float:
+    """Spectral density S (u² per cycle per sample) of the noise at a frequency that is not 0."""
+    total = 0.0
+    for process in noise.processes:
+        if process.scale > 0:
+            total += (
+                setting.rate * float(process.psd([abs(cycles) * setting.rate], setting.rate)[0])
+                if process.has("psd")
+                else _summed_density(process, cycles, setting)
+            )
+    return total
+
+
+def _summed_density(process: Process, cycles: float, setting: Setting) -> float:
+    """S = Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1) that of the differences."""
+    known = process.generalised_covariance(np.arange(-1, setting.samples + 1), setting.rate)
+    difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
+    terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))
+    return float(2.0 * terms.sum() - terms[0]) / (4.0 * math.sin(math.pi * cycles) ** 2)

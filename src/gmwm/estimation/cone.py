@@ -1,0 +1,179 @@
+"""The search for the places of processes with one nonlinear parameter: branch and bound on a tabulated curve, a polish.
+
+Any number of them may take part in the convex relaxation, from which the search starts; branch and bound over intervals
+of the search coordinate proves that nothing better was missed, and a polish on the exact curve gives all digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.estimation.atoms import Place, close_up, grid, shapes, table
+from gmwm.estimation.newton import sharpened
+from gmwm.estimation.problem import Problem
+from gmwm.processes.base import Process
+from gmwm.processes.parameter import Branch
+
+CERTIFIED_GAP = 1e-4
+"""Branch and bound stops when the best fit is within this share of its lower bound."""
+CERTIFY_NODES = 20_000
+"""… or after this many nodes of the search tree."""
+QUICK_NODES = 24
+"""Nodes that are looked at without a certificate: enough for starting points."""
+WIDTHS = (1e-2, 1e-3)
+"""Widths of the exact curve pieces that the polish works on; the last one is exact to rounding."""
+TABLE_ERROR = 1e-5
+"""Objectives on the tabulated curve that differ by less (relative) are told apart on the exact one."""
+SETTLED = 1e-12
+"""A polish ends when it lowers the objective by less (relative)."""
+POLISHES = 8
+"""A polish follows an optimum that wants to leave its piece of curve so many times."""
+NEWTON_STEPS = 5
+FOLLOWED = 0.05
+"""Way in the search coordinate that an optimum is followed by one step of Newton's when the weights change."""
+FLAT = 1e-10
+"""Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
+ACTS_AS = 1e-6
+"""A term acts as the process at the end of its domain if that raises the objective by less than this share."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """A fitted process with a shape: its nonlinear parameters, scale, and what it cannot be told from."""
+
+    values: tuple[float, ...]
+    scale: float
+    acts_as: str | None = None
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A local optimum on the exact curve: where its points are, and the weights of all unit vectors."""
+
+    objective: float
+    places: list[Place]
+    weights: Vector
+
+
+class Search:
+    """The search for the places of the curved processes of one problem."""
+
+    def __init__(self, problem: Problem, family: type[Process]) -> None:
+        self.problem = problem
+        self.family = family
+        self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
+        self.fixed = problem.fixed
+        self.positive = problem.positive
+
+    def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
+        """Local optima on the tabulated curve, best first; lower bound; that of the relaxation; nodes."""
+        curve = table(self.grid, self.problem.root)
+        return _core.cone_search(
+            self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
+            len(self.problem.curved), CERTIFIED_GAP, CERTIFY_NODES if certify else QUICK_NODES, self._starts(),
+        )  # fmt: skip
+
+    def _starts(self) -> Vector:
+        """Positions of the starting values the user gave, if every curved process has one."""
+        name = self.family.nonlinear_parameters()[0].name
+        positions = []
+        for place in self.problem.curved:
+            value = self.problem.model.processes[place].values[name]
+            for index, branch in enumerate(self.grid.branches):
+                u = None if value is None else branch.coordinate(value)
+                if u is not None:
+                    positions.append(self.grid.position(index, min(max(u, branch.low), branch.high)))
+        return np.array(positions if len(positions) == len(self.problem.curved) else [], dtype=np.float64)
+
+    def located(self, positions: Vector) -> list[Place]:
+        """Positions on the tabulated curve as places."""
+        found = [self.grid.place(float(position)) for position in positions]
+        return [(self.grid.branches[index], u) for index, u in found]
+
+    def polished(self, places: list[Place]) -> Optimum:
+        """The local optimum on the exact curve next to `places`."""
+        problem = self.problem
+        for width in WIDTHS if places else ():
+            before = np.inf
+            for _ in range(POLISHES):
+                if not places:
+                    break
+                piece, ends = close_up(
+                    self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
+                )
+                share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
+                moved, objective = _core.cone_refine(
+                    problem.target, self.fixed, self.positive, piece.values, piece.slopes, piece.margins,
+                    np.clip(share, 0.0, 1.0) + 2 * np.arange(len(places)),
+                )  # fmt: skip
+                which = moved.astype(int) // 2  # the piece around place i is [2i, 2i + 1]
+                share = moved - 2 * which
+                places = [(places[i][0], float(ends[i, 0] + t * width)) for i, t in zip(which, share, strict=True)]
+                leaving = [t in (0.0, 1.0) and b.low < u < b.high for t, (b, u) in zip(share, places, strict=True)]
+                if not any(leaving) or objective >= (1 - SETTLED) * before:
+                    break
+                before = objective
+        return self._sharpened(self.at(places))
+
+    def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
+        """The same optimum to all digits, where Newton's method leads to one that is as good."""
+        places = sharpened(self.problem, self.family, best.places, best.weights, steps, reach)
+        if places is None:
+            return best
+        sharp = self.at(places)
+        return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
+
+    def followed(self, places: list[Place]) -> Optimum:
+        """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
+        start = self.at(places)
+        there = self._sharpened(start, 1, FOLLOWED)
+        return self.polished(places) if there is start and places else there
+
+    def _rows(self, places: list[Place]) -> Matrix:
+        curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
+        return np.concatenate([self.fixed, self.problem.weighted(curved)])
+
+    def at(self, places: list[Place]) -> Optimum:
+        """The best weights with the curved processes at exact places."""
+        weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
+        return Optimum(objective, places, weights)
+
+    def settled(self, best: Optimum) -> Optimum:
+        """The same optimum with points that lie where the criterion is flat up to an end moved to that end."""
+        for index, (branch, _) in enumerate(best.places):
+            for end in (branch.high, branch.low):
+                there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
+                if there.objective <= (1 + FLAT) * best.objective:
+                    best = there
+                    break
+        return best
+
+    def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
+        """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
+        problem, places = self.problem, best.places
+        curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
+        scales = problem.scales(curved, best.weights[len(problem.linear) :])
+        terms = [
+            Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
+            for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
+        ]
+        # Terms that the data do not show have no place; they are put where they are whitest, and have no weight there.
+        branch = self.grid.branches[0]
+        missing = Term((self._value(branch, branch.high),), 0.0)
+        return (*terms, *[missing] * (len(problem.curved) - len(places)))
+
+    def _acts_as(self, best: Optimum, index: int) -> str | None:
+        """The process at an end of the branch that serves as well as curved process `index` does."""
+        branch, u = best.places[index]
+        for end, name in ((branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)):
+            there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
+            if name and (u == end or self.at(there).objective <= (1 + ACTS_AS) * best.objective):
+                return name
+        return None
+
+    def _value(self, branch: Branch, u: float) -> float:
+        return float(branch.values(np.array([u]))[0, 0])

@@ -1,0 +1,289 @@
+"""Starting values: a deterministic scan, and the paper's random draws (its Algorithms 1 to 3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.errors import OptionError
+from gmwm.estimation.cone import Search
+from gmwm.estimation.problem import Problem
+from gmwm.estimation.surface import Coordinates, Point, Surface
+from gmwm.filters import find_filter
+from gmwm.processes.base import Process
+from gmwm.processes.occasion import Dominant, Occasion
+from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.result import WaveletVariance
+
+How = Literal["convex", "given", "scan", "sampled"]
+"""Where a fit started: from the convex relaxation, values in the model, a scan, or random draws."""
+
+SCANNED = 64
+"""Points of a scan of one coordinate; four times as many for each further one, up to `MOST_SCANNED`."""
+MOST_SCANNED = 4096
+KEPT = 10
+"""Points of a scan from which a way downhill is tried."""
+LOOKED_AT = 256
+"""Best points of a scan among which these are chosen, no two of them close to each other."""
+DICTIONARY = 48
+"""Places of a curved process that stand for all while points are scanned."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Starting values drawn at random, as the paper does (its Algorithms 1 to 3); the best of `draws` is taken.
+
+    For comparison: the default starts from the convex relaxation, needs no random numbers and finds the global optimum
+    wherever there is a proof. The draw with the least Σ_j (1 − ν_j²(θ)/ν̂_j²)² is where the local optimisation starts.
+
+    Parameters
+    ----------
+    draws : int
+        G, how many starting values are drawn.
+    seed : int
+        The same seed gives the same fit.
+
+    References
+    ----------
+    Balamuta, Guerrier, Molinari and Yang, Appendix C, with σ̂_T² = Σ_j ν̂_j².
+
+    Examples
+    --------
+    >>> Sampled(draws=1000, seed=1)
+    Sampled(draws=1000, seed=1)
+    """
+
+    draws: int = 20_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name, least in (("draws", 1), ("seed", 0)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+                raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
+            object.__setattr__(self, name, int(value))
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a fit started, and what the way from there to the optimum gained.
+
+    Attributes
+    ----------
+    how : "convex", "given", "scan" or "sampled"
+    tried : int
+        Starting points that were looked at.
+    objective : float
+        The criterion at the starting point, with the best scales.
+    convex : float or None
+        Where draws were asked for and a proof too: the criterion that the convex route reaches.
+    """
+
+    how: How
+    tried: int
+    objective: float
+    convex: float | None = None
+
+    @property
+    def in_words(self) -> str:
+        """Where the fit started, in a few words."""
+        if self.how == "sampled":
+            convex = "" if self.convex is None else f"; the convex route reaches {self.convex:.6g}"
+            return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{convex}"
+        place = {"convex": "the convex relaxation", "given": "the values given", "scan": "a scan"}[self.how]
+        tried = f"{self.tried} starting points" if self.how != "convex" else "no starting values"
+        return f"from {place}, objective {self.objective:.6g} there; {tried}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The start as plain numbers and texts, ready for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Start:
+        """The start whose `to_dict` gave `values`."""
+        convex = values["convex"]
+        how = next(how for how in get_args(How) if how == values["how"])
+        return cls(how, int(values["tried"]), float(values["objective"]), None if convex is None else float(convex))
+
+
+# --- a scan, for processes with several parameters of their shape -----------------------------------------
+
+
+def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, Point]], int]:
+    """Points from which to go downhill, best first, and how many were looked at.
+
+    The free coordinates run over a sequence that fills their box evenly; the curved processes and the linear ones are
+    at their best for each. Values given in the model come first.
+    """
+    count = sum(free.size for free in surface.frees)
+    number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1))
+    share, columns = _even(number, count), []
+    at = 0
+    for free in surface.frees:
+        columns.append(_over_its_scan(free, share[:, at : at + free.size], problem))
+        at += free.size
+    chosen = _best(problem, surface, columns, share)
+    points: list[tuple[How, Point]] = []
+    given = [free.given() for free in surface.frees]
+    if all(z is not None for z in given):
+        points.append(("given", _with_curved(problem, surface, [z for z in given if z is not None])))
+    for k in chosen:
+        z = [free.of(values[k : k + 1])[0] for free, values in zip(surface.frees, columns, strict=True)]
+        if all(np.all(np.isfinite(part)) for part in z):
+            points.append(("scan", _with_curved(problem, surface, z)))
+    return points, number + len(points) - len(chosen)
+
+
+def scanned_shapes(problem: Problem, count: int) -> Matrix:
+    """Wavelet variances of the free processes at unit scale, all over what is scanned of each (n, J)."""
+    rows = [np.empty((0, problem.levels.size))]
+    for free in Surface(problem).frees:
+        values = _over_its_scan(free, _even(count, free.size), problem)
+        shapes = free.kind.shape(values[free.possible(values)], problem.levels, problem.rate, problem.filter)
+        rows.append(shapes[np.all(np.isfinite(shapes), axis=1)])
+    return np.concatenate(rows)
+
+
+def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
+    """Nonlinear parameters (n, q) at shares (n, d) of the box that is scanned, with those that are held in place."""
+    ends = free.kind.scan(problem.samples, problem.rate)
+    z = np.tile(ends.mean(axis=1), (len(share), 1))
+    for column, k in enumerate(free.moving):
+        z[:, k] = ends[k, 0] + share[:, column] * (ends[k, 1] - ends[k, 0])
+    values = np.asarray(free.kind.at_coordinates(z), dtype=np.float64)
+    for k in set(range(values.shape[1])) - set(free.moving):
+        values[:, k] = free.held[k]
+    return values
+
+
+def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix) -> list[int]:
+    """Numbers of the points with the least objectives, no two of them close to each other."""
+    base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
+    for free, values in zip(surface.frees, columns, strict=True):
+        possible &= free.possible(values)
+        shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
+        possible &= np.all(np.isfinite(shapes), axis=1)
+        rows = np.where(possible[:, None], shapes, 1.0) @ problem.root.T
+        length = np.linalg.norm(rows, axis=1, keepdims=True)
+        units.append(rows / np.where(length > 0, length, 1.0))
+    objectives = np.full(len(share), np.inf)
+    rows = np.ascontiguousarray(np.concatenate([base, np.zeros((len(units), base.shape[1]))]))
+    for k in np.flatnonzero(possible):
+        for place, unit in enumerate(units):
+            rows[len(base) + place] = unit[k]
+        objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
+    near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
+    chosen: list[int] = []
+    for k in np.argsort(objectives, kind="stable")[:LOOKED_AT].tolist():
+        if not np.isfinite(objectives[k]) or len(chosen) == KEPT:
+            break
+        if all(np.abs(share[k] - share[other]).max() > near for other in chosen):
+            chosen.append(k)
+    return chosen
+
+
+def _dictionary(problem: Problem) -> Matrix:
+    """Unit vectors of the linear processes, and of the curved ones all over their domain."""
+    if problem.family is None:
+        return problem.fixed
+    values = Search(problem, problem.family).grid.values
+    places = np.unique(np.linspace(0, len(values) - 1, DICTIONARY).astype(np.int64))
+    return np.concatenate([problem.fixed, problem.weighted(values[places])])
+
+
+def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
+    """A point with the curved processes at their best places for these coordinates of the free ones."""
+    branches, u = [], []
+    if problem.family is not None:
+        search = surface.curved_alone(z)
+        candidates, _, _, _ = search.branch_and_bound(certify=False)
+        for branch, place in search.located(candidates[0][1]):
+            branches.append(branch)
+            u.append(place)
+    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+
+
+def _even(count: int, size: int) -> Matrix:
+    """Points (count, size) that fill the unit cube evenly: multiples of powers of 1/x, x^(d+1) = x + 1, modulo 1."""
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (size + 1))
+    steps = root ** -np.arange(1.0, size + 1)
+    return np.asarray((0.5 + np.outer(np.arange(1.0, count + 1), steps)) % 1.0)
+
+
+# --- the paper's draws ------------------------------------------------------------------------------------
+
+
+def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
+    """The draw whose wavelet variance is nearest to the data, in the coordinates of the problem.
+
+    Parameters
+    ----------
+    spread : float
+        (max x − min x)/N, by which drifts are drawn.
+    """
+    surface = Surface(problem)
+    rng = np.random.default_rng(sampled.seed)
+    occasion = _occasion(wv, spread, sampled.draws, rng)
+    drawn: dict[int, Matrix] = {}
+    before: dict[type[Process], tuple[Matrix, ...]] = {}
+    total = np.tile(wv.variance - problem.observed, (sampled.draws, 1))
+    order = [k for k in range(len(problem.model.processes)) if k in (*problem.linear, *problem.shaped)]
+    for place in order:
+        process = problem.model.processes[place]
+        kind = type(process)
+        rows = kind.drawn(occasion, rng, sampled.draws, before.get(kind, ()))
+        if place in problem.linear:
+            rows[:, 1:] = process.nonlinear
+        for k, parameter in enumerate(process.nonlinear_parameters()):
+            if process.is_fixed(parameter.name):
+                rows[:, 1 + k] = process.value(parameter.name)
+        before[kind] = (*before.get(kind, ()), rows[:, 1:])
+        drawn[place] = rows
+        shapes = kind.shape(rows[:, 1:], problem.levels, problem.rate, problem.filter)
+        total += rows[:, :1] * shapes
+    with np.errstate(invalid="ignore"):
+        distance = np.sum((1.0 - total / wv.variance) ** 2, axis=1)
+    best = int(np.nanargmin(distance))
+    branches, u = [], []
+    if problem.family is not None:
+        for place in problem.curved:
+            value = float(drawn[place][best, 1])
+            for branch in Search(problem, problem.family).grid.branches:
+                at = branch.coordinate(value)
+                if at is not None:
+                    branches.append(branch)
+                    u.append(min(max(at, branch.low), branch.high))
+                    break
+    z = [free.of(drawn[k][best : best + 1, 1:])[0] for free, k in zip(surface.frees, problem.free, strict=True)]
+    return Point(tuple(branches), np.concatenate([np.array(u, dtype=np.float64), *z]))
+
+
+def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
+    """Algorithms 1 and 2: what dominates the first two levels, and with which condition each draw begins."""
+    dominant = _dominant(wv)
+    first = np.ones(draws, dtype=np.int64)
+    if dominant == "quantization":
+        first[rng.random(draws) <= 0.75] = 2
+    elif dominant == "white":
+        first[:] = 2
+    return Occasion(
+        float(wv.variance.sum()), spread, dominant, first, wv.levels, wv.samples, wv.rate, find_filter(wv.filter)
+    )  # fmt: skip
+
+
+def _dominant(wv: WaveletVariance) -> Dominant:
+    if len(wv) < 2 or not np.all(wv.variance[:2] > 0):
+        return "markov"
+    low, high = chi_square_limits(wv.variance[1:2], wv.degrees_of_freedom[1:2], 0.95)
+    slopes = [(math.log(float(a[0])) - math.log(float(wv.variance[0]))) / math.log(4.0) for a in (low, high)]
+    if max(slopes) < -0.5:
+        return "quantization"
+    return "markov" if min(slopes) > -0.5 else "white"

@@ -1,0 +1,287 @@
+"""Signals over time: a recording, one signal, or a simulated signal over the latent processes that it is made of."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.plots.axes import number_text, quiet
+from gmwm.plots.curves import FRONT
+from gmwm.plots.figure import Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title, model_text, sensor_and_letter, term_label
+from gmwm.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.plots.style import BLUE, letter_stroke, term_strokes
+from gmwm.plots.trace import Trace, removed, trace
+from gmwm.plots.view import UnitSystem, View, view_of
+from gmwm.signals import Imu, Signal
+from gmwm.units import Quantity, find_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.simulation.components import SimulatedSignal
+
+PAGE = 174.0
+"""Width of two printed columns (mm)."""
+DOTS = 15.0
+"""Columns of dots in a millimetre, about 400 in an inch."""
+WIDTH = 0.5
+"""Width of the line through a long signal, in points."""
+FEW = 60
+"""So few samples are drawn with a symbol each."""
+ALIKE = 8.0
+"""Panels whose spans differ by no more than this factor get one scale: more, and the smallest would be a flat line."""
+ONE_POWER = 1e3
+"""Panels whose values differ by no more than this factor are written with one power of ten."""
+NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
+    """What `plot_signal` draws, as data."""
+    shown = view_of(signal.unit, "allan", units)
+    one = trace(signal, shown.factor, round(DOTS * width))
+    mean = removed(one)
+    title = _without_mean(axis_title(signal.axis), mean, shown.unit)
+    return _panels([_Row(one.less(mean), _stroke(signal.axis), title)], shown, _name(signal.unit))[0]
+
+
+def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
+    """What `plot_recording` draws, as data: a column of panels for each sensor, a row for each letter."""
+    places = {axis: sensor_and_letter(axis) for axis in imu}
+    named = all(sensor for sensor, _ in places.values())
+    sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
+    columns: list[dict[str, Panel]] = []
+    for sensor in sensors:
+        members = [axis for axis, place in places.items() if place[0] == sensor or not named]
+        columns.append(dict(zip(members, _sensor_panels(imu, members, units, PAGE / len(sensors)), strict=True)))
+    letters = sorted({letter for _, letter in places.values()}) if named else []
+    rows: list[tuple[Panel | None, ...]] = [
+        tuple(column.get(f"{sensor}_{letter}") for sensor, column in zip(sensors, columns, strict=True))
+        for letter in letters
+    ] or [(panel,) for panel in columns[0].values()]
+    return Figure(_time_once(rows), width=PAGE, height=12.0 + _row_height(len(rows), 44.0) * len(rows))
+
+
+def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
+    """Panels of the axes of a sensor, with one scale where none of them would be flat under it."""
+    panels: dict[str, Panel] = {}
+    for unit in dict.fromkeys(imu[axis].unit for axis in axes):
+        members = [axis for axis in axes if imu[axis].unit == unit]
+        shown = view_of(unit, "allan", units)
+        traces = [trace(imu[axis], shown.factor, round(DOTS * width)) for axis in members]
+        means = [removed(one) for one in traces]
+        rows = [
+            _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit))
+            for axis, one, mean in zip(members, traces, means, strict=True)
+        ]
+        panels |= dict(zip(members, _panels(rows, shown, _name(unit)), strict=True))
+    return [panels[axis] for axis in axes]
+
+
+def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -> Figure:
+    """What `plot_components` draws, as data: the signal, and under it each of its terms."""
+    signal, model = simulated.signal, simulated.model
+    shown = view_of(signal.unit, "allan", units)
+    columns = round(DOTS * PAGE)
+    offset = shown.factor * simulated.offset
+    name = axis_title(signal.axis) if signal.axis else "Signal"
+    less = f" less {_number(offset)} {shown.unit}".rstrip() if offset else ""
+    step = simulated.resolution
+    rounded = f", in steps of {number_text(shown.factor * step)} {shown.unit}".rstrip() if step else ""
+    title = f"{name}{less}: {model_text(model.terms)}{rounded}"
+    rows = [_Row(trace(signal, shown.factor, columns).less(offset), Stroke(BLUE, WIDTH), title)]
+    strokes = term_strokes(model.terms, model.processes)
+    for term, process in zip(model.terms, model.processes, strict=True):
+        one = trace(simulated[term], shown.factor, columns)
+        rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown)))
+    panels = _panels(rows, shown)
+    stacked = _time_once([(panel,) for panel in panels])
+    return Figure(stacked, width=PAGE, height=12.0 + _row_height(len(rows), 34.0) * len(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    trace: Trace
+    stroke: Stroke
+    title: str
+
+
+def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
+    """Panels of one quantity over one time: one scale, or at least one power of ten, where that serves them all."""
+    seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
+    unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
+    label = f"Time since the first sample ({unit})"
+    x = even_axis(float(np.min(seconds)) / size, float(np.max(seconds)) / size, label, margin=0.01, at_most=10)
+    spans = [row.trace.span for row in rows]
+    sizes = [max(abs(row.trace.low), abs(row.trace.high)) for row in rows]
+    one_power = max(sizes) <= ONE_POWER * min(sizes)
+    one_scale = max(spans) <= ALIKE * min(spans)
+    low, high = min(row.trace.low for row in rows), max(row.trace.high for row in rows)
+    panels = []
+    for row, largest in zip(rows, sizes, strict=True):
+        power = power_of(max(sizes) if one_power else largest)
+        ends = (low, high) if one_scale else (row.trace.low, row.trace.high)
+        written = scaled_unit(shown.unit, power)
+        y = even_axis(
+            ends[0] / 10.0**power,
+            ends[1] / 10.0**power,
+            f"{name} ({written})" if name else written,
+            margin=0.06,
+            at_most=5,
+        )
+        panels.append(Panel(x, y, _marks(row, size, 10.0**power), row.title))
+    return panels
+
+
+def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
+    """The line, and a dot for each sample that has no neighbour to be joined to."""
+    x, y = row.trace.seconds / size, row.trace.y / scale
+    stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
+    there = np.concatenate([[False], np.isfinite(y), [False]])
+    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    line = Line(x, y, stroke, "", FRONT)
+    if stroke.symbol or not np.any(alone):
+        return (line,)
+    return line, Line(x[alone], y[alone], Stroke(stroke.colour, 0.0, symbol="circle"), "", FRONT)
+
+
+def _stroke(axis: str) -> Stroke:
+    letter = letter_stroke(sensor_and_letter(axis)[1])
+    return Stroke(letter.colour if letter else BLUE, WIDTH)
+
+
+def _without_mean(title: str, mean: float, unit: str) -> str:
+    """A title that says what was taken off."""
+    return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
+
+
+def _number(value: float) -> str:
+    return number_text(value, 6).replace("-", "−")
+
+
+def _name(unit: str) -> str:
+    known = find_unit(unit)
+    return NAMES[known.quantity] if known else "Signal"
+
+
+def _row_height(rows: int, usual: float) -> float:
+    """Height of a row (mm): that all of them fit on a printed page, as long as they can be read then."""
+    return max(min(usual, 235.0 / rows), 20.0)
+
+
+def _time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
+    """The panels with the time under the lowest of each column alone."""
+    lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
+    return tuple(
+        tuple(
+            panel if panel is None or lowest[k] == i else replace(panel, x=quiet(panel.x))
+            for k, panel in enumerate(row)
+        )
+        for i, row in enumerate(rows)
+    )
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_signal(
+    signal: Signal,
+    *,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a signal over time; where samples are missing the line is broken.
+
+    Parameters
+    ----------
+    signal : Signal
+        What to draw. Where zero is far from its samples, its mean is taken off, and the title says how much.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg; another unit stays as it is.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for this signal.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
+
+
+def plot_recording(
+    imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw all axes of a recording over time, gyroscopes beside accelerometers; where samples are missing lines break.
+
+    Parameters
+    ----------
+    imu : Imu
+        What to draw. Where zero is far from the samples of an axis, as gravity puts it, its mean is taken off, and its
+        title says how much. The axes of a sensor have one scale, unless one would be flat.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(recording_figure(imu, units=units), path=path)
+
+
+def plot_components(
+    simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw a simulated signal over time and, under it, the latent processes that it is the sum of.
+
+    Parameters
+    ----------
+    simulated : SimulatedSignal
+        From `simulate_signal`, or an axis of `simulate(…, components=True)`. Gravity is taken off the signal, and the
+        title says so; the panels have one scale, unless one would be flat.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg; another unit stays as it is.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If an option is unknown or cannot be had for this signal.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(components_figure(simulated, units=units), path=path)

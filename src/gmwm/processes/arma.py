@@ -1,0 +1,193 @@
+"""Autoregressive moving averages of any order, seasonal ones among them.
+
+φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t,   Var ε = σ²,   B X_t = X_{t−1},
+φ(B) = 1 − φ₁B − … − φ_p B^p,   θ(B) = 1 + θ₁B + … + θ_q B^q,   Φ and Θ alike, of order P and Q.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+from gmwm.errors import ModelError
+from gmwm.processes.base import Process
+from gmwm.processes.lagged import PHI, SEASONAL_PHI, SEASONAL_THETA, THETA, Lagged
+
+
+class _Arma(Lagged, abstract=True, listed=False):
+    """What sums and parts of such processes are."""
+
+    @classmethod
+    def repeats(cls, count: int) -> str:
+        """Autoregressions add up to an ARMA process, moving averages to one of the same order."""
+        p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
+        if p + seasonal_p == 0:
+            return f"a sum of them is again one, so that no data can tell it from a single one; write {cls.name} once"
+        if seasonal_p + seasonal_q == 0:
+            return f"a sum of {count} is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
+        return f"a sum of {count} is one process of higher orders, whose parts no data can tell; write {cls.name} once"
+
+    @classmethod
+    def smaller(cls) -> tuple[type[Process], ...]:
+        """Those of lower orders, largest first; white noise, which has none, is not among them."""
+        p, q, seasonal_p, seasonal_q, period = cls.full_orders()
+        lower = product(*(range(order, -1, -1) for order in (p, q, seasonal_p, seasonal_q)))
+        return tuple(_of_orders(at, period) for at in lower if any(at) and at != (p, q, seasonal_p, seasonal_q))
+
+    @classmethod
+    def joined(cls, other: type[Process]) -> type[Process] | None:
+        """The one with the larger of each order; none if they have different periods."""
+        if not issubclass(other, _Arma):
+            return None
+        one, two = cls.full_orders(), other.full_orders()
+        period, second = one[-1], two[-1]
+        if 1 not in (period, second) and period != second:
+            return None
+        return _of_orders(tuple(map(max, one[:-1], two[:-1])), max(period, second))
+
+
+class AR(_Arma, abstract=True):
+    """Autoregression of order p, X_t = φ₁X_{t−1} + … + φ_p X_{t−p} + ε_t, Var ε = σ².
+
+    Parameters
+    ----------
+    p : int
+        Order, from 1; or left out, and `phi` given.
+    phi1, …, phip : float, fixed or None
+        Coefficients; or all at once as `phi`. Together stationary: 1 − φ₁z − … − φ_p z^p has no zero with |z| ≤ 1.
+    sigma2 : float, fixed or None
+        Innovation variance σ², in u².
+
+    References
+    ----------
+    Brockwell, P. J. and Davis, R. A. (1991), Time Series: Theory and Methods, 2nd ed., Springer, chapter 3.
+
+    Examples
+    --------
+    >>> AR(2)
+    AR(2)
+    >>> AR(phi=[1.4, -0.6], sigma2=1.0).wavelet_variance(3, rate=100.0).round(6)
+    array([0.416667, 1.0625  , 1.958425])
+    """
+
+    name = "AR"
+    title = "Autoregression"
+    polynomials = (PHI,)
+    examples = ((2,),)
+
+    @classmethod
+    def check_orders(cls, orders: tuple[int, ...]) -> None:
+        """p from 1."""
+        if orders[0] < 1:
+            raise ModelError(f"p of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+
+
+class MA(_Arma, abstract=True):
+    """Moving average of order q, X_t = ε_t + θ₁ε_{t−1} + … + θ_q ε_{t−q}, Var ε = σ².
+
+    Of order 1, ν_j² = σ²[(1 + θ)²τ − 6θ]/τ² under Haar's filter, at τ = 2^j.
+
+    Parameters
+    ----------
+    q : int
+        Order, from 1; or left out, and `theta` given.
+    theta1, …, thetaq : float, fixed or None
+        Coefficients; or all at once as `theta`. Together invertible: 1 + θ₁z + … + θ_q z^q has no zero with |z| ≤ 1.
+    sigma2 : float, fixed or None
+        Innovation variance σ², in u².
+
+    Examples
+    --------
+    >>> MA(theta=[0.5], sigma2=4.0).wavelet_variance(2, rate=100.0)
+    array([1.5, 1.5])
+    """
+
+    name = "MA"
+    title = "Moving average"
+    polynomials = (THETA,)
+    examples = ((1,),)
+
+    @classmethod
+    def check_orders(cls, orders: tuple[int, ...]) -> None:
+        """q from 1."""
+        if orders[0] < 1:
+            raise ModelError(f"q of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+
+
+class ARMA(_Arma, abstract=True):
+    """Autoregressive moving average, X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}, Var ε = σ².
+
+    Parameters
+    ----------
+    p, q : int
+        Orders, from 1; or left out, and `phi` and `theta` given.
+    phi1, …, phip, theta1, …, thetaq : float, fixed or None
+        Coefficients, stationary and invertible; or all at once as `phi` and `theta`.
+    sigma2 : float, fixed or None
+        Innovation variance σ², in u².
+
+    Examples
+    --------
+    >>> ARMA(2, 1).values
+    {'phi1': None, 'phi2': None, 'theta1': None, 'sigma2': None}
+    >>> ARMA(phi=[1.4, -0.6], theta=[0.3], sigma2=1.0)
+    ARMA(2, 1, phi1=1.4, phi2=-0.6, theta1=0.3, sigma2=1.0)
+    """
+
+    name = "ARMA"
+    title = "Autoregressive moving average"
+    polynomials = (PHI, THETA)
+    examples = ((2, 1),)
+
+    @classmethod
+    def check_orders(cls, orders: tuple[int, ...]) -> None:
+        """p and q from 1: what is left of others has a name of its own."""
+        p, q = orders
+        if p == 0 or q == 0:
+            simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
+            raise ModelError(f"p and q of {cls.written()} must be at least 1, got {p} and {q}; write {simpler}")
+
+
+class SARMA(_Arma, abstract=True):
+    """Seasonal ARMA, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, with a period of s samples.
+
+    Parameters
+    ----------
+    p, q, P, Q, period : int
+        Orders of φ, θ, Φ and Θ, from 0, with P or Q from 1, and the period s, from 2; or the period only, by name,
+        with `phi`, `theta`, `sphi` and `stheta` given as far as there are any.
+    phi1, …, theta1, …, sphi1, …, stheta1, … : float, fixed or None
+        Coefficients; each polynomial stationary or invertible by itself.
+    sigma2 : float, fixed or None
+        Innovation variance σ², in u².
+
+    Examples
+    --------
+    >>> SARMA(1, 0, 1, 0, period=12)
+    SARMA(1,0,1,0,12)
+    >>> SARMA(phi=[0.5], sphi=[0.9], period=12, sigma2=1.0)
+    SARMA(1, 0, 1, 0, 12, phi1=0.5, sphi1=0.9, sigma2=1.0)
+    """
+
+    name = "SARMA"
+    title = "Seasonal autoregressive moving average"
+    polynomials = (PHI, THETA, SEASONAL_PHI, SEASONAL_THETA)
+    period_name = "period"
+    examples = ((1, 1, 1, 0, 4),)
+
+    @classmethod
+    def check_orders(cls, orders: tuple[int, ...]) -> None:
+        """P or Q from 1."""
+        p, q, seasonal_p, seasonal_q, _ = orders
+        if seasonal_p + seasonal_q == 0:
+            simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
+            raise ModelError(f"P or Q of {cls.written()} must be at least 1, got 0 and 0; write {simpler}")
+
+
+def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:
+    """The class of these orders p, q, P and Q, in the simplest of the families."""
+    p, q, seasonal_p, seasonal_q = orders
+    if seasonal_p + seasonal_q:
+        return SARMA.of(p, q, seasonal_p, seasonal_q, period)
+    if p and q:
+        return ARMA.of(p, q)
+    return AR.of(p) if p else MA.of(q)

@@ -1,0 +1,245 @@
+"""Noise without a scale of its own: running sums whose covariance is a power of the lag.
+
+The mean of a continuous-time noise of spectrum |f|^(−α) over each sampling interval has a running sum of generalised
+covariance
+
+    K(m) = ½ ν_1² κ q(m),   q(m) = m² (|m|^ε − 1)/ε,   κ = ε/(2^ε − 1),   ε = α − 1 between −2 and 2,
+
+up to a + b m², with ν_1² its Haar wavelet variance at the first level; where ε is 0, q(m) = m² ln|m| and κ = 1/ln 2. A
+lag that is h times as long multiplies K by h^(ε+2), so everything here follows from q alone. Second differences of it
+are closed forms near 0 and series in 1/m² beyond: nothing cancels, at any lag and however small ε is.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.filters import WaveletFilter
+from gmwm.processes.filtered import without_zero
+
+Numbers = NDArray[Any]
+"""Real, or complex where a derivative is taken by a complex step."""
+
+_NEAR = 4.0
+"""Lags, in steps of the difference, from which its series is as exact as its definition."""
+_TERMS = 15
+"""Terms of the series in (step/lag)² ≤ 1/16."""
+_REACH = 4
+"""Lags that are carried number by number, in lengths of the filter."""
+
+
+def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
+    """(e^(εx) − 1)/ε, which is x where ε is 0."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(epsilon == 0, x, np.expm1(epsilon * x) / epsilon))
+
+
+def unit_factor(epsilon: Numbers) -> Numbers:
+    """κ = ε/(2^ε − 1), positive."""
+    return np.asarray(1.0 / over_exponent(epsilon, np.asarray(math.log(2.0))))
+
+
+def sum_covariance(lags: Vector, epsilon: float) -> Vector:
+    """q(m) of real lags."""
+    m = np.abs(np.asarray(lags, dtype=np.float64))
+    log = np.log(m, where=m > 0, out=np.zeros_like(m))
+    return np.asarray(m * m * over_exponent(np.asarray(epsilon), log))
+
+
+def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
+    """C(2 + ε, 2k)/ε, k = 2, 3, …: no quotient is taken, ε is one of the factors."""
+    found, product = [], (2 + epsilon) * (1 + epsilon) / 2
+    for k in range(2, terms + 2):
+        product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
+        if k > 2:  # the factor ε itself is the one that is left out
+            product = product * (epsilon - (2 * k - 4))
+        found.append(product)
+    return found
+
+
+def bend(lags: Vector, epsilon: float) -> Vector:
+    """q(m+1) − 2q(m) + q(m−1) of real lags, exact to rounding."""
+    t = np.abs(np.asarray(lags, dtype=np.float64))
+    out = np.empty_like(t)
+    near = t < _NEAR
+    x = t[near]
+    out[near] = sum_covariance(x + 1, epsilon) - 2 * sum_covariance(x, epsilon) + sum_covariance(x - 1, epsilon)
+    x = t[~near]
+    log = np.log(x)
+    power = np.exp(epsilon * log)
+    out[~near] = 2 * over_exponent(np.asarray(epsilon), log) + power * (3 + epsilon + 2 * _tail(x, epsilon))
+    return out
+
+
+def _tail(t: Vector, epsilon: float) -> Vector:
+    """Σ_{k ≥ 2} C(2 + ε, 2k)/ε t^(2 − 2k)."""
+    y, total = 1.0 / (t * t), np.zeros_like(t)
+    for coefficient in reversed(falling(np.asarray(epsilon), _TERMS)):
+        total = (total + float(coefficient)) * y
+    return total
+
+
+def power_bend(lags: Vector, epsilon: float) -> Vector:
+    """|m+1|^p − 2|m|^p + |m−1|^p, p = 2 + ε, with all its digits where it is next to nothing."""
+    t = np.abs(np.asarray(lags, dtype=np.float64))
+    p = 2.0 + epsilon
+    out = np.empty_like(t)
+    near = t < _NEAR
+    x = t[near]
+    out[near] = (x + 1) ** p - 2 * x**p + np.abs(x - 1) ** p
+    x = t[~near]
+    out[~near] = np.exp(epsilon * np.log(x)) * (p * (1 + epsilon) + 2 * epsilon * _tail(x, epsilon))
+    return out
+
+
+def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
+    """Second difference by 1, then by `step` ≥ 1, of q at real lags: the nine terms of a wavelet covariance."""
+    t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
+    out = np.empty_like(t)
+    near = t < _NEAR * (1 + r)
+    x, by = t[near], r[near]
+    out[near] = bend(x + by, epsilon) - 2 * bend(x, epsilon) + bend(x - by, epsilon)
+    x, by = t[~near], r[~near]
+    # 4 Σ_s C(2 + ε, 2s)/ε (2s)! t^(2+ε−2s) Σ_{k+i=s} r^(2i)/((2k)!(2i)!): even derivatives of q times powers of steps.
+    derivatives = [float(c) * math.factorial(2 * k) for k, c in enumerate(falling(np.asarray(epsilon), _TERMS), 2)]
+    y, z = 1.0 / (x * x), (by / x) ** 2
+    total = np.zeros_like(x)
+    for i in range(_TERMS, 0, -1):
+        inner = np.zeros_like(x)
+        for k in range(_TERMS + 1 - i, 0, -1):
+            inner = inner * y + derivatives[i + k - 2] / (math.factorial(2 * k) * math.factorial(2 * i))
+        total = (total + inner) * z
+    out[~near] = 4 * np.exp(epsilon * np.log(x)) * total
+    return out
+
+
+def spectrum(frequencies: Vector, epsilon: float) -> Vector:
+    """Density per cycle a sample of the sampled noise with ν_1² = 1, at |f| ≤ ½ in cycles a sample.
+
+    C (sin(πf)/π)² Σ_k |f + k|^(−α−2), C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1); the sum is two Hurwitz zeta functions.
+    """
+    from scipy.special import zeta
+
+    f, alpha = np.abs(frequencies), epsilon + 1.0
+    half = 0.5 * math.pi
+    sine = half * float(np.sinc(0.5 * epsilon)) * float(unit_factor(np.asarray(epsilon)))
+    constant = math.gamma(3.0 + epsilon) * sine * (2.0 * math.pi) ** -alpha
+    rest = (np.sin(math.pi * f) / math.pi) ** 2 * (zeta(2.0 + alpha, 1.0 + f) + zeta(2.0 + alpha, 1.0 - f))
+    with np.errstate(divide="ignore"):
+        return np.asarray(constant * (np.sinc(f) ** 2 * f**-alpha + rest))
+
+
+# --- wavelet variance -----------------------------------------------------------------------------------
+
+
+def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
+    """2^((j−1)ε) (n, J): the product is split so that no digit of it is rounded away."""
+    coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
+    steps = (levels - 1).astype(np.float64)
+    rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
+    return np.asarray(np.exp2(np.outer(coarse, steps)) * rest)
+
+
+def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
+    """ν_j² (n, J) under any wavelet filter where the Haar wavelet variance of the first level is 1.
+
+    Where the spectrum vanishes at f = 0 (ε < −1) it is that of the running sum under the differenced filter.
+    """
+    eps = np.asarray(epsilon)
+    out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
+    summed = np.real(eps) < -1
+    if np.any(~summed):
+        e = eps[~summed, None]
+        tail = np.concatenate([(2 + e) * (1 + e), *(2 * c for c in falling(e, _TERMS - 1))], axis=1)
+        near = _bend_rows(e, _REACH * filter.length) - (3 + e)
+        out[~summed] = -0.5 * unit_factor(e) * _carried(e, near, tail, filter, int(levels[-1]), summed=False)
+    if np.any(summed):
+        e = eps[summed, None] + 2
+        tail = np.concatenate([e, np.zeros((len(e), _TERMS - 1))], axis=1)
+        near = e * over_exponent(e, np.log(np.arange(1.0, _REACH * filter.length + 1)))
+        near = np.concatenate([np.full((len(e), 1), -1.0), near], axis=1)
+        out[summed] = 0.5 * unit_factor(e - 2) / (e - 2) * _carried(
+            e, near, tail, filter, int(levels[-1]), summed=True
+        )  # fmt: skip
+    return np.asarray(out[:, levels - 1] * powers_of_two(eps, levels))
+
+
+def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
+    """Σ_n d(n) c_j(n) (n, J) of levels 1 … J, divided by 2^(j−1)ε; c_1 is `near` at lags up to R, and beyond by `tail`.
+
+    Carried from level to level is the covariance under the smoothing filter, up to a constant: number by number at
+    short lags, and beyond as a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s), which that filter takes to one of the same form by
+    the even moments of its autocorrelation. All of it is divided by 2^ε at each level, so that nothing grows.
+    """
+    length, reach = filter.length, _REACH * filter.length
+    detail, step, moments = _tables(filter, reach, summed)
+    passed = _passages(eps, moments)
+    log = np.log(np.arange(reach + 1.0, 2 * reach + length))
+    first, inverse = over_exponent(eps, log), np.exp(-2.0 * np.outer(np.arange(1, _TERMS), log))
+    power, halved = np.exp(eps * log), np.exp(-eps * math.log(2.0))
+    shift = over_exponent(eps, np.asarray(math.log(2.0)))
+    values = np.empty((len(eps), count), dtype=near.dtype)
+    for j in range(count):
+        values[:, j] = near[:, : detail.size] @ detail
+        far = tail[:, :1] * first + power * (tail[:, 1:] @ inverse)
+        near = halved * (np.concatenate([near, far], axis=1) @ step - tail[:, :1] * shift)
+        tail = np.einsum("ns,nst->nt", tail, passed)
+    return values
+
+
+def _bend_rows(eps: Numbers, reach: int) -> Numbers:
+    """Second difference of q, row by row of exponents, at lags 0 … `reach`."""
+    m = np.arange(reach + 1.0)
+    log = np.log(np.maximum(np.arange(_NEAR + 1), 1.0))
+    q = np.arange(_NEAR + 1) ** 2 * over_exponent(eps, log)
+    k = np.arange(int(_NEAR))
+    near = q[:, k + 1] - 2 * q[:, k] + q[:, np.abs(k - 1)]
+    log = np.log(m[int(_NEAR) :])
+    tail = sum(2 * c * np.exp(-2.0 * i * log) for i, c in enumerate(falling(eps, _TERMS), 1))
+    far = 2 * over_exponent(eps, log) + np.exp(eps * log) * (3 + eps + tail)
+    return np.concatenate([near, far], axis=1)
+
+
+def _passages(eps: Numbers, moments: Vector) -> Numbers:
+    """How the smoothing filter takes a_s to a_t, t ≥ s (n, S, S): 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)).
+
+    Of a_0, which stands before (k^ε − 1)/ε, C(ε, 2t)/ε.
+    """
+    out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
+    for s in range(_TERMS):
+        top, coefficient = eps[:, 0] - 2 * s, np.ones(len(eps), dtype=eps.dtype)
+        for t in range(s, _TERMS):
+            i = 2 * (t - s)
+            if i == 2:
+                coefficient = (top - 1) / 2 * (1 if s == 0 else top)
+            elif i > 2:
+                coefficient = coefficient * (top - i + 2) * (top - i + 1) / ((i - 1) * i)
+            out[:, s, t] = np.ldexp(1.0, -2 * t) * coefficient * moments[t - s]
+    return out
+
+
+@lru_cache(maxsize=64)
+def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
+    """Autocorrelation of the wavelet filter at lags ≥ 0, the step between levels, even moments of the smoothing one.
+
+    Where the process is carried as its running sum, of (1 − z) h(z) and, times 2, of g(z)/(1 + z).
+    """
+    smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
+    if summed:
+        smooth, detail = 2.0 * without_zero(filter), np.convolve(detail, [1.0, -1.0])
+    folded = [
+        np.correlate(f, f, "full")[f.size - 1 :] * np.where(np.arange(f.size) > 0, 2.0, 1.0) for f in (smooth, detail)
+    ]
+    step = np.zeros((2 * reach + filter.length, reach + 1))
+    places = np.arange(reach + 1)
+    for n, weight in enumerate(folded[0]):
+        for lag in (2 * places - n, 2 * places + n):
+            np.add.at(step, (np.abs(lag), places), weight / 2)
+    lags = np.arange(folded[0].size, dtype=np.float64)
+    return folded[1], step, np.array([folded[0] @ lags ** (2 * i) for i in range(_TERMS)])

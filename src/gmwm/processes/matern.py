@@ -1,0 +1,222 @@
+"""The Matérn process: a correlation time, and how smooth the paths are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.errors import MissingTheoryError
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import embedding, octaves
+from gmwm.processes.base import Process
+from gmwm.processes.bessel import LARGEST, matern
+from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Parameter, Value
+
+_MANY = 4096
+"""From so many lags on a correlation is interpolated."""
+_ONE_BY_ONE = 64
+"""Lags before the first octave of them."""
+_SHORT = 512
+"""Paths up to this length are drawn by a root of their covariance matrix."""
+_GONE = 1e-18
+"""Correlations below this are none."""
+_LONGEST = 2**24
+"""Samples of the longest half circle."""
+
+
+@dataclass(frozen=True, repr=False)
+class MAT(Process):
+    """Matérn process: autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at time t in seconds.
+
+    At ν = ½ it is a Gauss-Markov process; above, its paths are smoother, below rougher. At frequencies well above β/2π
+    its spectrum falls as f^(−2ν−1). It has no finite state space but where ν is ½, 3/2, 5/2, …, and so none here.
+
+    The wavelet variance follows from the autocovariance at a few hundred lags, see `octaves`, under any filter; it is
+    exact to 1e-12 under the Haar filter, and less under long ones where β is small: what they leave of a smooth path is
+    less than rounding takes.
+
+    Parameters
+    ----------
+    beta : float, fixed or None
+        Inverse scale of time β, in 1/s.
+    nu : float, fixed or None
+        Smoothness ν, below 50.
+    sigma2 : float, fixed or None
+        Marginal variance σ², in u².
+
+    References
+    ----------
+    Lilly, J. M., Sykulski, A. M., Early, J. J. and Olhede, S. C. (2017), Fractional Brownian motion, the Matérn
+    process, and stochastic modeling of turbulent dispersion, Nonlinear Processes in Geophysics 24, 481-514.
+
+    Examples
+    --------
+    >>> MAT(beta=1.0, nu=0.5, sigma2=2.0).wavelet_variance(3, rate=10.0).round(6)
+    array([0.095163, 0.131639, 0.207859])
+    >>> MAT(beta=1.0, nu=1.5, sigma2=2.0).wavelet_variance(3, rate=10.0).round(6)
+    array([0.004679, 0.016826, 0.055933])
+    """
+
+    name = "MAT"
+    title = "Matérn process"
+    parameters = (
+        Parameter("beta", "β", "inverse scale of time", time_power=-1),
+        Parameter("nu", "ν", "smoothness", domain="between", limits=(0.0, LARGEST)),
+        Parameter("sigma2", "σ²", "marginal variance", signal_power=2, scale_power=1),
+    )
+
+    beta: Value = None
+    nu: Value = None
+    sigma2: Value = None
+
+    # --- the shape --------------------------------------------------------------------------------------
+
+    @classmethod
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
+        """∂ν²/∂β and ∂ν²/∂ν at marginal variance 1."""
+        wanted, rows = as_levels(levels), []
+        sums = octaves.sums(filter, int(wanted[-1]))
+        for beta, nu in np.asarray(nonlinear, dtype=np.float64):
+            at = matern(sums.places * (beta / rate), nu)
+            slopes, _ = sums.variance(-np.stack([at.by_distance, at.by_smoothness]), wanted)
+            rows.append(slopes.T / [beta, 1.0])
+        return np.array(rows).reshape(-1, wanted.size, 2)
+
+    def _variance_under(self, filter: WaveletFilter, levels: NDArray[np.int64], rate: float) -> Vector:
+        sums = octaves.sums(filter, int(levels[-1]))
+        at = matern(sums.places * (self.value("beta") / rate), self.value("nu"))
+        # The sum over the correlation, or that over its complement: where less cancels.
+        values, sizes = sums.variance(np.stack([at.correlation, -at.lost]), levels)
+        return np.asarray(self.scale * np.maximum(np.where(sizes[0] < sizes[1], values[0], values[1]), 0.0))
+
+    @classmethod
+    def room(cls, nonlinear: Matrix) -> Matrix:
+        """β itself; of ν up to a quarter, as a slow process changes by orders of magnitude within one."""
+        return np.minimum(super().room(nonlinear), [math.inf, 0.25])
+
+    @classmethod
+    def scan(cls, samples: int, rate: float) -> Matrix:
+        """β from one over the record to the rate, ν from 0.1 to 3."""
+        smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
+        return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
+
+    # --- theory -----------------------------------------------------------------------------------------
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k) = σ² M(βkΔt)."""
+        return self._at_lags("correlation", lags, rate)
+
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """A(m) = −σ² [1 − M(βmΔt)]."""
+        return -self._at_lags("lost", lags, rate)
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = −½ σ² [|m| + 2 Σ_{k < |m|} (|m| − k) M(βkΔt)]."""
+        m, unit = np.abs(as_lags(lags)), self.value("beta") / as_rate(rate)
+        (zeroth,), (first,) = octaves.partial_sums(
+            lambda k: matern(k * unit, self.value("nu")).correlation[None], m.ravel()
+        )
+        return np.asarray(-0.5 * self.scale * (m + 2.0 * (m * zeroth.reshape(m.shape) - first.reshape(m.shape))))
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """σ²(n) = (σ²/n²) Σ_{k ≥ 0} w_k M(βkΔt), w_0 = n, w_k = 2n − 3k up to k = n and k − 2n from there to 2n."""
+        n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
+
+        def known(k: Vector) -> Matrix:
+            at = matern(k * unit, self.value("nu"))
+            return np.stack([at.correlation, -at.lost])
+
+        h = n.ravel().astype(np.float64)
+        zeroth, first = octaves.partial_sums(known, np.concatenate([n.ravel(), 2 * n.ravel()]))
+        terms = np.stack([
+            np.array([[1.0], [0.0]]) * h,
+            4.0 * h * zeroth[:, : h.size],
+            -4.0 * first[:, : h.size],
+            -2.0 * h * zeroth[:, h.size :],
+            first[:, h.size :],
+        ])  # fmt: skip
+        values, sizes = np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0)
+        found = np.where(sizes[0] < sizes[1], values[0], values[1]) / h**2
+        return np.asarray(self.scale * found.reshape(n.shape))
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Gaussian sample paths, stationary from the start: (n,), or (paths, n).
+
+        Exact: short ones by a root of their covariance matrix, others from a circle of samples so long that the
+        autocovariance has died away before its far side, or of twice the length where it is convex (ν ≤ ½).
+
+        Raises
+        ------
+        MissingTheoryError
+            If the circle would have more than 2^25 samples.
+        """
+        n, count = as_paths(n, paths)
+        rate, generator, size = as_rate(rate), as_rng(rng), math.sqrt(self.scale)
+        if n <= _SHORT:
+            draws = generator.standard_normal((count, n)) @ self._root(n, rate)
+        else:
+            draws = embedding.paths(self._amplitudes(n, rate), n, generator, count)
+        draws *= size
+        return np.asarray(draws.reshape(shape_of_paths(n, paths)))
+
+    def correlation_time(self, rate: float) -> float | None:
+        """Where the autocovariance is down to σ²/e, in s; None where β or ν has no value."""
+        beta, nu = self.values["beta"], self.values["nu"]
+        if beta is None or nu is None:
+            return None
+        # Newton's steps in ln x, or halves where they leave the ends.
+        low, log, high = -700.0, 0.0, 5.0
+        for _ in range(100):
+            at = matern(np.array([math.exp(log)]), nu)
+            excess, slope = float(at.correlation[0]) - math.exp(-1.0), float(at.by_distance[0])
+            low, high = (log, high) if excess > 0 else (low, log)
+            moved = log + excess / slope if slope > 0 else low
+            before, log = log, moved if low < moved < high else 0.5 * (low + high)
+            if abs(log - before) < 1e-13:
+                break
+        return math.exp(log) / beta
+
+    # --- inside -----------------------------------------------------------------------------------------
+
+    def _at_lags(self, what: str, lags: ArrayLike, rate: float) -> Vector:
+        k, rate = np.abs(as_lags(lags)), as_rate(rate)
+        beta, nu = self.value("beta"), self.value("nu")
+        if k.size < _MANY:
+            found = getattr(matern(k.ravel() * (beta / rate), nu), what)
+        else:
+            longest = int(k.max())
+            places = octaves.spread_places(_ONE_BY_ONE, max(longest // _ONE_BY_ONE, 1).bit_length())
+            found = octaves.spread(getattr(matern(places * (beta / rate), nu), what), k.ravel(), _ONE_BY_ONE)
+        return np.asarray(self.scale * found.reshape(k.shape))
+
+    def _root(self, n: int, rate: float) -> Matrix:
+        """R with RᵀR the correlations of n samples."""
+        t = np.arange(n, dtype=np.float64)
+        known = matern(t * (self.value("beta") / rate), self.value("nu")).correlation
+        values, vectors = np.linalg.eigh(known[np.abs(np.subtract.outer(np.arange(n), np.arange(n)))])
+        return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+    def _amplitudes(self, n: int, rate: float) -> Vector:
+        """Roots of the eigenvalues of the circle of correlations."""
+        beta, nu, half = self.value("beta"), self.value("nu"), embedding.half_period(n)
+        if nu > 0.5:
+            far = np.arange(8.0, 400.0, dtype=np.float64)
+            reach = far[np.argmax(matern(far, nu).correlation < _GONE)] * rate / beta
+            half = max(half, embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
+        if half > _LONGEST:
+            raise MissingTheoryError(
+                f"{self} is too slow and too smooth to be simulated at {rate:g} Hz: paths of {n} samples would have to "
+                f"be cut out of circles of more than {2 * _LONGEST}. Take a larger beta, a lower rate, at most "
+                f"{_SHORT} samples, or nu=0.5"
+            )
+        unit = self.with_values(sigma2=1.0)
+        return embedding.amplitudes(lambda k: unit.autocovariance(k.astype(np.int64), rate), half)

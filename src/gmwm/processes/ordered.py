@@ -1,0 +1,273 @@
+"""Families of processes whose number of parameters is part of the name: AR(2) is a class of its own.
+
+A family is an abstract class; the classes of its orders are made when they are first asked for, and kept. They are
+processes like any other, but not in the registry, which would have no end.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import new_class
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from gmwm.errors import ModelError
+from gmwm.processes.base import Process, registry
+from gmwm.processes.parameter import Fixed, Parameter, Value
+
+families: dict[str, type[Ordered]] = {}
+"""Every family by name, in the order in which they are shown."""
+
+MOST_LAGS = 60
+"""Lags that a process may reach back over at most."""
+
+
+def every_class() -> dict[str, type[Process]]:
+    """Every registered process and, of each family, those of a few orders, by name: what laws are tested on."""
+    examples = (family.of(*orders) for family in families.values() for orders in family.examples)
+    return {**registry, **{process.name: process for process in examples}}
+
+
+def find_class(name: str) -> type[Process] | None:
+    """The class of this name, registered or of a family, "ARMA(2,1)"; None if there is none.
+
+    >>> find_class("WN").title
+    'White noise'
+    """
+    family, bracket, orders = name.rstrip(")").partition("(")
+    if family in families and bracket and all(order.isdigit() for order in orders.split(",")):
+        return families[family].of(*map(int, orders.split(",")))
+    return registry.get(name)
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """The coefficients of one polynomial, numbered from 1: phi1, phi2, …
+
+    Parameters
+    ----------
+    name, symbol : str
+        Of one of them without its number: "phi", "φ".
+    order : str
+        What their number is called: "p".
+    description : str
+        What one of them is.
+    """
+
+    name: str
+    symbol: str
+    order: str
+    description: str
+
+    def parameters(self, count: int) -> tuple[Parameter, ...]:
+        """Those of a polynomial of this order."""
+        digits = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+        return tuple(
+            Parameter(
+                f"{self.name}{i}", f"{self.symbol}{str(i).translate(digits)}", f"{self.description} {i}", domain="real"
+            )
+            for i in range(1, count + 1)
+        )
+
+
+class Ordered(Process, abstract=True):
+    """A family of processes. A subclass gives its polynomials and the theory, for any orders.
+
+    Written with orders, `AR(2)`, to be estimated, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`; or by coefficients,
+    `AR(phi=[1.4, -0.6], sigma2=1.0)`. Each gives an instance of the class of its orders, `AR.of(2)`.
+    """
+
+    polynomials: ClassVar[tuple[Coefficients, ...]]
+    """Its polynomials, in the order in which their orders are written."""
+    period_name: ClassVar[str | None] = None
+    """What the period is called, which is written last among the orders; None in a family without one."""
+    scale_of: ClassVar[Parameter]
+    """The scale parameter, the last one."""
+    examples: ClassVar[tuple[tuple[int, ...], ...]]
+    """Orders on which the laws are tested."""
+    family_class: ClassVar[type[Ordered]]
+    """The family."""
+    orders: ClassVar[tuple[int, ...]]
+    """Orders of a class of the family."""
+    _made: ClassVar[dict[tuple[int, ...], type[Any]]]
+
+    def __init_subclass__(cls, *, abstract: bool = False, listed: bool = True, **kwargs: Any) -> None:
+        super().__init_subclass__(abstract=abstract, **kwargs)
+        if abstract and listed:
+            cls.family_class, cls.parameters, cls._made = cls, (), {}
+            families[cls.name] = cls
+
+    # --- classes of the family ------------------------------------------------------------------------
+
+    @classmethod
+    def order_names(cls) -> tuple[str, ...]:
+        """What the orders are called, as they are written: ("p", "q")."""
+        names = tuple(polynomial.order for polynomial in cls.polynomials)
+        return names if cls.period_name is None else (*names, cls.period_name)
+
+    @classmethod
+    def written(cls) -> str:
+        """How a process of the family is written: "ARMA(p, q)"."""
+        return f"{cls.family_class.name}({', '.join(cls.order_names())})"
+
+    @classmethod
+    def of(cls, *orders: int) -> type[Self]:
+        """The class of these orders.
+
+        Raises
+        ------
+        ModelError
+            If there is none: orders that are missing, negative, all zero, or too large.
+        """
+        family = cls.family_class
+        key = family._checked_orders(orders)
+        if key not in family._made:
+            family._made[key] = family._new(key)
+        return family._made[key]
+
+    @classmethod
+    def _checked_orders(cls, orders: Iterable[object]) -> tuple[int, ...]:
+        given, names = tuple(orders), cls.order_names()
+        if len(given) != len(names):
+            first = cls.polynomials[0].name
+            raise ModelError(
+                f"{cls.name} is written with its orders, {cls.written()}, or its coefficients, {first}=[…]; "
+                f"got {len(given)} orders"
+            )
+        for name, order in zip(names, given, strict=True):
+            least = 2 if name == cls.period_name else 0
+            if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < least:
+                raise ModelError(f"{name} of {cls.written()} must be a whole number from {least}, got {order!r}")
+        whole = tuple(int(order) for order in given)  # type: ignore[call-overload]
+        reach = cls.lags(whole)
+        if reach > MOST_LAGS:
+            raise ModelError(f"{_name(cls, whole)} reaches back {reach} samples, but {MOST_LAGS} are the most")
+        cls.check_orders(whole)
+        return whole
+
+    @classmethod
+    def lags(cls, orders: tuple[int, ...]) -> int:
+        """How many samples a process of these orders reaches back."""
+        return max(orders)
+
+    @classmethod
+    @abstractmethod
+    def check_orders(cls, orders: tuple[int, ...]) -> None:
+        """ModelError where the family has no process of these orders, naming the way out."""
+
+    @classmethod
+    def _new(cls, orders: tuple[int, ...]) -> type[Any]:
+        parts = [part.parameters(n) for part, n in zip(cls.polynomials, orders, strict=False)]
+        parameters = (*(p for part in parts for p in part), cls.scale_of)
+
+        def body(namespace: dict[str, Any]) -> None:
+            namespace.update(
+                name=_name(cls, orders),
+                title=f"{cls.title} of order {', '.join(map(str, orders))}",
+                parameters=parameters,
+                orders=orders,
+                __doc__=cls.__doc__,
+                __module__=cls.__module__,
+                __annotations__={p.name: Value for p in parameters},
+                **dict.fromkeys((p.name for p in parameters), None),
+            )
+
+        made = new_class(_name(cls, orders), (cls,), {"register": False}, body)
+        return dataclass(frozen=True, repr=False, init=False)(made)
+
+    # --- instances ------------------------------------------------------------------------------------
+
+    def __new__(cls, *orders: int, **values: Any) -> Self:
+        """An instance of the class of these orders, or of as many coefficients as there are."""
+        if cls.family_class is cls:
+            found = cls.of(*cls._orders_of(orders, values))
+        else:
+            if orders and cls._orders_of(orders, values) != cls.orders:
+                raise ModelError(f"{cls.name} has the orders {cls.orders}, got {orders}")
+            found = cls
+        return object.__new__(found)
+
+    def __init__(self, *orders: int, **values: Value | Sequence[Value]) -> None:
+        given = dict(values)
+        if self.period_name is not None:
+            given.pop(self.period_name, None)
+        for polynomial in self.polynomials:
+            if (sequence := given.pop(polynomial.name, None)) is not None:
+                for i, value in enumerate(_sequence(sequence, self, polynomial), 1):
+                    name = f"{polynomial.name}{i}"
+                    if name in given:
+                        raise ModelError(f"{self.name}.{name} is given twice, in {polynomial.name} and by itself")
+                    given[name] = value
+        known = [p.name for p in self.parameters]
+        for name in given:
+            if name not in known:
+                raise ModelError(f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}")
+        for name in known:
+            object.__setattr__(self, name, given.get(name))
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_values()
+
+    @abstractmethod
+    def check_values(self) -> None:
+        """ModelError where the coefficients together are none of such a process, naming the way out."""
+
+    @classmethod
+    def _orders_of(cls, orders: tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
+        """Orders as they are given, or as there are coefficients."""
+        given = list(orders)
+        if cls.period_name is not None and cls.period_name in values:
+            if len(given) >= len(cls.order_names()):
+                raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice")
+            given.append(values[cls.period_name])
+        counts = {p.order: len(_sequence(values[p.name], cls, p)) for p in cls.polynomials if _is_given(values, p.name)}
+        if not counts:
+            return tuple(given)
+        if not orders:
+            return (*(counts.get(p.order, 0) for p in cls.polynomials), *given)
+        for polynomial, order in zip(cls.polynomials, given, strict=False):
+            if counts.get(polynomial.order, order) != order:
+                raise ModelError(
+                    f"{_name(cls.family_class, tuple(given))} has {polynomial.order} = {order!r}, but "
+                    f"{polynomial.name} has {counts[polynomial.order]} values; give orders or coefficients"
+                )
+        return tuple(given)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (self.family_class, self.orders, {p.name: getattr(self, p.name) for p in self.parameters})
+
+    def __str__(self) -> str:
+        given = [f"{p.name}={v!r}" for p in self.parameters if (v := getattr(self, p.name)) is not None]
+        orders = [str(n) for n in self.orders]
+        return f"{self.family_class.name}({', '.join([*orders, *given])})" if given else self.name
+
+    def coefficients(self, name: str) -> list[float | None]:
+        """Values of the coefficients called `name` and a number, held or not; None where they are to be estimated."""
+        values = self.values
+        return [values[p.name] for p in self.nonlinear_parameters() if p.name.rstrip("0123456789") == name]
+
+
+def _again(family: type[Ordered], orders: tuple[int, ...], values: dict[str, Value]) -> Ordered:
+    return family.of(*orders)(**values)
+
+
+def _name(family: type[Ordered], orders: tuple[int, ...]) -> str:
+    return f"{family.name}({','.join(map(str, orders))})"
+
+
+def _is_given(values: Mapping[str, Any], name: str) -> bool:
+    return values.get(name) is not None
+
+
+def _sequence(values: Any, owner: Any, polynomial: Coefficients) -> list[Value]:
+    if isinstance(values, (str, Fixed, Mapping)) or not isinstance(values, Iterable):
+        raise ModelError(
+            f"{polynomial.name} of {owner.name} must be a list of coefficients, got {values!r}; "
+            f"a single one is {polynomial.name}1"
+        )
+    return [value.item() if isinstance(value, np.generic) else value for value in values]

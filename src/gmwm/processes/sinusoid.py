@@ -1,0 +1,216 @@
+"""Sinusoids of random phase: mains hum, vibration of a motor, a turntable that is not level."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import filtered
+from gmwm.processes.base import Process
+from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.physical import Physical
+from gmwm.statespace import StateSpace
+
+
+@dataclass(frozen=True, repr=False)
+class SIN(Process):
+    """Sinusoid X_t = A sin(2πf₀tΔt + U) of fixed amplitude and a phase U that is uniform over a turn.
+
+    ν_j² = P |H_j(f₀)|², P = A²/2, which for the Haar filter is P sin⁴(πhf₀Δt) / (h² sin²(πf₀Δt)), h = τ_j/2.
+
+    A sensor may have several, of different frequencies; they are sorted by frequency. What lies above half the rate is
+    seen at its alias, as in a recording: at a rate of 250 Hz, 260 Hz are 10 Hz. Its wavelet coefficients are not
+    Gaussian, and scatter far less than those of noise of the same variance: `covariance.lines` knows.
+
+    A wavelet variance tells a frequency to a fraction of an octave at best; where the frequency is known, hold it:
+    ``SIN(frequency=fixed(50.0))``.
+
+    Parameters
+    ----------
+    frequency : float, fixed or None
+        Frequency f₀, in Hz.
+    power : float, fixed or None
+        Mean square P = A²/2, in u².
+
+    Examples
+    --------
+    >>> SIN(frequency=1.0, power=0.5).wavelet_variance(3, rate=10.0).round(6)
+    array([0.047746, 0.15625 , 0.267738])
+    """
+
+    name = "SIN"
+    title = "Sinusoid"
+    parameters = (
+        Parameter("frequency", "f₀", "frequency", time_power=-1),
+        Parameter("power", "P", "mean square", signal_power=2, scale_power=1),
+    )
+    repeatable = True
+
+    frequency: Value = None
+    power: Value = None
+
+    @classmethod
+    def has(cls, theory: str) -> bool:
+        """All but a spectral density: a line has none."""
+        return super().has(theory) and theory != "psd"
+
+    # --- the shape --------------------------------------------------------------------------------------
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """|H_j(f₀)|²."""
+        return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[0]
+
+    @classmethod
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
+        """∂|H_j(f₀)|²/∂f₀."""
+        return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[1][:, :, None]
+
+    @classmethod
+    def scan(cls, samples: int, rate: float) -> Matrix:
+        """From one turn in the record to half the rate."""
+        return np.log([[rate / samples, rate / 2]])
+
+    # --- theory -----------------------------------------------------------------------------------------
+
+    def line(self, rate: float) -> tuple[float, float]:
+        """P, and f₀Δt or its alias."""
+        return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k) = P cos(2πf₀kΔt)."""
+        return np.asarray(self.scale * np.cos(2.0 * np.pi * self._turns(as_lags(lags), as_rate(rate))))
+
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """A(m) = −2P sin²(πf₀mΔt)."""
+        return np.asarray(-2.0 * self.scale * np.sin(np.pi * self._turns(as_lags(lags), as_rate(rate))) ** 2)
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = −½ P sin²(πmf₀Δt) / sin²(πf₀Δt)."""
+        m, (_, cycles) = as_lags(lags), self.line(as_rate(rate))
+        # A multiple of the rate is a constant.
+        ratio = m if cycles == 0 else np.sin(np.pi * self._turns(m, rate)) / math.sin(math.pi * cycles)
+        return np.asarray(-0.5 * self.scale * ratio.astype(np.float64) ** 2)
+
+    def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
+        """σ²(n) = 2P sin⁴(πnf₀Δt) / (n² sin²(πf₀Δt)): twice the Haar wavelet variance at half-scale n."""
+        n = as_clusters(clusters)
+        frequency = np.full(n.size, self.value("frequency"))
+        gain = _haar_gain(frequency, n.ravel().astype(np.float64), as_rate(rate))[0]
+        return np.asarray(2.0 * self.scale * gain.reshape(n.shape))
+
+    def state_space(self, rate: float) -> StateSpace:
+        """Two states that turn by 2πf₀Δt a sample, without process noise; of the second moments of a random phase."""
+        _, cycles = self.line(as_rate(rate))
+        c, s = math.cos(2.0 * math.pi * cycles), math.sin(2.0 * math.pi * cycles)
+        return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Sample paths of fixed amplitude, each with a phase of its own: (n,), or (paths, n)."""
+        n, count = as_paths(n, paths)
+        turns = self._turns(np.arange(n), as_rate(rate))
+        path = turns + as_rng(rng).random((count, 1))
+        np.sin(np.multiply(path, 2.0 * np.pi, out=path), out=path)
+        path *= math.sqrt(2.0 * self.scale)
+        return path.reshape(shape_of_paths(n, paths))
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Amplitude A = √(2P)."""
+        as_rate(rate)
+        return (Physical("A", "amplitude", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),)
+
+    def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
+        """f₀kΔt less whole turns, to the last digits of f₀ however long the lag."""
+        below = _folded(np.array(self.value("frequency")), rate)
+        # Products of a lag below 2^29 with the first 24 digits are exact.
+        first = below.astype(np.float32).astype(np.float64)
+        return np.asarray((np.fmod(lags * first, rate) + np.fmod(lags * (below - first), rate)) / rate)
+
+
+# --- the squared gain of a filter at one frequency ----------------------------------------------------
+
+
+def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
+    """Frequencies (Hz) less whole multiples of the rate, within ±rate/2; without rounding."""
+    rest = np.fmod(frequency, rate)
+    return np.asarray(np.where(np.abs(rest) > 0.5 * rate, rest - np.copysign(rate, rest), rest))
+
+
+def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> tuple[Matrix, Matrix]:
+    """|H_j(f)|² (n, J) and its derivative by f."""
+    if filter is HAAR:
+        return _haar_gain(frequency[:, None], np.ldexp(1.0, levels - 1), rate)
+    return _any_gain(frequency, levels, rate, filter)
+
+
+def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
+    """sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt, b = πfΔt; a turn of rounding in a would be all of it."""
+    below = _folded(frequency, rate)
+    a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
+    # A frequency that is a multiple of the rate is a constant, which no wavelet filter sees.
+    still = b == 0
+    sine_b = np.where(still, 1.0, np.sin(b))
+    ratio = np.where(still, 0.0, np.sin(a) / (half * sine_b))
+    gain = ratio**2 * np.sin(a) ** 2
+    # 2h sin a cos a − sin² a cot b; a ≤ hb, so that nothing cancels while both are small.
+    turn = 2.0 * half * np.sin(a) * np.cos(a) - np.sin(a) ** 2 * (np.cos(b) / sine_b)
+    return np.asarray(gain), np.asarray(2.0 * np.pi / rate * ratio**2 * turn)
+
+
+def _any_gain(
+    frequency: Vector, levels: NDArray[np.int64], rate: float, filter: WaveletFilter
+) -> tuple[Matrix, Matrix]:
+    """Π_{i < j−1} G(2^i φ) · G(½ − 2^(j−1) φ), G the squared gain of the scaling filter over two, φ = fΔt."""
+    gain, slope = np.ones(frequency.size), np.zeros(frequency.size)
+    below = _folded(frequency, rate)
+    gains = np.empty((frequency.size, int(levels[-1])))
+    slopes = np.empty_like(gains)
+    for j in range(gains.shape[1]):
+        here, factor = _folded(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
+        # Near half the rate the cosine is as small as the distance from there, which is exact.
+        cosine, sine = np.sin(np.pi * (0.5 * rate - np.abs(here)) / rate), np.sin(np.pi * here / rate)
+        value, change = _scaling_gain(cosine, sine, filter)
+        last, turn = _scaling_gain(sine, cosine, filter)
+        gains[:, j] = gain * last
+        slopes[:, j] = slope * last - gain * turn * factor
+        gain, slope = gain * value, slope * value + gain * change * factor
+    return gains[:, levels - 1], slopes[:, levels - 1]
+
+
+def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
+    """(4 cos² πφ)^p R(φ), and its derivative by φ, from cos πφ and sin πφ, where g(z) has p zeros at half the rate.
+
+    They are taken on paper, so that no digit is lost near them. Filters of 2p taps all have Daubechies' R, a polynomial
+    in sin² πφ; of others it is |Q|², g(z) = (1 + z)^p Q(z).
+    """
+    p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
+    if filter.length == 2 * p:
+        terms = np.array([math.comb(p - 1 + k, k) for k in range(p)]) / 4.0**p
+        rest, turn = np.polyval(terms[::-1], sine**2), -0.25 * slope * np.polyval(np.polyder(terms[::-1]), sine**2)
+    else:
+        taps, z = _without_zeros(filter), (cosine - 1j * sine) ** 2
+        q = np.polyval(taps[::-1], z)
+        rest = np.abs(q) ** 2
+        turn = 4.0 * np.pi * np.imag(np.polyval((taps * np.arange(taps.size))[::-1], z) * np.conj(q))
+    return np.asarray(power**p * rest), np.asarray(p * power ** (p - 1) * slope * rest + power**p * turn)
+
+
+@lru_cache(maxsize=64)
+def _without_zeros(filter: WaveletFilter) -> Vector:
+    """Q(z) of g(z) = (1 + z)^p Q(z); there is no remainder."""
+    rest = filtered.without_zero(filter)
+    for _ in range(filter.vanishing_moments - 1):
+        sign = (-1.0) ** np.arange(rest.size)
+        rest = np.asarray((np.cumsum(rest * sign) * sign)[:-1])
+    return rest

@@ -1,0 +1,153 @@
+"""What a simulated signal is made of: each latent process as a signal of its own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from gmwm._late import LateMethod
+from gmwm.errors import DataError
+from gmwm.processes.model import Model
+from gmwm.signals import Imu, Signal
+from gmwm.writers import write_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulatedSignal:
+    """A path of a model with the path of each of its terms: X_t = offset + Σ_k X_t^(k).
+
+    Parameters
+    ----------
+    signal : Signal
+        The sum, X.
+    components : mapping of term to Signal
+        The latent processes by the names of `model.terms`, in the order in which they were added: where nothing is
+        rounded, `offset + sum(path.values for path in components.values())` is `signal.values` to the last bit.
+    model : Model
+        What was simulated, with its values.
+    offset : float
+        What was added to the noise, in the unit of the signal: gravity, or 0.
+    resolution : float or None
+        The step that the sum was rounded to, in the unit of the signal. The latent processes are not rounded: they
+        then add up to the signal to within half a step.
+    """
+
+    signal: Signal
+    components: Mapping[str, Signal]
+    model: Model
+    offset: float = 0.0
+    resolution: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "components", MappingProxyType(dict(self.components)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
+        return SimulatedSignal, (self.signal, dict(self.components), self.model, self.offset, self.resolution)
+
+    def __getitem__(self, term: str) -> Signal:
+        try:
+            return self.components[term]
+        except KeyError:
+            raise DataError(f"term must be one of {', '.join(self.model.terms)}; got {term!r}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.components)
+
+    def __repr__(self) -> str:
+        return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
+
+    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
+        "gmwm.plots.series:plot_components",
+        'The signal over time and each latent process under it, as plot(units="si"|"datasheet", path=…).',
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulatedImu:
+    """A simulated recording with the latent processes of each axis.
+
+    Parameters
+    ----------
+    imu : Imu
+        The recording.
+    axes : mapping of axis to SimulatedSignal
+        Each axis with its latent processes; `simulated["gyro_x"]` is one of them.
+    """
+
+    imu: Imu
+    axes: Mapping[str, SimulatedSignal]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axes", MappingProxyType(dict(self.axes)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SimulatedImu, (self.imu, dict(self.axes))
+
+    @property
+    def components(self) -> dict[str, Mapping[str, Signal]]:
+        """The latent processes by axis and term: `components["gyro_x"]["WN"]`."""
+        return {axis: simulated.components for axis, simulated in self.axes.items()}
+
+    def __getitem__(self, axis: str) -> SimulatedSignal:
+        try:
+            return self.axes[axis]
+        except KeyError:
+            raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.axes)
+
+    def __repr__(self) -> str:
+        parts = "; ".join(f"{axis} = {' + '.join(one.model.terms)}" for axis, one in self.axes.items())
+        return f"SimulatedImu({self.imu!r}; {parts})"
+
+
+def write_components(simulated: SimulatedImu | SimulatedSignal, path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
+
+    The columns are `time [s]` and one for each term of each axis, as `gyro_x WN [rad/s]`, with full precision.
+    `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
+
+    Parameters
+    ----------
+    simulated : SimulatedImu or SimulatedSignal
+        From `simulate(…, components=True)` or `simulate_signal`.
+    path : path
+        Where to.
+
+    Returns
+    -------
+    tuple of str
+        Names of the columns after the first.
+
+    Raises
+    ------
+    OptionError
+        If the suffix is neither of these.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from gmwm.simulation import simulate_signal
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> simulated = simulate_signal("WN(sigma2=1) + RW(gamma2=0.01)", rate=10.0, samples=100, seed=1, unit="m")
+    >>> write_components(simulated, pathlib.Path(folder.name, "parts.csv"))
+    ('RW [m]', 'WN [m]')
+    >>> folder.cleanup()
+    """
+    parts = simulated.axes.values() if isinstance(simulated, SimulatedImu) else [simulated]
+    columns = {}
+    for part in parts:
+        for component in part.components.values():
+            unit = f" [{component.unit}]" if component.unit else ""
+            columns[f"{component.axis}{unit}"] = component.values
+    times = next(iter(parts)).signal.times()
+    write_table({"time [s]": times, **columns}, path)
+    return tuple(columns)

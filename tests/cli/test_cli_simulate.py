@@ -1,0 +1,46 @@
+"""gmwm simulate with its latent processes, and the picture of a recording."""
+
+import numpy as np
+import pytest
+
+from gmwm.readers import read
+
+MODEL = ("--model", "gyro_x=2*GM(beta=1, sigma2=1e-8) + WN(sigma2=1e-6)", "--model", "accel_z=WN(sigma2=1e-4)")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_latent_processes_are_written_beside_the_recording(gmwm, tmp_path, suffix):
+    target, parts = tmp_path / f"imu{suffix}", tmp_path / f"parts{suffix}"
+    options = (*MODEL, "--duration", 2, "--seed", 3)
+    outcome = gmwm("simulate", *options, "--output", target, "--components", parts, "--json")
+    terms = ["gyro_x GM[1] [rad/s]", "gyro_x GM[2] [rad/s]", "gyro_x WN [rad/s]"]
+    assert outcome.json["components"] == {"file": str(parts), "columns": [*terms, "accel_z WN [m/s²]"]}
+    whole = read(target)["gyro_x"].values
+    assert np.array_equal(sum(read(parts, columns={"gyro_x": term})["gyro_x"].values for term in terms), whole)
+    alone = tmp_path / f"alone{suffix}"
+    assert gmwm("simulate", *options, "--output", alone, "--json").json["components"] is None
+    assert alone.read_bytes() == target.read_bytes()
+
+
+def test_words_say_where_they_are(gmwm, tmp_path):
+    parts = tmp_path / "parts.csv"
+    says = gmwm("simulate", *MODEL, "--duration", 2, "-o", tmp_path / "imu.csv", "--components", parts).out
+    assert f"wrote {parts}: 4 columns" in says
+
+
+@pytest.mark.parametrize("name", ["imu.csv", "parts.txt"])
+def test_a_file_that_cannot_be_written_is_told_before_any_is(gmwm, tmp_path, name):
+    options = ("--output", tmp_path / "imu.csv", "--components", tmp_path / name)
+    outcome = gmwm("simulate", *MODEL, "--duration", 2, *options)
+    assert outcome.code == 2
+    assert name in outcome.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_info_draws_the_recording(gmwm, recording, tmp_path):
+    path = tmp_path / "recording.png"
+    outcome = gmwm("info", recording, "--plot", path)
+    assert outcome.code == 0
+    assert str(path) in outcome.out
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert "axes" in gmwm("info", recording, "--plot", path, "--json").json

@@ -1,0 +1,117 @@
+"""Autoregressive moving averages, alone and in sums: the optimum, its invariances, and what is held or given."""
+
+from itertools import pairwise
+
+import pytest
+
+import gmwm
+from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, Sampled, fixed
+
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+
+TRUTHS = [
+    "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)",
+    "ARMA(2, 1, phi1=0.9, phi2=-0.3, theta1=0.5, sigma2=1.0)",
+    "MA(2, theta1=0.6, theta2=0.3, sigma2=1.0)",
+    "SARMA(1, 0, 1, 0, 12, phi1=0.5, sphi1=0.6, sigma2=1.0)",
+    "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + WN(sigma2=3.0) + RW(gamma2=1e-3)",
+]
+
+
+def measured(text, seed, n=10_000):
+    return gmwm.wavelet_variance(gmwm.parse_model(text).simulate(n, 1.0, rng=seed), 1.0)
+
+
+@pytest.mark.parametrize("text", TRUTHS)
+def test_the_truth_is_found_and_no_random_start_beats_the_fit(text):
+    wv, truth = measured(text, 8), gmwm.parse_model(text)
+    found = gmwm.fit(truth.structure, wv)
+    for name, value in truth.parameters.items():
+        assert abs(found.parameters[name] - value) < 4 * found.standard_errors[name]
+    omega = found.weighting_matrix
+    residual = wv.variance - truth.wavelet_variance(wv.levels, 1.0)
+    assert found.objective <= residual @ omega @ residual
+    for seed in range(3):
+        drawn = gmwm.fit(truth.structure, wv, weighting=omega, start=Sampled(200, seed))
+        assert found.objective <= drawn.objective * (1 + 1e-9)
+    assert found.goodness_of_fit().pvalue > 1e-3
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "truth", [AR1(phi=-0.7, sigma2=1.0) + WN(sigma2=1.0), AR1(phi=0.98, sigma2=0.1) + WN(sigma2=2.0)]
+)
+def test_a_scan_finds_what_the_search_has_proven(truth, seed):
+    wv = gmwm.wavelet_variance(truth.simulate(10_000, 1.0, rng=seed), 1.0)
+    proven = gmwm.fit(AR1() + WN(), wv, weighting="optimal")
+    found = gmwm.fit(AR(1) + WN(), wv, weighting=proven.weighting_matrix)
+    assert found.objective == pytest.approx(proven.objective, rel=1e-9)
+    assert found.parameters["AR(1).phi1"] == pytest.approx(proven.parameters["AR1.phi"], rel=1e-5)
+
+
+def test_a_larger_order_never_fits_worse():
+    wv = measured(TRUTHS[1], 3)
+    omega = gmwm.fit("ARMA(2,1)", wv).weighting_matrix
+
+    chain = [AR(1), AR(2), AR(3), ARMA(3, 1), ARMA(3, 2)]
+    values = [gmwm.fit(model, wv, weighting=omega).objective for model in chain]
+    assert all(larger <= smaller * (1 + 1e-9) for smaller, larger in pairwise(values))
+
+
+def test_the_order_of_terms_changes_nothing():
+    wv = measured(TRUTHS[4], 5)
+    models = [AR(2) + WN() + RW(), RW() + AR(2) + WN(), WN() + RW() + AR(2)]
+    first, *others = [gmwm.fit(model, wv) for model in models]
+    for other in others:
+        assert other.objective == pytest.approx(first.objective, rel=1e-9)
+        for name, value in first.parameters.items():
+            assert other.parameters[name] == pytest.approx(value, rel=1e-6)
+
+
+def test_coefficients_may_be_held_or_given():
+    wv = measured(TRUTHS[0], 2)
+    free = gmwm.fit(AR(2), wv)
+    held = gmwm.fit(AR(2, phi2=fixed(-0.6)), wv, weighting=free.weighting_matrix)
+    assert held.parameters["AR(2).phi2"] == -0.6
+    assert held.objective >= free.objective * (1 - 1e-9)
+    assert "AR(2).phi2" not in held.confidence_intervals()
+    known = gmwm.fit(AR(phi=[fixed(1.4), fixed(-0.6)]) + WN(), wv)
+    assert known.lower_bound is not None  # nothing but scales is left
+    given = gmwm.fit(AR(phi=[1.3, -0.5]), wv)
+    assert given.objective == pytest.approx(free.objective, rel=1e-8)
+    assert given.diagnostics.start.tried == free.diagnostics.start.tried + 1
+
+
+def test_with_gauss_markov_terms_each_is_found():
+    truth = gmwm.parse_model("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + GM(beta=0.001, sigma2=30.0)")
+    wv = gmwm.wavelet_variance(truth.simulate(50_000, 1.0, rng=1), 1.0)
+    found = gmwm.fit(GM() + AR(2), wv)
+    for name, value in truth.parameters.items():
+        assert abs(found.parameters[name] - value) < 4 * found.standard_errors[name]
+
+
+def test_the_unit_of_the_data_changes_nothing():
+    plain = measured(TRUTHS[0], 4)
+    one = gmwm.fit(AR(2) + WN(), plain)
+    scaled = gmwm.WaveletVariance.from_values(plain.variance * 1e-12, samples=10_000, rate=1.0)
+    other = gmwm.fit(AR(2) + WN(), scaled)
+    for name, value in one.parameters.items():
+        factor = 1e-12 if name.endswith("sigma2") else 1.0
+        assert other.parameters[name] == pytest.approx(value * factor, rel=1e-6)
+
+
+def test_a_fit_survives_its_dictionary():
+    fit = gmwm.fit(MA(1) + RW(), measured("MA(1, theta1=0.5, sigma2=1.0) + RW(gamma2=1e-4)", 1))
+    again = gmwm.Fit.from_dict(fit.to_dict())
+    assert again.parameters == fit.parameters
+    assert again.diagnostics == fit.diagnostics
+    assert "no proof" in fit.summary()
+
+
+def test_orders_are_chosen():
+    wv = measured(TRUTHS[0], 6)
+    ranking = gmwm.rank(["AR(1)", "AR(2)", "AR(3)", "MA(1)"], wv)
+    assert ranking.recommended.structure == "AR(2)"
+    within = gmwm.select(ARMA(2, 1), wv)
+    assert {c.structure for c in within} == {"ARMA(2,1)", "ARMA(1,1)", "AR(2)", "AR(1)", "MA(1)"}
+    assert within.recommended.structure == "AR(2)"
