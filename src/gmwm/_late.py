@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from importlib import import_module
+from inspect import Signature, signature
+from types import MethodType
 from typing import Any, Generic, ParamSpec, TypeVar, overload
 
 P = ParamSpec("P")
@@ -15,7 +16,8 @@ class LateMethod(Generic[P, R]):
     """A method bound on first use to the function `target`, written "module:function".
 
     The function takes the object as its first argument. Nothing is imported until it is called, so a
-    result offers `plot()` while its own module imports no plotting library.
+    result offers `plot()` while its own module imports no plotting library. Of an object it is a method like any
+    other, with the function's signature and words.
     """
 
     def __init__(self, target: str, doc: str) -> None:
@@ -35,7 +37,15 @@ class LateMethod(Generic[P, R]):
     def __get__(self, instance: object | None, owner: type) -> Any:
         if instance is None:
             return self
-        return partial(self.resolve(), instance)
+        return MethodType(self.resolve(), instance)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> R:
+        """Of a class: the function, called with an object first."""
+        return self.resolve()(*args, **kwargs)
+
+    @property
+    def __signature__(self) -> Signature:
+        return signature(self.resolve())
 
 
 class LateProperty(Generic[R]):

@@ -2,10 +2,12 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 import gmwm
 from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, Sampled, fixed
+from gmwm.errors import FitWarning
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 
@@ -115,3 +117,50 @@ def test_orders_are_chosen():
     within = gmwm.select(ARMA(2, 1), wv)
     assert {c.structure for c in within} == {"ARMA(2,1)", "ARMA(1,1)", "AR(2)", "AR(1)", "MA(1)"}
     assert within.recommended.structure == "AR(2)"
+
+
+def test_bootstrap_intervals_lie_about_negative_estimates():
+    fit = gmwm.fit(AR(2), measured(TRUTHS[0], 7, n=2000))
+    for name, (low, high) in fit.confidence_intervals(method="bootstrap", draws=60).items():
+        assert low < fit.parameters[name] < high
+    errors, standard = fit.bootstrap(60).errors, fit.standard_errors
+    assert all(0.6 < errors[name] / standard[name] < 1.7 for name in standard)
+
+
+def test_roots_that_cancel_are_told():
+    white = np.random.default_rng(0).standard_normal(5000)
+    with pytest.warns(FitWarning, match="nearly cancel"):
+        fit = gmwm.fit(ARMA(1, 1), white, rate=1.0)
+    assert any("nearly cancel" in remark for remark in fit.diagnostics.remarks)
+    assert "nearly cancel" in fit.summary()
+    assert gmwm.Fit.from_dict(fit.to_dict()).diagnostics.remarks == fit.diagnostics.remarks
+    walk = np.cumsum(np.random.default_rng(1).standard_normal(3000))
+    with pytest.warns(FitWarning, match="next to the unit circle"):
+        gmwm.fit(AR(2), walk, rate=1.0)
+    assert gmwm.fit(ARMA(2, 1), measured(TRUTHS[1], 8)).diagnostics.remarks == ()
+
+
+def test_levels_are_weighed_with_what_they_have_in_common_where_a_shape_has_several_parameters():
+    wv = measured(TRUTHS[0], 1)
+    assert gmwm.fit(AR(2), wv).weighting == "optimal"
+    assert gmwm.fit(AR(1) + WN(), wv).weighting == "diagonal"
+    assert gmwm.fit(AR(2), wv, weighting="diagonal").weighting == "diagonal"
+
+
+def test_a_thin_set_of_processes_beside_a_held_coefficient_is_found():
+    wv = measured("AR(2, phi1=1.99, phi2=-0.995, sigma2=1)", 1)
+    held = gmwm.fit("AR(2, phi1=fixed(1.99))", wv)
+    assert held.parameters["AR(2).phi2"] == pytest.approx(-0.995, abs=2e-3)
+    with pytest.raises(gmwm.ModelError, match="between -2 and 2"):
+        AR(2, phi1=fixed(5.0))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_lines_are_both_found(seed):
+    rng = np.random.default_rng(seed)
+    (f1, f2), (p1, p2) = np.exp(rng.uniform(np.log(0.02), np.log(40), 2)), 10 ** rng.uniform(-8, -6, 2)
+    truth = gmwm.SIN(f1, p1) + gmwm.SIN(f2, p2) + WN(1e-6)
+    wv = gmwm.wavelet_variance(truth.simulate(200_000, 100.0, rng=seed), 100.0)
+    found = gmwm.fit("2*SIN + WN", wv)
+    given = gmwm.fit(truth, wv, weighting=found.weighting_matrix)
+    assert found.objective <= given.objective * (1 + 1e-6)

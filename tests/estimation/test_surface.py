@@ -105,13 +105,13 @@ def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     start = drawn.diagnostics.start
     assert (start.how, start.tried) == ("sampled", 2000)
     assert start.objective >= drawn.objective >= drawn.lower_bound
-    assert start.convex == pytest.approx(convex.objective, rel=1e-6)
+    assert start.default == pytest.approx(convex.objective, rel=1e-6)
     assert "from the best of 2000 draws" in drawn.summary()
     again = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1))
     assert again.parameters == drawn.parameters
     without = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1), certify=False)
     assert without.lower_bound is None
-    assert without.diagnostics.start.convex is None
+    assert without.diagnostics.start.default is None
 
 
 def test_draws_serve_every_process_and_a_signal():

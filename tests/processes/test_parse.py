@@ -130,7 +130,8 @@ def test_texts_that_are_models(text, model):
         ("AR(2, 0.5)", r'at "0.5" .*expected an order'),
         ("AR(2, phi1=0.5, 1)", r"expected a parameter by name, as phi1=…"),
         ("AR(1, phi2=0.5)", r'at "phi2" .*AR\(1\) has no such parameter; it has phi1, sigma2'),
-        ("WN + AR(1, phi1=1.5)", r'at "AR" \(character 6\): AR\(1\) must be stationary'),
+        ("WN + AR(1, phi1=1.5)", r'at "1.5" \(character 17\): AR\(1\).phi1 .* between -1 and 1, got 1.5'),
+        ("WN + AR(2, phi1=1.5, phi2=0.2)", r'at "AR" \(character 6\): AR\(2\) must be stationary'),
         ("SARMA(1, 0, 1, 0, period 12)", 'expected "=" after period'),
         ("2*AR(2)", r"a sum of 2 is an ARMA\(4,2\)"),
     ],
@@ -143,3 +144,25 @@ def test_an_error_points_at_the_piece(text, message):
 def test_only_a_string_is_parsed():
     with pytest.raises(ModelError, match="must be a string"):
         parse_model(3)
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("AR(phi=[1.4, -0.6])", "AR(2, phi1=1.4, phi2=-0.6)"),
+        (
+            "arma(phi=[fixed(0.5)], theta=[0.2], sigma2=2) + WN",
+            "ARMA(1, 1, phi1=fixed(0.5), theta1=0.2, sigma2=2.0) + WN",
+        ),
+        ("SARMA(phi=[0.1], sphi=[0.5], period=12)", "SARMA(1, 0, 1, 0, 12, phi1=0.1, sphi1=0.5)"),
+        ("AR(p=2)", "AR(2)"),
+    ],
+)
+def test_coefficients_at_once(text, same):
+    assert str(parse_model(text)) == str(parse_model(same))
+
+
+@pytest.mark.parametrize("text", ["AR(phi=[1.4, -0.6)", "AR(phi=[1.4,, 2])", "AR(phi=[0.1], phi=[0.2])", "AR(p=two)"])
+def test_wrong_lists_of_coefficients(text):
+    with pytest.raises(ModelError, match="cannot read the model"):
+        parse_model(text)

@@ -18,7 +18,7 @@ from gmwm.variance.result import WaveletVariance
 
 _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "weight_notes",
-    "start",
+    "start", "remarks",
 )  # fmt: skip
 """Of a fit in a ranking; all else follows from these, the data and Ω."""
 

@@ -62,12 +62,14 @@ def fit(
     ],
     axis: Axes = None,
     weighting: Annotated[
-        Literal["diagonal", "optimal", "identity"],
+        Literal["diagonal", "optimal", "identity"] | None,
         typer.Option(
-            help="Weigh each level by its own variance, or with all covariances, or all alike.",
+            help="Weigh each level by its own variance, or with all covariances, or all alike. Default: diagonal; "
+            "optimal where a process has several parameters of its shape.",
             rich_help_panel="Estimation",
+            show_default=False,
         ),
-    ] = "diagonal",
+    ] = None,
     filter: Filter = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
@@ -183,7 +185,7 @@ def fit_axes(
     models: Mapping[str, Any],
     signals: Mapping[str, Any],
     *,
-    weighting: Literal["diagonal", "optimal", "identity"] = "diagonal",
+    weighting: Literal["diagonal", "optimal", "identity"] | None = None,
     robust: bool = False,
     efficiency: float = 0.6,
     certify: bool = True,

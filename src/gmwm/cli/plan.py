@@ -70,9 +70,13 @@ def plan(
         typer.Option(help="Relative standard error that is wanted: 0.1 or 10%, 0.5 the most.", metavar="SHARE"),
     ] = "0.1",
     weighting: Annotated[
-        Literal["diagonal", "optimal"],
-        typer.Option(help="Of the fit to come: each level by its own variance, or by all their covariances."),
-    ] = "diagonal",
+        Literal["diagonal", "optimal"] | None,
+        typer.Option(
+            help="Of the fit to come: each level by its own variance, or by all their covariances. Default: diagonal; "
+            "optimal where a process has several parameters of its shape.",
+            show_default=False,
+        ),
+    ] = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
@@ -127,7 +131,7 @@ def _planned(
     seconds: float,
     rate: float | None,
     accuracy: float,
-    weighting: Literal["diagonal", "optimal"],
+    weighting: Literal["diagonal", "optimal"] | None,
     unit: str,
 ) -> tuple[Plan, dict[str, float]]:
     from gmwm import plan as planned

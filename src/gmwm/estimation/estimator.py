@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm.errors import FitWarning, ModelError, OptionError
-from gmwm.estimation.problem import pose
+from gmwm.estimation.problem import pose, to_find
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.reweighting import REWEIGHTED, First, Settled, settle
-from gmwm.estimation.solve import estimated, final, solve, solve_sampled
+from gmwm.estimation.solve import estimated, final, solve, solve_near, solve_sampled
 from gmwm.estimation.starts import Sampled
-from gmwm.estimation.weighting import Weighting, weighting_matrix, weighting_notes
+from gmwm.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_notes
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.signals import Signal
@@ -30,7 +30,7 @@ def fit(
     data: WaveletVariance | Signal | ArrayLike,
     rate: float | None = None,
     *,
-    weighting: Weighting = "diagonal",
+    weighting: Weighting | None = None,
     robust: bool = False,
     efficiency: float = 0.6,
     certify: bool = True,
@@ -54,12 +54,14 @@ def fit(
         What to fit it to.
     rate : float, optional
         Samples per second (Hz); needed with a plain array only.
-    weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array
+    weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
         Ω: 1 / V_jj or V⁻¹ with the exact covariance V of ν̂² under the fitted model (the estimate and its weights
         are iterated until they agree), the identity, or your own. "optimal" has the smallest errors if the model
-        is right; those of "diagonal", which takes less time, are 3 % larger, 18 % at worst. Where the model is
-        wrong, neither is the safer (docs/validation/weighting.md). "identity" sees the largest levels alone: errors
-        are many times larger, and intervals do not cover; for comparison only.
+        is right; those of "diagonal", which takes less time, are 3 % larger, 18 % at worst, but of a process with
+        several parameters of its shape, as AR(2), by a half and more. So the default is "optimal" where the model has
+        one, else "diagonal". Where the model is wrong, neither is the safer (docs/validation/weighting.md).
+        "identity" sees the largest levels alone: errors are many times larger, and intervals do not cover; for
+        comparison only.
     robust, efficiency : bool, float
         Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
         a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error, as is an efficiency
@@ -77,9 +79,9 @@ def fit(
     Raises
     ------
     ModelError
-        If the model has more parameters than there are levels, or nothing to estimate.
+        If the model has more parameters than there are levels, or nothing to estimate, or the data are constant.
     DataError
-        If the data cannot be used (see `wavelet_variance`), or are constant.
+        If the data cannot be used (see `wavelet_variance`).
     OptionError
         If an option is not one of those it may be, or contradicts the data.
 
@@ -110,7 +112,8 @@ def fit(
         )
     wv = measured(data, rate, robust, efficiency)
     first = None if start is None else _draws(start, wv, data)
-    found = _fitted(wanted, wv, weighting, certify=certify, first=first)
+    chosen = usual_weighting(wanted) if weighting is None else weighting
+    found = _fitted(wanted, wv, chosen, certify=certify, first=first)
     for note in found.diagnostics.notes():
         warnings.warn(note, FitWarning, stacklevel=2)
     return found
@@ -120,7 +123,10 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
     """The model of a fit, fitted to almost the same data; "diagonal" stands in for weights of the user."""
     if fit.weighting not in REWEIGHTED:
         return _fitted(fit.model, wv, "diagonal", certify=False)
-    settled = settle(fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR)
+    settled = settle(
+        fit.model, wv, fit.weighting, certify=False, start=fit.model, fixed=NEAR,
+        first=solve_near, search=not any(len(to_find(process)) > 1 for process in fit.model.processes),
+    )  # fmt: skip
     return as_fit(settled, wv, fit.weighting)
 
 
@@ -192,6 +198,12 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         solution.nodes,
         settled.notes,
         solution.start,
+        tuple(
+            f"{term}: {remark}"
+            for term, process in zip(model.terms, model.processes, strict=True)
+            if process.scale > 0
+            for remark in process.remarks(wv.samples, wv.rate)
+        ),
     )
     return Fit(
         wv, model, {name: v for name, v in model.parameters.items() if v is not None},

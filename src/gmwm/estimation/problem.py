@@ -137,10 +137,10 @@ def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:
 def _shape(process: Process, levels: NDArray[np.int64], rate: float, filter: WaveletFilter) -> Vector:
     shape = np.asarray(process.shape(process.nonlinear.reshape(1, -1), levels, rate, filter)[0])
     if not np.any(shape > 0):
+        way = ", or measure with filter='haar'" if filter.vanishing_moments > 1 else ""
         raise ModelError(
-            f"{process.name} ({process.title.lower()}) leaves no trace under filter={filter.name!r}, whose "
-            f"{filter.vanishing_moments} vanishing moments remove it: leave it out of the model, or measure with "
-            "filter='haar'"
+            f"{process} ({process.title.lower()}) leaves no trace at {rate:g} Hz under filter={filter.name!r}, whose "
+            f"{filter.vanishing_moments} vanishing moments remove what it is: leave it out of the model{way}"
         )
     return shape
 

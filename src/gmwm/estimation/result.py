@@ -42,6 +42,8 @@ class Diagnostics:
         What is to be known of the weights, in words; empty where they are what was asked for.
     start : Start or None
         From where the optimum was reached, and the criterion there; None of a fit that was read from a file without it.
+    remarks : tuple of str
+        What the processes have to say of their estimates, as that two roots nearly cancel.
     """
 
     acts_as: Mapping[str, str]
@@ -49,6 +51,7 @@ class Diagnostics:
     nodes: int
     weights: tuple[str, ...] = ()
     start: Start | None = None
+    remarks: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The diagnostics as plain numbers, lists and texts, ready for JSON."""
@@ -58,6 +61,7 @@ class Diagnostics:
             "search_nodes": self.nodes,
             "weight_notes": list(self.weights),
             "start": None if self.start is None else self.start.to_dict(),
+            "remarks": list(self.remarks),
         }
 
     @classmethod
@@ -67,6 +71,7 @@ class Diagnostics:
         return cls(
             dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
             tuple(values.get("weight_notes", ())), None if start is None else Start.from_dict(start),
+            tuple(values.get("remarks", ())),
         )  # fmt: skip
 
     def notes(self) -> list[str]:
@@ -76,7 +81,7 @@ class Diagnostics:
             for term, name in self.acts_as.items()
         ]
         notes += [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
-        return [*notes, *self.weights]
+        return [*notes, *self.remarks, *self.weights]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

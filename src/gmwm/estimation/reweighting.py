@@ -65,6 +65,7 @@ def settle(
     start: Model | None = None,
     fixed: float = FIXED,
     first: First | None = None,
+    search: bool = True,
 ) -> Settled:
     """The estimate that is optimal under the weights that it implies.
 
@@ -83,6 +84,8 @@ def settle(
         The weights stand still where the curve changes by less (relative).
     first : callable, optional
         The solution that the rounds begin with, in place of the global search.
+    search : bool
+        Whether to search again under the last weights; not needed next to an estimate for almost the same data.
 
     Raises
     ------
@@ -91,6 +94,10 @@ def settle(
     ModelError
         If "optimal" is wanted of a model without noise.
     """
+
+    def finish(problem: Problem, solution: Solution) -> Solution:
+        return final(problem, solution, certify=certify) if search else resume(problem, solution)
+
     setting = Setting.of(wv)
     if start is None:
         problem = pose(model, wv, weighting_matrix("diagonal", wv))
@@ -108,7 +115,7 @@ def settle(
                 if weighting == "optimal":
                     raise
                 note = f"weights are those that the data show, not those of the model: {error}"
-                return Settled(problem, final(problem, solution, certify=certify), (note,))
+                return Settled(problem, finish(problem, solution), (note,))
             problem = problem.under(matrix)
             solution = resume(problem, solution)
             before, implied = implied, _implied(problem, solution, wv)
@@ -116,7 +123,7 @@ def settle(
             history.append(change)
             if change <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
                 break
-        last = final(problem, solution, certify=certify)
+        last = finish(problem, solution)
         moved = _change(implied, _implied(problem, last, wv))
         solution, implied = last, _implied(problem, last, wv)
         if moved <= max(1e-6, change):
@@ -129,7 +136,7 @@ def settle(
         "the estimate and the weights that it implies did not agree; the weights are those of a smooth curve through "
         "the data, and the model may be wrong for these"
     )
-    return Settled(problem, final(problem, solution, certify=certify), (note,))
+    return Settled(problem, finish(problem, solution), (note,))
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
@@ -178,7 +185,10 @@ class _Ahead:
         self.logs.clear()
         reach = np.clip(last * ratio / (1 - ratio), -0.7, 0.7)
         moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(names, reach, strict=True)}
-        return model.with_values(moved)
+        try:
+            return model.with_values(moved)
+        except ModelError:  # coefficients that are none together
+            return model
 
 
 def implied_weights(weighting: str, model: Model, setting: Setting, observed: Vector | None = None) -> Matrix:

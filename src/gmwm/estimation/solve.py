@@ -18,7 +18,7 @@ from gmwm.errors import ModelError
 from gmwm.estimation.atoms import Place
 from gmwm.estimation.cone import TABLE_ERROR, Search, Term
 from gmwm.estimation.problem import Problem
-from gmwm.estimation.starts import Sampled, Start, sampled_point, scanned_points
+from gmwm.estimation.starts import Sampled, Start, given_point, moved_points, sampled_point, scanned_points
 from gmwm.estimation.surface import NOISE, Found, Point, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -57,7 +57,7 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
-        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, value))
+        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, float(value)))
     search = Search(problem, problem.family)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
@@ -71,8 +71,20 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
         search.terms(best),
         tuple(best.places),
         nodes,
-        Start("convex", nodes or 1, float(candidates[0][0]) * square),
+        Start("convex", nodes or 1, float(candidates[0][0] * square)),
     )
+
+
+def solve_near(problem: Problem) -> Solution:
+    """The optimum of a problem for data that are near those its model has the values of: no scan is needed."""
+    if not problem.free:
+        return solve(problem, certify=False)
+    surface = Surface(problem)
+    point = given_point(problem, surface)
+    found = None if point is None else surface.downhill(point)
+    if point is None or found is None:
+        return solve(problem, certify=False)
+    return _solution(problem, surface, surface.sharpened(found), Start("given", 1, _value(surface.at(point), problem)))
 
 
 def resume(problem: Problem, solution: Solution) -> Solution:
@@ -97,25 +109,32 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     before, found = surface.at(point), surface.downhill(point)
     if before is None or found is None:
         raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
-    start = Start("sampled", sampled.draws, float(before.objective) * problem.unit**2)
+    start = Start("sampled", sampled.draws, _value(before, problem))
     return _solution(problem, surface, surface.sharpened(found), start)
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     """The solution under the last weights: from the global search again, or followed from where draws led.
 
-    Then a certificate is that of the global optimum, which draws may have missed.
+    Then a certificate is that of the global optimum, which draws may have missed, and the start tells what the
+    deterministic route reaches under the same weights.
     """
     if solution.start.how != "sampled":
         return solve(problem, certify=certify)
     followed = resume(problem, solution)
-    if problem.free or not certify:
+    if not certify:
         return followed
-    proven = solve(problem, certify=True)
+    other = solve(problem, certify=True)
     return replace(
-        followed, lower_bound=proven.lower_bound, relaxed_bound=proven.relaxed_bound, nodes=proven.nodes,
-        start=replace(followed.start, convex=proven.objective),
+        followed, lower_bound=other.lower_bound, relaxed_bound=other.relaxed_bound, nodes=other.nodes,
+        start=replace(followed.start, default=float(other.objective)),
     )  # fmt: skip
+
+
+def _value(found: Found | None, problem: Problem) -> float:
+    """The criterion, in the unit of the data."""
+    assert found is not None
+    return float(found.objective * problem.unit**2)
 
 
 def _scanned(problem: Problem) -> Solution:
@@ -129,10 +148,23 @@ def _scanned(problem: Problem) -> Solution:
         if before is None or found is None:
             continue
         if best is None or found.objective < (1 - NOISE) * best.objective:
-            best, start = found, Start(how, tried, float(before.objective) * problem.unit**2)
+            best, start = found, Start(how, tried, _value(before, problem))
+    best = _rearranged(problem, surface, best)
     if best is None:
         raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
+
+
+def _rearranged(problem: Problem, surface: Surface, best: Found | None) -> Found | None:
+    """The optimum, after seeing of several free processes whether one is better elsewhere."""
+    for _ in range(RETURNS if len(surface.frees) > 1 and best is not None else 0):
+        assert best is not None
+        found = [surface.downhill(point) for point in moved_points(problem, surface, best.point)]
+        better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
+        if not better.objective < (1 - NOISE) * best.objective:
+            break
+        best = better
+    return best
 
 
 def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:

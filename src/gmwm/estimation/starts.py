@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, get_args
 
@@ -27,6 +27,13 @@ How = Literal["convex", "given", "scan", "sampled"]
 SCANNED = 64
 """Points of a scan of one coordinate; four times as many for each further one, up to `MOST_SCANNED`."""
 MOST_SCANNED = 4096
+ALONE = 256
+"""Points of a scan of one coordinate of one process, the others held."""
+ROUNDS = 4
+ALIKE = 0.9999
+"""Inner product of unit vectors from which on two places are one."""
+LEFT_FOR = 4
+"""Places that a process is tried at after the others have come to rest."""
 KEPT = 10
 """Points of a scan from which a way downhill is tried."""
 LOOKED_AT = 256
@@ -81,24 +88,25 @@ class Start:
         Starting points that were looked at.
     objective : float
         The criterion at the starting point, with the best scales.
-    convex : float or None
-        Where draws were asked for and a proof too: the criterion that the convex route reaches.
+    default : float or None
+        Of draws, unless certify=False: the criterion that the fit without them reaches, under the same weights.
     """
 
     how: How
     tried: int
     objective: float
-    convex: float | None = None
+    default: float | None = None
 
     @property
     def in_words(self) -> str:
         """Where the fit started, in a few words."""
         if self.how == "sampled":
-            convex = "" if self.convex is None else f"; the convex route reaches {self.convex:.6g}"
-            return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{convex}"
-        place = {"convex": "the convex relaxation", "given": "the values given", "scan": "a scan"}[self.how]
-        tried = f"{self.tried} starting points" if self.how != "convex" else "no starting values"
-        return f"from {place}, objective {self.objective:.6g} there; {tried}"
+            other = "" if self.default is None else f"; without draws {self.default:.6g}"
+            return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{other}"
+        if self.how == "convex":
+            return f"from the convex relaxation, objective {self.objective:.6g} there"
+        which = "the given one" if self.how == "given" else f"objective {self.objective:.6g} there"
+        return f"best of what {self.tried} starting points lead to ({which})"
 
     def to_dict(self) -> dict[str, Any]:
         """The start as plain numbers and texts, ready for JSON."""
@@ -107,9 +115,9 @@ class Start:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
         """The start whose `to_dict` gave `values`."""
-        convex = values["convex"]
+        default = values["default"]
         how = next(how for how in get_args(How) if how == values["how"])
-        return cls(how, int(values["tried"]), float(values["objective"]), None if convex is None else float(convex))
+        return cls(how, int(values["tried"]), float(values["objective"]), None if default is None else float(default))
 
 
 # --- a scan, for processes with several parameters of their shape -----------------------------------------
@@ -122,7 +130,9 @@ def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, 
     at their best for each. Values given in the model come first.
     """
     count = sum(free.size for free in surface.frees)
-    number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1))
+    # What is held leaves a thin set of processes, of which few points are.
+    held = any(not free.together for free in surface.frees)
+    number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
     at = 0
     for free in surface.frees:
@@ -130,9 +140,10 @@ def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, 
         at += free.size
     chosen = _best(problem, surface, columns, share)
     points: list[tuple[How, Point]] = []
-    given = [free.given() for free in surface.frees]
-    if all(z is not None for z in given):
-        points.append(("given", _with_curved(problem, surface, [z for z in given if z is not None])))
+    if (given := given_point(problem, surface)) is not None:
+        points.append(("given", given))
+    if len(surface.frees) > 1 and (greedy := _one_by_one(problem, surface)) is not None:
+        points.append(("scan", _with_curved(problem, surface, greedy)))
     for k in chosen:
         z = [free.of(values[k : k + 1])[0] for free, values in zip(surface.frees, columns, strict=True)]
         if all(np.all(np.isfinite(part)) for part in z):
@@ -140,26 +151,85 @@ def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, 
     return points, number + len(points) - len(chosen)
 
 
-def scanned_shapes(problem: Problem, count: int) -> Matrix:
-    """Wavelet variances of the free processes at unit scale, all over what is scanned of each (n, J)."""
-    rows = [np.empty((0, problem.levels.size))]
-    for free in Surface(problem).frees:
-        values = _over_its_scan(free, _even(count, free.size), problem)
-        shapes = free.kind.shape(values[free.possible(values)], problem.levels, problem.rate, problem.filter)
-        rows.append(shapes[np.all(np.isfinite(shapes), axis=1)])
-    return np.concatenate(rows)
+def given_point(problem: Problem, surface: Surface) -> Point | None:
+    """The point of the values in the model, if it has those of all free processes."""
+    given = [free.given() for free in surface.frees]
+    there = [z for z in given if z is not None]
+    return _with_curved(problem, surface, there) if len(there) == len(given) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
     """Nonlinear parameters (n, q) at shares (n, d) of the box that is scanned, with those that are held in place."""
-    ends = free.kind.scan(problem.samples, problem.rate)
-    z = np.tile(ends.mean(axis=1), (len(share), 1))
-    for column, k in enumerate(free.moving):
-        z[:, k] = ends[k, 0] + share[:, column] * (ends[k, 1] - ends[k, 0])
-    values = np.asarray(free.kind.at_coordinates(z), dtype=np.float64)
-    for k in set(range(values.shape[1])) - set(free.moving):
-        values[:, k] = free.held[k]
-    return values
+    ends = free.scanned(problem.samples, problem.rate)
+    return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class _Alone:
+    """A scan of one free process by itself: nonlinear parameters (n, q) and unit vectors (n, J)."""
+
+    values: Matrix
+    units: Matrix
+
+    def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
+        """The best places beside other unit vectors, no two of them neighbours."""
+        rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
+        objectives = np.empty(len(self.units))
+        for k, unit in enumerate(self.units):
+            rows[-1] = unit
+            objectives[k] = _core.nonnegative_least_squares(problem.target, rows)[1]
+        chosen: list[int] = []
+        for k in np.argsort(objectives, kind="stable").tolist():
+            if len(chosen) < count and all(self.units[k] @ self.units[other] < ALIKE for other in chosen):
+                chosen.append(k)
+        return chosen
+
+
+def _alone(problem: Problem, surface: Surface) -> list[_Alone] | None:
+    """Scans of each free process; None if one is nowhere possible."""
+    every = []
+    for free in surface.frees:
+        values = _over_its_scan(free, _even(min(MOST_SCANNED, ALONE * 4 ** (free.size - 1)), free.size), problem)
+        shapes = free.kind.shape(values, problem.levels, problem.rate, problem.filter)
+        able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
+        if not able.any():
+            return None
+        every.append(_Alone(values[able], problem.weighted(shapes[able])))
+    return every
+
+
+def _one_by_one(problem: Problem, surface: Surface) -> list[Vector] | None:
+    """Each free process where it is best by itself, the others where they are, round about; None if one is nowhere.
+
+    A line among lines has its place in a narrow band, which points that fill a space of many dimensions miss.
+    """
+    base, every = _dictionary(problem), _alone(problem, surface)
+    if every is None:
+        return None
+    at: dict[int, int] = {}
+    for _ in range(ROUNDS):
+        before = dict(at)
+        for place, scan in enumerate(every):
+            others = [every[k].units[row : row + 1] for k, row in at.items() if k != place]
+            at[place] = scan.best(np.concatenate([base, *others]), problem)[0]
+        if at == before:
+            break
+    found = zip(surface.frees, every, strict=True)
+    return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(found)]
+
+
+def moved_points(problem: Problem, surface: Surface, point: Point) -> Iterator[Point]:
+    """Points at which one free process has left for where else it would be good, all others staying where they are."""
+    every = _alone(problem, surface)
+    if every is None:
+        return
+    _, z = surface.split(point)
+    base, shapes = _dictionary(problem), surface.free_shapes(z)
+    for place, scan in enumerate(every):
+        here = [problem.weighted(shapes[k : k + 1]) for k in range(len(z)) if k != place and np.any(shapes[k] > 0)]
+        for row in scan.best(np.concatenate([base, *here]), problem, LEFT_FOR):
+            there = surface.frees[place].of(scan.values[row : row + 1])[0]
+            yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
 
 
 def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix) -> list[int]:

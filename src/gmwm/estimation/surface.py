@@ -36,6 +36,8 @@ NOISE = 1e-12
 """Objectives that differ by less (relative) are one."""
 FAR = 12.0
 """Way in a coordinate beyond what is scanned at which a process ends: a factor of 160 000, or a share of 1 − 1e-12."""
+HELD_REACH = 5.0
+"""Coordinate up to which shares are scanned while others are held: 0.9999 of their domain."""
 _DAMPED = 1e10
 _COMPLEX = 1e-30
 
@@ -79,13 +81,18 @@ class Coordinates:
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
         return np.stack(columns, axis=1)
 
+    def scanned(self, samples: int, rate: float) -> Matrix:
+        """Ends (d, 2) of each coordinate among which starting values are sought."""
+        if self.together:
+            return self.kind.scan(samples, rate)
+        # Parameter by parameter, and close to the ends of each: the others are held where little else is possible.
+        box = np.array([p.scanned(samples, rate) for p in self.parameters])
+        share = np.array([p.domain == "between" for p in self.parameters])
+        return np.where(share[:, None], HELD_REACH * np.sign(box), box)
+
     def ends(self, samples: int, rate: float) -> Matrix:
         """Ends (d, 2) of each coordinate, far beyond what is scanned of it."""
-        scanned = self.kind.scan(samples, rate)[list(self.moving)]
-        if not self.together:
-            # The scan is in coordinates of its own.
-            return np.tile([-np.inf, np.inf], (self.size, 1))
-        return np.asarray(scanned + np.array([-FAR, FAR]))
+        return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
         """Of which rows of nonlinear parameters (n, q) there is a process: of all that come from joint coordinates."""
@@ -301,7 +308,8 @@ class Surface:
             up, down = (-(self.slopes(side) @ side.residual)[able] for side in sides if side is not None)
             hessian[row] = (up - down) / (2 * step)
         hessian = (hessian + hessian.T) / 2
-        size = np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
+        size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
+        size = np.where(size > 1e-150, size, 1.0)
         if not np.linalg.eigvalsh(hessian / np.outer(size, size))[0] > 1e-10:
             return None
         return hessian
@@ -309,7 +317,8 @@ class Surface:
 
 def _solved(matrix: Matrix, right: Vector) -> Vector:
     """Solution of a symmetric system, scaled to unit diagonal; that of least norm where it is singular."""
-    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 1e-150, size, 1.0)
     scaled = matrix / np.outer(size, size)
     try:
         return np.asarray(np.linalg.solve(scaled, right / size) / size)

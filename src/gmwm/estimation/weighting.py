@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
+from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
@@ -19,6 +20,14 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 WELL_KNOWN = 8.0
 """Degrees of freedom from which on the variance of a level is known to a small factor."""
+
+
+def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
+    """Levels by themselves where a parameter or none makes a shape; with what they have in common where more do."""
+    several = any(
+        sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
+    )
+    return "optimal" if several else "diagonal"
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:

@@ -14,7 +14,7 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Setting
 from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
-from gmwm.estimation.solve import estimated, solve
+from gmwm.estimation.solve import estimated, solve_near
 from gmwm.inference.paths import simulated_variances
 
 if TYPE_CHECKING:
@@ -133,14 +133,16 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed]
-    sign = np.array([-1.0 if fit.parameters[name] < 0 else 1.0 for name in free])
+    # The wavelet variance has no sign of a scale, as of a slope; that of a coefficient is estimated.
+    signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
+    sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])
     estimates, objectives = np.empty((len(variances), len(free))), np.empty(len(variances))
     implied = np.empty_like(variances)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         for k, variance in enumerate(variances):
             drawn = problem.observing(variance - known)
-            solution = solve(drawn, certify=False)
+            solution = solve_near(drawn)
             model = estimated(drawn, solution, None).sorted(wv.rate)
             parameters = model.parameters
             implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)

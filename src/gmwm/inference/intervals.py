@@ -163,7 +163,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
-        name: _interval(parameters[name], value, z * abs(value) * math.sqrt(square))
+        name: _interval(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
         for name, value, square in zip(found.names, found.values.tolist(), np.diag(found.relative), strict=True)
     }
 

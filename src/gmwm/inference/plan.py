@@ -18,7 +18,7 @@ from gmwm._words import counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
-from gmwm.estimation.weighting import precision
+from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
@@ -237,7 +237,7 @@ def plan(
     duration: float,
     rate: float,
     *,
-    weighting: Literal["diagonal", "optimal"] = "diagonal",
+    weighting: Literal["diagonal", "optimal"] | None = None,
     unit: str = "",
 ) -> Plan:
     """How well a recording that is still to be made will determine each parameter of a model, by its length.
@@ -253,8 +253,8 @@ def plan(
         Length of the recording that is planned (s).
     rate : float
         Samples per second (Hz).
-    weighting : "diagonal" or "optimal"
-        Ω of the fit to come: 1 / V_jj, or V⁻¹.
+    weighting : "diagonal" or "optimal", optional
+        Ω of the fit to come: 1 / V_jj, or V⁻¹; by default as of `fit`.
     unit : str
         Unit of the signal, as "rad/s"; shown in the summary, changes no number.
 
@@ -279,6 +279,7 @@ def plan(
     {'GM.beta': 0.054, 'GM.sigma2': 0.038, 'WN.sigma2': 0.002}
     """
     whole, rate = as_model(model), as_rate(rate)
+    weighting = usual_weighting(whole) if weighting is None else weighting
     if weighting not in ("diagonal", "optimal"):
         raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {weighting!r}")
     free = _free(whole, rate)

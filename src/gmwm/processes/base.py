@@ -265,7 +265,7 @@ class Process(ABC):
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
         """Ends (q, 2) of the coordinates among which starting values are sought; estimates may lie beyond."""
-        return np.array([_scanned(p, samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
+        return np.array([p.scanned(samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
@@ -399,6 +399,10 @@ class Process(ABC):
         """Correlation time (s): 0 for white, inf for wandering processes, None where it is not known."""
         return None
 
+    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+        """What to be warned of in values that were estimated from a record of so many samples at `rate`, in words."""
+        return ()
+
     def physical(self, rate: float) -> tuple[Physical, ...]:
         """What the process is in continuous time, in the terms of datasheets; by default nothing.
 
@@ -495,11 +499,3 @@ class Process(ABC):
 
 def _function(method: Any) -> Any:
     return getattr(method, "__func__", method)
-
-
-def _scanned(parameter: Parameter, samples: int, rate: float) -> tuple[float, float]:
-    """Ends of one coordinate: rates from a turn of the record to one per sample, shares to 0.995, else 0.1 to 10."""
-    if parameter.domain == "positive":
-        ends = (rate / samples, rate) if parameter.time_power == -1 else (0.1, 10.0)
-        return math.log(ends[0]), math.log(ends[1])
-    return (-3.0, 3.0) if parameter.domain == "between" else (-2.0, 2.0)

@@ -30,6 +30,8 @@ SEASONAL_PHI = Coefficients("sphi", "Φ", "P", "seasonal autoregressive coeffici
 SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coefficient")
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
+CANCELLING = 0.05
+"""Distance of a root of φ and one of θ below which they nearly cancel."""
 _MANY = 2.5
 
 
@@ -63,12 +65,42 @@ class Lagged(Ordered, abstract=True, listed=False):
             if np.all(np.isfinite(rational.coordinates(back[None]))):
                 continue
             what = "stationary" if _sign(polynomial) > 0 else "invertible"
-            size = float(np.abs(rational.roots(back)).max())
+            size = float(1.0 / np.abs(rational.roots(back)).max())
             shown = ", ".join(f"{v:g}" for v in values if v is not None)
             raise ModelError(
-                f"{self.name} must be {what}: the recursion with {polynomial.name} = ({shown}) has a root of modulus "
-                f"{size:.7g}, and must have all within the unit circle; {_way_out(polynomial)}"
+                f"{self.name} must be {what}: the polynomial with {polynomial.name} = ({shown}) has a zero of modulus "
+                f"{size:.7g}, and must have all outside the unit circle; {_way_out(polynomial)}"
             )
+
+    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+        """Roots that nearly cancel, or lie next to the unit circle."""
+        *_, period = self.full_orders()
+        found: dict[tuple[float, int], NDArray[np.complex128]] = {}
+        for part, span in self._factors():
+            lag = period if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
+            found[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
+        said = []
+        for lag in (1, period) if period > 1 else (1,):
+            own, other = (found.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
+            near = np.abs(np.subtract.outer(own, other))
+            if near.size and near.min() < CANCELLING:
+                a, b = np.unravel_index(int(near.argmin()), near.shape)
+                said.append(
+                    f"a root of its autoregression ({_root_text(own[a])}) and one of its moving average "
+                    f"({_root_text(other[b])}) nearly cancel: the coefficients are less certain than their errors say; "
+                    "see whether lower orders do as well"
+                )
+            if own.size and np.abs(own).max() > 1.0 - 10.0 / samples:
+                said.append(
+                    f"a root of modulus {np.abs(own).max():.7g} is next to the unit circle: these data hardly tell "
+                    "it from a random walk, or from an oscillation without an end"
+                )
+            if other.size and np.abs(other).max() > 1.0 - 5.0 / math.sqrt(samples):
+                said.append(
+                    f"its moving average has a root of modulus {np.abs(other).max():.4g}, next to the unit circle, "
+                    "where that root and its inverse become one: its errors are not those of theory"
+                )
+        return tuple(said)
 
     # --- shape ----------------------------------------------------------------------------------------
 
@@ -226,7 +258,11 @@ def _sign(part: Coefficients) -> float:
     return -1.0 if part in (THETA, SEASONAL_THETA) else 1.0
 
 
+def _root_text(root: complex) -> str:
+    return f"{root.real:.3g}" if abs(root.imag) < 1e-9 else f"{root.real:.3g} ± {abs(root.imag):.3g}i"
+
+
 def _way_out(part: Coefficients) -> str:
     if _sign(part) > 0:
-        return "take smaller coefficients; for a root on the circle add a random walk"
-    return "take the coefficients with that root inverted, which have the same spectrum up to σ²"
+        return "take smaller coefficients; for a zero at 1 take a random walk"
+    return "take those with that zero inverted, which have the same spectrum up to σ²; on the circle there is none"

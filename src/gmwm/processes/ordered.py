@@ -6,9 +6,11 @@ processes like any other, but not in the registry, which would have no end.
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from types import new_class
 from typing import Any, ClassVar, Self
 
@@ -66,8 +68,13 @@ class Coefficients:
         """Those of a polynomial of this order."""
         digits = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
         return tuple(
+            # No polynomial with all its zeros on one side of the unit circle has a larger one.
             Parameter(
-                f"{self.name}{i}", f"{self.symbol}{str(i).translate(digits)}", f"{self.description} {i}", domain="real"
+                f"{self.name}{i}",
+                f"{self.symbol}{str(i).translate(digits)}",
+                f"{self.description} {i}",
+                domain="between",
+                limits=(-float(math.comb(count, i)), float(math.comb(count, i))),
             )
             for i in range(1, count + 1)
         )
@@ -191,9 +198,7 @@ class Ordered(Process, abstract=True):
         return object.__new__(found)
 
     def __init__(self, *orders: int, **values: Value | Sequence[Value]) -> None:
-        given = dict(values)
-        if self.period_name is not None:
-            given.pop(self.period_name, None)
+        given = {name: value for name, value in values.items() if name not in self.order_names()}
         for polynomial in self.polynomials:
             if (sequence := given.pop(polynomial.name, None)) is not None:
                 for i, value in enumerate(_sequence(sequence, self, polynomial), 1):
@@ -210,7 +215,14 @@ class Ordered(Process, abstract=True):
         self.__post_init__()
 
     def __post_init__(self) -> None:
-        super().__post_init__()
+        try:
+            super().__post_init__()
+        except ModelError:
+            # All coefficients together have the better words, if they are numbers.
+            numbers = [value for value in self.values.values() if value is not None]
+            if all(isinstance(value, Real) and math.isfinite(value) for value in numbers):
+                self.check_values()
+            raise
         self.check_values()
 
     @abstractmethod
@@ -226,6 +238,9 @@ class Ordered(Process, abstract=True):
                 raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice")
             given.append(values[cls.period_name])
         counts = {p.order: len(_sequence(values[p.name], cls, p)) for p in cls.polynomials if _is_given(values, p.name)}
+        named = [values[name] for name in cls.order_names() if name in values and name != cls.period_name]
+        if named and not orders and not counts:
+            given = [*named, *given]
         if not counts:
             return tuple(given)
         if not orders:

@@ -69,6 +69,8 @@ class Parameter:
     scale_power : int or None
         p where the wavelet variance is proportional to value**p (1 for a variance, 2 for a slope); None for
         a parameter that changes the shape.
+    unit_name : str or None
+        A name for the unit where it has one of its own, "Hz".
     """
 
     name: str
@@ -80,6 +82,7 @@ class Parameter:
     time_power: int = 0
     per_sample: bool = False
     scale_power: int | None = None
+    unit_name: str | None = None
 
     def unit(self, signal_unit: str = "u") -> str:
         """The unit as text, for a signal in `signal_unit`; "" for a pure number.
@@ -89,6 +92,8 @@ class Parameter:
         >>> Parameter("beta", "β", "inverse correlation time", time_power=-1).unit("rad/s")
         '1/s'
         """
+        if self.unit_name is not None:
+            return self.unit_name
         base = signal_unit or "u"
         over = _power(f"({base})" if "/" in base and self.signal_power != 1 else base, self.signal_power)
         if self.time_power > 0:
@@ -134,6 +139,13 @@ class Parameter:
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
         size = np.abs(values)
         return np.asarray(np.where(size == 0, 1.0, size) if self.domain == "real" else values)
+
+    def scanned(self, samples: int, rate: float) -> tuple[float, float]:
+        """Ends of its coordinate: rates from a turn of the record to one a sample, shares to 0.995, else 0.1 to 10."""
+        if self.domain == "positive":
+            low, high = (rate / samples, rate) if self.time_power == -1 else (0.1, 10.0)
+            return math.log(low), math.log(high)
+        return (-3.0, 3.0) if self.domain == "between" else (-2.0, 2.0)
 
     def coordinate(self, values: Vector) -> Vector:
         """Coordinates of values, in which every real number is allowed: ln θ, artanh, or θ itself."""

@@ -6,6 +6,8 @@
     entry   = order | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
+A process with orders is written with them, "ARMA(2, 1, phi1=0.5)", or with its coefficients, "AR(phi=[1.4, -0.6])".
+
 Orders, whole numbers, come first, and only where the process has them: ARMA(2, 1, phi1=0.5). A period may be written by
 name. Names of processes may be written in lower case. The way back is `str(model)`.
 """
@@ -14,7 +16,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from gmwm.errors import ModelError
 from gmwm.processes.base import Process, registry
@@ -23,7 +25,7 @@ from gmwm.processes.ordered import Ordered, families
 from gmwm.processes.parameter import Fixed, Value
 
 _TOKEN = re.compile(
-    r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=]))",
+    r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))",
     re.ASCII,
 )
 _LONGEST_TEXT = 10_000
@@ -114,6 +116,12 @@ class _Reader:
         opened = self._take("(")
         if issubclass(process, Ordered):
             orders = self._orders(process) if opened else []
+            if not orders and opened and self._next.kind == "name":
+                given_at_once = self._coefficients(process)
+                try:
+                    return process(**given_at_once)
+                except ModelError as error:
+                    self._fail(token, str(error))
             try:
                 process = process.of(*orders)
             except ModelError as error:
@@ -136,6 +144,35 @@ class _Reader:
             if self._next.text != ")":
                 self._expect(",", "between orders and parameters")
         return orders
+
+    def _coefficients(self, family: type[Ordered]) -> dict[str, Any]:
+        """What a process without orders is written with: lists of coefficients, single parameters, named orders."""
+        given: dict[str, Any] = {}
+        while not self._take(")"):
+            if given:
+                self._expect(",", "between parameters")
+            token = self._advance()
+            if token.kind != "name":
+                self._fail(token, f'expected coefficients by name, as {family.polynomials[0].name}=[…], or ")"')
+            if token.text in given:
+                self._fail(token, "this is given twice")
+            self._expect("=", f"after {token.text}")
+            if token.text in family.order_names():
+                number = self._advance()
+                if not number.text.isdigit():
+                    self._fail(number, f"expected an order, a whole number, as in {family.written()}")
+                given[token.text] = int(number.text[:9])
+            else:
+                given[token.text] = self._list() if self._take("[") else self._value()
+        return given
+
+    def _list(self) -> list[float | Fixed]:
+        values: list[float | Fixed] = []
+        while not self._take("]"):
+            if values:
+                self._expect(",", "between coefficients")
+            values.append(self._value())
+        return values
 
     def _arguments(self, process: type[Process]) -> dict[str, Value]:
         known = [p.name for p in process.parameters]

@@ -11,11 +11,10 @@ import numpy as np
 from gmwm._arrays import Matrix, freeze
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.estimator import as_fit
-from gmwm.estimation.problem import Problem, pose
+from gmwm.estimation.problem import Problem, pose, to_find
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solve import Solution, solve
-from gmwm.estimation.starts import scanned_shapes
 from gmwm.processes.model import Model
 from gmwm.selection.structure import largest_within, nested, of_lower_order, structure_of, without_values
 from gmwm.variance.result import WaveletVariance
@@ -25,9 +24,6 @@ NOT_LOWER = 1e-9
 
 EVERY = 8
 """Every so manieth place of the grid: 20 % in the correlation time."""
-
-SCANNED = 256
-"""Places of a process without a grid."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of candidates done, and of all."""
@@ -171,13 +167,27 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Wavelet variances (n, J) of the general model's processes, and how many come first that have no shape to find.
+    """Wavelet variances (n, J) that the general model can add, and how many come first that have no shape to find.
 
-    Those with one are taken at places all over their domain.
+    Processes with a search are taken at places all over their domain. Of others, where a scan of all that they can be
+    would promise more than their parameters can give, it is the ways in which their estimates can move.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
-    rows = [problem.shapes, scanned_shapes(problem, SCANNED)]
+    rows = [problem.shapes, *_ways(explored.general, problem)]
     if problem.family is not None:
         rows.append(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
     return np.concatenate(rows), len(problem.shapes)
+
+
+def _ways(general: Fit, problem: Problem) -> list[Matrix]:
+    """The shape of each free process as estimated, and its derivatives, either way."""
+    rows = []
+    for process in general.model.processes:
+        moving = to_find(process)
+        if not moving or type(process) is problem.family or process.scale == 0:
+            continue
+        at = process.nonlinear.reshape(1, -1)
+        slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
+        rows += [process.shape(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
+    return rows
