@@ -115,6 +115,14 @@ def test_a_term_that_is_zero_says_so(fit):
     assert "WN: zero, not supported" in fit_panel(replace(fit, decomposition=none)).labels
 
 
+def test_terms_that_are_zero_share_an_entry_without_a_curve(fit):
+    none = {**fit.decomposition, "WN": np.zeros_like(fit.implied), "RW": np.zeros_like(fit.implied)}
+    panel = fit_panel(replace(fit, decomposition=none))
+    assert panel.labels[-1] == "WN, RW: zero, not supported"
+    assert len(panel.labels) == 3 + len(none) - 1
+    assert panel[panel.labels[-1]].stroke.width == 0
+
+
 def test_what_acts_as_another_process_says_so(fit):
     acting = replace(fit, diagnostics=replace(fit.diagnostics, acts_as={"GM": "WN"}))
     assert any(label.endswith("(acts as WN)") for label in fit_panel(acting).labels)
@@ -160,6 +168,13 @@ def test_terms_look_alike_in_all_panels_and_alone(fit, wv):
     both = looks(figure.panels[0]), looks(figure.panels[1])
     assert set(both[0]) & set(both[1]) >= {"RW", "WN"}
     assert all(both[0][term] == both[1][term] for term in set(both[0]) & set(both[1]))
+
+
+@pytest.mark.parametrize("text", ["3*GM + WN", "WN + QN + RW + DR + 5*GM", "3*GM + WN + QN + FN + RW + 2*SIN"])
+def test_up_to_nine_terms_differ_in_colour_and_dash(text):
+    model = gmwm.Model.parse(text)
+    strokes = term_strokes(model.terms, model.processes).values()
+    assert len({stroke.colour for stroke in strokes}) == len({stroke.dash for stroke in strokes}) == len(model.terms)
 
 
 @pytest.mark.parametrize("text", ["WN + QN + RW + DR + 5*GM", "DR + 5*AR1 + WN", "12*GM + WN + RW"])
@@ -212,7 +227,7 @@ def test_many_new_processes_in_one_model_are_told_apart(count):
 
 
 def test_strokes_of_terms_repeat_late():
-    assert len({term_stroke(k) for k in range(54)}) == 54
+    assert len({term_stroke(k) for k in range(108)}) == 108
 
 
 def test_terms_lie_over_the_model_and_under_the_data(fit):

@@ -83,7 +83,7 @@ def test_durations_read_well():
 @pytest.mark.parametrize("name", sorted(registry))
 def test_every_process_has_a_legend_with_units(name):
     process = registry[name].standard([0.5] * len(registry[name].nonlinear_parameters()))
-    text = term_label(name, process, view_of("rad/s", "wavelet", "datasheet"))
+    text = term_label(name, process, view_of("rad/s", "wavelet", "datasheet"), 100.0)
     assert text.startswith(f"{name}: ")
     scale = process.scale_parameter()
     if scale in process.parameters[:2] and scale.signal_power:
@@ -102,7 +102,16 @@ def test_what_is_written_as_a_square_is_shown_as_its_root_in_the_unit(name):
 
 def test_legends_of_terms_with_many_parameters_are_short():
     shown = view_of("rad/s", "wavelet", "si")
-    assert parameter_text(Parameter("f", "f₀", "frequency", time_power=-1), 50.0, shown) == "f₀ = 50 Hz"
+    frequency = Parameter("frequency", "f₀", "frequency", time_power=-1, unit_name="Hz")
+    texts = [parameter_text(frequency, value, shown) for value in (0.7, 50.0, 250.0, 999.6, 2e-5)]
+    assert texts == ["0.700 Hz", "50.0 Hz", "250 Hz", "1000 Hz", "2×10⁻⁵ Hz"]
     assert parameter_text(Parameter("phi2", "φ₂", "coefficient", domain="real"), -0.6, shown) == "φ₂ = −0.6"
     many = Model.parse("ARMA(2, 1, phi1=1.4, phi2=-0.6, theta1=0.3, sigma2=1)")
-    assert term_label(many.terms[0], many.processes[0], shown) == "ARMA(2,1): φ₁ = 1.4, φ₂ = −0.6, …"
+    assert term_label(many.terms[0], many.processes[0], shown, 1.0) == "ARMA(2,1): φ₁ = 1.4, φ₂ = −0.6, …"
+
+
+def test_lines_are_told_by_their_frequency_and_amplitude():
+    line = Model.parse("SIN(frequency=60, power=2e-8)")
+    for units, amplitude in (("si", "2×10⁻⁴ rad/s"), ("datasheet", "41 deg/h")):
+        text = term_label("SIN[2]", line.processes[0], view_of("rad/s", "wavelet", units), 250.0)
+        assert text == f"SIN[2]: 60.0 Hz, A = {amplitude}"

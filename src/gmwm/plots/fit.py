@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.plots.figure import Figure, Line, Panel, Text, drawable
+from gmwm.plots.figure import Figure, Line, Panel, Stroke, Text, drawable
 from gmwm.plots.labels import axis_title, model_text, term_label
-from gmwm.plots.style import IMPLIED, term_strokes
+from gmwm.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.plots.view import UnitSystem, View, ViewName
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 REMARK = (0.5, 0.93)
 """Where a panel says what is not seen in it: curves of inertial sensors fall from the left and rise to the right."""
+LINE = 28
+"""Characters in a line of such a remark."""
 
 
 def fit_panel(
@@ -50,28 +54,41 @@ def fit_panel(
     if alone:
         return _say_what_is_not_seen(panel, terms)
     zero = [term for term, variance in fit.decomposition.items() if not np.any(variance > 0)] if decomposition else []
-    return panel if not zero else replace(panel, texts=(*panel.texts, Text(f"{', '.join(zero)}: zero", *REMARK)))
+    return replace(panel, texts=(*panel.texts, *_zero_text(zero)))
+
+
+def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
+    """The terms that are zero as a remark in a panel that may be narrow."""
+    if not zero:
+        return ()
+    lines = wrap(f"{', '.join(zero)}: zero", LINE, break_long_words=False)
+    return (Text("\n".join(lines), REMARK[0], REMARK[1] - 0.035 * (len(lines) - 1)),)
 
 
 def term_lines(fit: Fit, view: View, *, alone: bool = True) -> tuple[Line, ...]:
     """The wavelet variance of every term, thin, over the model and behind the data.
 
-    Where the plot is alone, they are named with their key parameters, those that were estimated as zero too.
+    Where the plot is alone, they are named with their key parameters, and those that were estimated as zero, which
+    have no curve, together in one entry.
     """
     times = view.time(fit.wavelet_variance.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
     strokes = term_strokes(fit.model.terms, fit.model.processes)
-    lines = []
+    lines, zero = [], []
     for term, variance in fit.decomposition.items():
         y = drawable(view.height(np.asarray(variance)))
-        zero = not np.any(np.isfinite(y))
+        if not np.any(np.isfinite(y)):
+            zero.append(term)
+            continue
+        label = term
         if alone:
-            label = f"{term}: zero, not supported" if zero else term_label(term, processes[term], view)
+            label = term_label(term, processes[term], view, fit.wavelet_variance.rate)
             acting = fit.diagnostics.acts_as.get(term)
-            label += f" (acts as {acting})" if acting and not zero else ""
-            lines.append(Line(times, y, strokes[term], label, ABOVE))
-        elif not zero:
-            lines.append(Line(times, y, strokes[term], term, ABOVE))
+            label += f" (acts as {acting})" if acting else ""
+        lines.append(Line(times, y, strokes[term], label, ABOVE))
+    if alone and zero:
+        nothing = np.full(times.shape, np.nan)
+        lines.append(Line(times, nothing, Stroke(GREY, 0.0), f"{', '.join(zero)}: zero, not supported", ABOVE))
     return tuple(lines)
 
 

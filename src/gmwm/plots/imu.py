@@ -109,12 +109,19 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
     columns = len(rows[0])
     if columns > 1:
         rows = [tuple(panel and _sparse(panel) for panel in row) for row in rows]
-    return Figure(
+    drawn = Figure(
         _shared([_one_scale(row) for row in rows]),
         width=max(PAGE * columns / 3, SINGLE),
         height=16.0 + 56.0 * len(rows),
         legend_columns=6,
     )
+    return _with_room(drawn, entries=2 * drawn.legend_columns)
+
+
+def _with_room(drawn: Figure, entries: int) -> Figure:
+    """A figure that is higher by the entries of its legend beyond so many."""
+    more = -(-max(len(drawn.labels) - entries, 0) // drawn.legend_columns)
+    return replace(drawn, height=drawn.height + 4.0 * more)
 
 
 def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> Figure:
@@ -131,7 +138,8 @@ def _by_sensor(items: Mapping[str, Item], view: ViewName, units: UnitSystem) -> 
     if len(rows) > 1 and len(panels) % 2:
         rows[-1] = (*rows[-1], None)
     width = PAGE if len(panels) > 1 else SINGLE
-    return Figure(tuple(rows), width=width, height=10.0 + 74.0 * len(rows), legend_columns=7)
+    drawn = Figure(tuple(rows), width=width, height=10.0 + 74.0 * len(rows), legend_columns=7)
+    return _with_room(drawn, entries=drawn.legend_columns)
 
 
 def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:

@@ -59,8 +59,11 @@ def axis_title(axis: str) -> str:
     return f"{sensor_title(sensor)} {letter.upper()}" if sensor else axis
 
 
-def term_label(term: str, process: Process, view: View) -> str:
+def term_label(term: str, process: Process, view: View, rate: float) -> str:
     """A term with its key parameters: standard deviations in the unit shown, correlation times, not rates.
+
+    What is not the square of anything, as the power of a line, is told by the number in continuous time that is in the
+    unit of the signal, as its amplitude.
 
     Parameters
     ----------
@@ -70,18 +73,39 @@ def term_label(term: str, process: Process, view: View) -> str:
         The term with its estimates; says what its parameters are.
     view : View
         Gives the unit and the factor from the unit of the data.
+    rate : float
+        Samples a second, in Hz.
 
-    >>> from gmwm.processes import GM
-    >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), View("allan", "rad/s", 1.0))
+    >>> from gmwm.processes import GM, SIN
+    >>> view = View("allan", "rad/s", 1.0)
+    >>> term_label("GM[1]", GM(beta=0.02, sigma2=9e-8), view, rate=100.0)
     'GM[1]: T = 50 s, σ = 3×10⁻⁴ rad/s'
+    >>> term_label("SIN", SIN(frequency=0.7, power=2e-8), view, rate=100.0)
+    'SIN: 0.700 Hz, A = 2×10⁻⁴ rad/s'
     """
-    texts = [parameter_text(p, process.value(p.name), view) for p in process.parameters[:KEY_PARAMETERS]]
+    texts = [
+        _amplitude_text(p, process, view, rate) or parameter_text(p, process.value(p.name), view)
+        for p in process.parameters[:KEY_PARAMETERS]
+    ]
     more = ", …" if len(process.parameters) > KEY_PARAMETERS else ""
     return f"{term}: {', '.join(texts)}{more}"
 
 
+def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
+    """The number in the unit of the signal that a parameter in its square stands for; "" where there is none."""
+    if (parameter.signal_power, parameter.time_power) != (2, 0) or parameter.symbol.endswith("²"):
+        return ""
+    for number in process.physical(rate):
+        if (number.signal_power, number.time_power) == (1, 0.0) and dict(number.slopes) == {parameter.name: 0.5}:
+            return f"{number.symbol} = {number_text(view.factor * number.value, DIGITS)} {view.unit}".rstrip()
+    return ""
+
+
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """One estimate: the root of what is written as a square, the inverse of a rate, anything else as it is."""
+    """One estimate: the root of what is written as a square, the inverse of a rate, anything else as it is.
+
+    A frequency needs no symbol.
+    """
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
         if not parameter.symbol.endswith("²"):
@@ -92,11 +116,16 @@ def parameter_text(parameter: Parameter, value: float, view: View) -> str:
     if parameter.signal_power == 1 and parameter.time_power == 0:
         per = " per sample" if parameter.per_sample else ""
         return f"{parameter.symbol} = {number_text(view.factor * value, DIGITS)}{unit}{per}"
+    if parameter.unit_name == "Hz":
+        return f"{_three_digits(value)} Hz"
     if parameter.signal_power == 0 and parameter.time_power == -1 and value > 0:
-        if parameter.symbol.startswith("f"):
-            return f"{parameter.symbol} = {number_text(value)} Hz"
         return f"T = {duration_text(1 / value)}"
     return f"{parameter.symbol} = {number_text(value)}".replace("-", "−")
+
+
+def _three_digits(value: float) -> str:
+    """Three digits, zeros among them."""
+    return f"{value:#.3g}".rstrip(".") if 1e-3 <= value < 999.5 else number_text(value)
 
 
 def duration_text(seconds: float) -> str:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +21,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter, NullL
 from gmwm._files import written_whole
 from gmwm.errors import OptionError
 from gmwm.plots.figure import Axis, Band, Figure, Foot, Mark, Panel, Stroke, Symbol, Tick
+from gmwm.plots.legend import EDGE, MILLIMETRE, folded, legend_below, legend_inside
 from gmwm.plots.style import GRID
 
 if TYPE_CHECKING:
@@ -29,13 +33,13 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg")
 """File endings of the pictures that can be written."""
 
-MILLIMETRE = 1 / 25.4
 DPI = 200
 PRINT_DPI = 400
 TEXT_SIZE = 8.0
 SMALL_SIZE = 7.0
-LEGEND_SIZE = 6.6
 FOOT = 0.03
+BESIDE = 18.0
+"""Width (mm) that the numbers and the label beside a panel take, and as much as that on its other side."""
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "down": "v", "cross": "x", "plus": "+",
@@ -92,17 +96,24 @@ def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
 def _new_picture(figure: Figure) -> MatplotlibFigure:
     picture = Picture(figsize=(figure.width * MILLIMETRE, figure.height * MILLIMETRE), dpi=DPI, layout="constrained")
     handles: dict[str, Artist] = {}
-    for row, place in zip(figure.rows, _places(picture, figure), strict=True):
+    for row, place in zip(map(_titled, figure.rows, repeat(figure.width)), _places(picture, figure), strict=True):
         for panel, (part, at) in zip(row, place, strict=True):
             if panel is not None:
                 for label, handle in draw_panel(panel, part.add_subplot(at)).items():
                     handles.setdefault(label, handle)
     picture.align_ylabels()
     if figure.title:
-        picture.suptitle(figure.title, fontsize=TEXT_SIZE + 1)
+        title = folded(figure.title, (figure.width - 2 * EDGE) * MILLIMETRE * 72, TEXT_SIZE + 1)
+        picture.suptitle(title, fontsize=TEXT_SIZE + 1)
     if handles:
-        _legend_below(picture, handles, figure.legend_columns)
+        legend_below(picture, handles, figure.legend_columns)
     return picture
+
+
+def _titled(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
+    """The panels of a row with titles no wider than they are."""
+    room = (width / len(row) - BESIDE) * MILLIMETRE * 72
+    return [panel and replace(panel, title=folded(panel.title, room, TEXT_SIZE)) for panel in row]
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
@@ -117,18 +128,6 @@ def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[Figure
     return [[(p, g[0, k]) for k in range(n)] for p, g, n in zip(parts, grids, lengths, strict=True)]
 
 
-def _legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """One legend under all panels, in as many columns up to `columns` as the width holds."""
-    for ncols in range(columns, 0, -1):
-        legend = picture.legend(
-            [*handles.values()], [*handles], loc="outside lower center", ncols=ncols, fontsize=LEGEND_SIZE,
-            frameon=False, handlelength=3.0, handletextpad=0.6, columnspacing=1.2, labelspacing=0.3,
-        )  # fmt: skip
-        if ncols == 1 or legend.get_window_extent().width <= picture.bbox.width:
-            return
-        legend.remove()
-
-
 def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
     if not isinstance(ax, Axes):
         raise OptionError(f"ax must be Matplotlib axes, got {type(ax).__name__}; pass figure.add_subplot()")
@@ -136,7 +135,7 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
         raise OptionError(f"ax holds one panel, this plot has {len(figure.panels)}; leave ax out")
     handles = draw_panel(figure.panels[0], ax)
     if handles:
-        ax.legend([*handles.values()], [*handles], fontsize=LEGEND_SIZE, frameon=False, handlelength=3.0)
+        legend_inside(ax, handles)
     owner: Any = ax.figure
     while not isinstance(owner, MatplotlibFigure):
         owner = owner.figure

@@ -141,4 +141,5 @@ def plot_comparison(
     from gmwm.plots.matplotlib import draw
 
     panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
-    return draw(Figure(((panel,),), height=88.0), ax=ax, path=path)
+    rows = max((len(panel.labels) + 1) // 2, 2)
+    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)

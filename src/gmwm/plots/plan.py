@@ -27,7 +27,9 @@ HIGHEST = 2.0
 FURTHER = (2.0, 100.0)
 """The curves run on to where all have the accuracy wanted, at least and at most so many times the duration."""
 PER_DECADE = 8
-SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross")
+SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
+OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
+"""These serve empty too; an empty circle shows where the accuracy is reached."""
 
 
 def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
@@ -79,13 +81,14 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 def _strokes(plan: Plan) -> dict[str, Stroke]:
     """Every parameter in the stroke of its term; those of its shape solid, in the colour of the term, with symbols."""
     strokes = {}
-    symbols = cycle(SYMBOLS)
+    symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
     by_term = term_strokes(plan.model.terms, plan.model.processes)
     for term, process in zip(plan.model.terms, plan.model.processes, strict=True):
         for parameter in process.parameters:
             stroke = replace(by_term[term], width=1.3)
             if parameter.scale_power is None:
-                stroke = Stroke(stroke.colour, 0.8, symbol=next(symbols))
+                symbol, filled = next(symbols)
+                stroke = Stroke(stroke.colour, 0.8, symbol=symbol, filled=filled)
             strokes[f"{term}.{parameter.name}"] = stroke
     return strokes
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 LISTED = 10
 """So many criteria are drawn, and those of all equivalent candidates."""
 MOST_CURVES = 8
+NAME = 44
+"""Characters in a line of a model beside its row."""
 FIRST = replace(IMPLIED, symbol="circle")
 """The stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
@@ -47,7 +50,8 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     listed = [c for k, c in enumerate(ranking.distinct) if k < max(LISTED, limit) or c.equivalent or c.recommended]
     rows = ((_curves(drawn, strokes, view, units), _distances(drawn, strokes, view, units)),)
     criteria = _criteria(listed, dict(zip(map(id, drawn), strokes, strict=True)))
-    heights = (64.0, 16.0 + 4.6 * len(listed))
+    lines = max(_row_name(c).count("\n") + 1 for c in listed)
+    heights = (64.0, 16.0 + (1.8 + 2.8 * lines) * len(listed))
     foot = 6.0 + 4.0 * ((len(drawn) + 4) // 3)
     recordings = len(ranking.best.fits)
     words = [axis_title(drawn[0].fit.wavelet_variance.axis), f"models within {model_text(ranking.within.terms)}"]
@@ -136,7 +140,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
         stroke = strokes.get(id(candidate), OTHER)
         at = np.array([candidate.difference])
         marks.append(Line(at, np.array([place]), replace(stroke, width=0.0), "", FRONT))
-    ticks = [Tick(place, model_text(c.model.terms)) for c, place in zip(listed, places, strict=True)]
+    ticks = [Tick(place, _row_name(c)) for c, place in zip(listed, places, strict=True)]
     numbers = [Tick(place, _numbers(c)) for c, place in zip(listed, places, strict=True)]
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")
     y = Axis("", (0.4, len(listed) + 1.4), tuple(ticks), grid=tuple(places), opposite=(*numbers, head), linear=np.inf)
@@ -168,6 +172,13 @@ def _name(candidate: Candidate) -> str:
     word = _word(candidate)
     name = model_text(candidate.model.terms)
     return f"{name} ({word})" if word else name
+
+
+def _row_name(candidate: Candidate) -> str:
+    """A model beside its row, a long one on several lines: the criteria need room as well."""
+    # No line starts with a plus.
+    name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
+    return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def _score(candidate: Candidate) -> float:

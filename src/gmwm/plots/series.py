@@ -101,7 +101,7 @@ def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -
     strokes = term_strokes(model.terms, model.processes)
     for term, process in zip(model.terms, model.processes, strict=True):
         one = trace(simulated[term], shown.factor, columns)
-        rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown)))
+        rows.append(_Row(one, Stroke(strokes[term].colour, WIDTH), term_label(term, process, shown, signal.rate)))
     panels = _panels(rows, shown)
     stacked = _time_once([(panel,) for panel in panels])
     return Figure(stacked, width=PAGE, height=12.0 + _row_height(len(rows), 34.0) * len(rows))

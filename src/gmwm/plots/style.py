@@ -26,6 +26,9 @@ PURPLE = "#CC79A7"
 WINE = "#882255"
 INDIGO = "#332288"
 OLIVE = "#999933"
+BROWN = "#7A4A12"
+MAGENTA = "#B0179A"
+FOREST = "#0B5D2A"
 GREY = "#6E6E6E"
 GRID = "#DADADA"
 
@@ -45,20 +48,21 @@ OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")
 IMPLIED = Stroke(ORANGE, 2.6, SOLID)
 """What the fitted model says."""
 
-# Six colours and nine dashes: a pair first repeats after 54 terms, a dash alone (as in grey) after nine.
-_TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY)
+# Twelve colours and nine dashes: a pair first repeats after 108 terms, a colour after twelve, a dash alone (as in
+# grey) after nine. The last three colours are those that other processes take first.
 _MORE_COLOURS = (WINE, INDIGO, OLIVE)
+_TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY, BROWN, MAGENTA, FOREST, *_MORE_COLOURS)
 _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, SPARSE, LONG_SHORT)
 
 _ALONE = 4
 """How many processes of inertial sensors cannot be repeated."""
 # Every other process: in colours of its own (P. Tol's muted scheme), first with the three dashes that the terms of few
-# models have; neighbours in the list differ in colour and dash.
+# models have; neighbours in the list differ in colour and dash. Last what no other term of the model has taken.
 _FURTHER = tuple(
     Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
     for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
     for k in range(3 * len(dashes))
-)
+) + tuple(Stroke(colour, 1.0, dash) for colour in _TERM_COLOURS[8::-1] for dash in _TERM_DASHES[::-1])
 
 # x, y, z are red, green, blue by the field's habit; here vermillion, bluish green and blue, with their own
 # symbols and dashes, so that the habit survives colour blindness and a photocopier.
@@ -81,8 +85,8 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 def term_stroke(index: int) -> Stroke:
     """The index-th of the strokes for terms of a model: thin, behind the data."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
-    # Both counts are divisible by three: without the shift a pair would repeat after 18.
-    dash = _TERM_DASHES[(index + index // 18) % len(_TERM_DASHES)]
+    # Both counts are divisible by three: without the shift a pair would repeat after 36.
+    dash = _TERM_DASHES[(index + index // 36) % len(_TERM_DASHES)]
     return Stroke(colour, 1.0, dash)
 
 
@@ -92,7 +96,8 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
     The processes of inertial sensors, first in the registry, have strokes that go by their place there, and by the
     number of the term where one can be repeated. Any other process has one of further strokes, by its name: what else
     is in the registry does not change it. Only where another term of the model has its stroke or its dash, it takes
-    the next that is free. Two parametrisations of one process look alike.
+    the next that is free: up to nine terms differ in colour and in dash. Two parametrisations of one process look
+    alike.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
