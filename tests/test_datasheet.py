@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, GM, QN, RW, WN, Datasheet, Model, Signal, WaveletVariance, fixed
+from gmwm import AR1, DR, FN, GM, QN, RW, SIN, WN, Datasheet, Model, Signal, WaveletVariance, fixed
 from gmwm.datasheets import Entry
 from gmwm.datasheets.bias import lowest
+from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.translation import translated
 from gmwm.errors import OptionError
 from gmwm.processes import Process, registry
@@ -330,6 +331,34 @@ def test_without_theory_there_are_numbers_but_no_intervals():
     assert Datasheet.from_dict(json.loads(json.dumps(found.to_dict())))["R"] == found["R"]
 
 
+def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
+    truth = WN(sigma2=1e-6) + SIN(frequency=0.7, power=8e-6)
+    found = gmwm.fit(truth.structure, exact(truth)).datasheet()
+    assert list(found) == ["N", "B", "f_0", "A"]
+    assert found["f_0"].text("si").endswith(" Hz")
+    assert found["f_0"].value == near(0.7)
+    assert found["A"].value == near(4e-3)
+    assert found["f_0"].low < 0.7 < found["f_0"].high
+    # The curve of white noise falls to its end; the zeros of the line are no minimum.
+    assert found["B"].upper_only
+    alone = gmwm.fit("WN", exact(WN(sigma2=1e-6))).datasheet()
+    assert found["B"].value == near(alone["B"].value)
+    assert any("still falls at the longest averaging time" in note for note in found.notes)
+    two = gmwm.fit("2*SIN + WN", exact(truth + SIN(frequency=20.0, power=2e-6))).datasheet()
+    assert [two[f"f_0[{k}]"].value for k in (1, 2)] == [near(0.7), near(20.0)]
+    assert [two[f"A[{k}]"].value for k in (1, 2)] == [near(4e-3), near(2e-3)]
+    only = gmwm.fit("SIN", exact(SIN(frequency=0.7, power=8e-6))).datasheet()
+    assert list(only) == ["f_0", "A"]
+    assert "no bias instability: SIN has no noise" in only.notes
+
+
+def test_a_flicker_term_that_is_zero_leaves_the_lowest_point_of_the_curve():
+    found = sheet_of("WN + FN + RW", exact(WN(sigma2=1e-6) + RW(gamma2=1e-12)))
+    assert (found["B"].term, found["B"].upper_only) == (None, False)
+    assert found["B"].tau is not None
+    assert found["B_f"].upper_only
+
+
 # --- two numbers for a filter -------------------------------------------------------------------------
 
 
@@ -369,6 +398,47 @@ def test_a_fast_term_is_counted_to_white_noise():
     slow = gmwm.fit("GM + WN", exact(GM(beta=2.0, sigma2=1e-6) + WN(sigma2=1e-6))).datasheet()
     assert slow["N"].term == "WN"
     assert slow["N"].value == near(math.sqrt(1e-6 / RATE), 1e-4)
+
+
+def test_slow_terms_without_a_driving_noise_are_walks_as_gauss_markov_terms_are():
+    gm = GM(beta=0.05, sigma2=1e-8)
+    wanted = math.sqrt(2 * 0.05 * 1e-8)
+    for slow in (
+        "MAT(beta=0.05, nu=0.5, sigma2=1e-8)",
+        f"AR(1, phi1={math.exp(-0.05 / RATE)!r}, sigma2={-1e-8 * math.expm1(-0.1 / RATE)!r})",
+        "MAT(beta=0.05, nu=1.5, sigma2=1e-8)",
+    ):
+        truth = Model.parse(slow)
+        fit = gmwm.fit(truth.structure + " + WN", exact(truth + WN(sigma2=1e-6)))
+        found = gmwm.effective_noise(fit, 1.0)
+        at = float(truth.allan_variance([100], RATE)[0])
+        assert found["K_eff"].value == near(math.sqrt(3 * at / 1.0), 1e-3)
+        assert not found["K_eff"].upper_only
+        assert found["K_eff"].low < found["K_eff"].value < found["K_eff"].high
+        assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 1e-3)
+        if "0.5" in slow.partition("nu")[2] or "AR" in slow:
+            assert found["K_eff"].value == near(wanted, 0.03)
+            assert at == near(float(gm.allan_variance([100], RATE)[0]), 1e-6)
+
+
+def test_one_slow_term_that_is_white_noise_and_a_walk_is_counted_to_both():
+    # An AR1 and white noise together are an ARMA(1, 1).
+    parts = GM(beta=0.05, sigma2=1e-8) + WN(sigma2=1e-6)
+    fit = gmwm.fit("ARMA(1, 1)", exact(parts))
+    found = gmwm.effective_noise(fit, 1.0)
+    assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 0.02)
+    assert found["K_eff"].value == near(math.sqrt(2 * 0.05 * 1e-8), 0.05)
+    assert not found["K_eff"].upper_only
+
+
+def test_to_a_gauss_markov_bias_a_slow_term_and_flicker_noise_have_their_allan_deviation_at_its_time():
+    for truth, time in ((FN(b2=4e-10), 2000.0), (Model.parse("MAT(beta=0.05, nu=0.5, sigma2=1e-8)"), 20.0)):
+        truth = Model((truth,)) if isinstance(truth, Process) else truth
+        fit = gmwm.fit(truth.structure + " + WN", exact(truth + WN(sigma2=1e-6)))
+        walk = noise_in_use(fit, Use(1.0, time), 0.95)["K_eff"].value
+        bias = GM(beta=1 / time, sigma2=walk**2 * time / 2)
+        n = [round(time * RATE)]
+        assert bias.allan_variance(n, RATE)[0] == near(float(truth.allan_variance(n, RATE)[0]), 1e-3)
 
 
 # --- laws ---------------------------------------------------------------------------------------------

@@ -175,6 +175,15 @@ def test_ramps_keep_their_sign(signs):
     assert found["gyro_x.R"].apart == (0.0 if signs == (1.0, 1.0) else None)
 
 
+def test_b_of_flicker_noise_is_not_compared_with_the_lowest_point_of_a_curve():
+    flicker, lowest = point("B", 1.0, 0.01, "rad/s", term="FN"), point("B", 2.0, 0.01, "rad/s", tau=10.0)
+    found = of(sheet(flicker), sheet(lowest))
+    assert (found["gyro_x.B"].agrees, found["gyro_x.B"].reason) == (None, "kinds")
+    assert "gyro_x B: in some recordings the coefficient of flicker noise" in " ".join(found.summary().split())
+    assert of(sheet(flicker), sheet(flicker))["gyro_x.B"].agrees
+    assert of(sheet(lowest), sheet(lowest))["gyro_x.B"].agrees
+
+
 @pytest.mark.parametrize("extra", [{}, {"tau": 10.0}])
 def test_a_single_limit_agrees_if_it_reaches_the_interval(extra):
     number = point("K", 1.0, 0.1, "rad/s/√s")

@@ -7,6 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.calibration.misfit import LARGE, misfit
+from gmwm.processes import Process, registry
 
 from .conftest import WITHIN
 
@@ -53,6 +54,11 @@ def test_a_near_model_still_describes_the_curve(short_of_a_walk):
     assert misfit(there.axes["gyro_x"]).times == pytest.approx(1.2)
     assert "The values still describe the curve" in text
     assert "`within` is too small" in text
+
+
+def test_a_periodic_disturbance_is_told_to_be_a_term(short_of_a_walk):
+    lines = [name for name, kind in registry.items() if kind.line is not Process.line]
+    assert f"gives a curve with teeth: add {lines[0]} to `within`" in words(short_of_a_walk)
 
 
 def test_a_model_within_the_limits_misses_nothing(calibration):

@@ -3,12 +3,13 @@
 import math
 import re
 
+import numpy as np
 import pytest
 
-from gmwm import export, export_formats
+from gmwm import GM, export, export_formats
 from gmwm.errors import MissingTheoryError
 
-from .conftest import calibrated
+from .conftest import RATE, SAMPLES, calibrated
 from .consumers import CONSUMERS
 
 B2 = {"gyro": 4e-10, "accel": 4e-7}
@@ -26,16 +27,60 @@ def words(text):
     return " ".join(re.sub(r"^\s*(#|%|//|;)", " ", text, flags=re.MULTILINE).split())
 
 
-@pytest.mark.parametrize("format", CONSUMERS)
+FLAT = 2 * math.log(2) / math.pi
+"""Allan variance of flicker noise at B = 1."""
+OTHERS = ("matlab", "kfgins", "gazebo")
+
+
+@pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(OTHERS)))
 def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
     text = export(unit, format=format, horizon=2.0)
     read = CONSUMERS[format](text)
     for sensor, b2 in B2.items():
-        assert read[sensor][1] == pytest.approx(math.sqrt(3 * 2 * math.log(2) / math.pi * b2 / 2.0), rel=1e-4)
+        assert read[sensor][1] == pytest.approx(math.sqrt(3 * FLAT * b2 / 2.0), rel=1e-4)
     said = words(text)
-    assert "K: FN (by its Allan deviation at the horizon)" in said
-    assert "have no correlation time: they are counted as what has their Allan deviation at 2 s" in said
+    assert "K: FN (by its Allan deviation)" in said
+    assert "its Allan deviation at the horizon T = 2 s: a random walk (K)" in said
+    assert "that walk has sqrt(t/T) times it" in said
     assert "In neither" not in said
+    assert "UPPER LIMIT" not in said
+
+
+@pytest.mark.parametrize("format", ["kfgins", "gazebo"])
+def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
+    text = export(unit, format=format, horizon=2.0)
+    time = SAMPLES / RATE
+    for sensor, b2 in B2.items():
+        bias = GM(beta=1 / time, sigma2=float(np.max(CONSUMERS[format](text)[sensor][1])) ** 2 * time / 2)
+        assert bias.allan_variance([SAMPLES], RATE)[0] == pytest.approx(FLAT * b2, rel=1e-4)
+    assert "the one in this file (2000 s): a Gauss-Markov bias" in words(text)
+
+
+def test_matlab_has_a_parameter_for_it(unit):
+    text = export(unit, format="matlab", inflation=2.0)
+    code = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
+    for maker, b2 in (("gyroparams", B2["gyro"]), ("accelparams", B2["accel"])):
+        call = code[code.index(maker) :]
+        walk, flicker = (
+            [float(x) for x in re.search(rf"'{key}', \[([^\]]*)\]", call)[1].split()]
+            for key in ("RandomWalk", "BiasInstability")
+        )
+        assert walk == [0.0] * 3
+        assert flicker == pytest.approx([2 * math.sqrt(b2)] * 3, rel=1e-4)
+    assert code.count("fractalcoef(poles, 1)") == 2
+    assert "poles = 20000;" in code
+    assert "BiasInstability: FN" in words(text)
+    assert "UPPER LIMIT" not in text
+
+
+def test_the_filter_of_matlab_holds_flicker_noise_as_long_as_is_said():
+    # 1/A(z) of Kasdin, with as many poles as the file asks for.
+    k = np.arange(1, 20_001)
+    gain = 1 / np.abs(np.fft.rfft(np.concatenate([[1.0], np.cumprod((k - 1.5) / k)]), 2**22)) ** 2
+    f = np.arange(1, gain.size) / 2**22
+    for n in (20, 200, 2000, 10_000):
+        haar = np.sin(np.pi * n * f) ** 4 / (n * np.sin(np.pi * f)) ** 2
+        assert 4 * np.sum(gain[1:] * haar) / 2**22 == pytest.approx(FLAT, rel=0.05)
 
 
 def test_ros_leaves_it_out_and_says_so(unit):

@@ -205,16 +205,16 @@ def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
-def test_flicker_noise_has_a_number_of_its_own_beside_the_bias_instability():
+def test_flicker_noise_is_the_bias_instability_of_the_standard():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
     sheet = gmwm.fit(truth.structure, exact_curve(truth)).datasheet()
-    assert list(sheet) == ["N", "B", "B_f", "K"]
-    assert sheet["B_f"].value == pytest.approx(2e-3, rel=1e-6)
-    assert sheet["B_f"].low < 2e-3 < sheet["B_f"].high
-    assert sheet["B"].value > sheet["B_f"].value
-    assert sheet["B_f"].unit == sheet["B"].unit == "rad/s"
+    assert list(sheet) == ["N", "B", "K"]
+    assert sheet["B"].value == pytest.approx(2e-3, rel=1e-6)
+    assert sheet["B"].low < 2e-3 < sheet["B"].high
+    assert (sheet["B"].unit, sheet["B"].term, sheet["B"].tau) == ("rad/s", "FN", None)
+    assert sheet["B"].title == "bias instability of flicker noise"
     alone = gmwm.fit(FN(), exact_curve(FN(b2=4e-6))).datasheet()
-    assert alone["B"].value == pytest.approx(alone["B_f"].value, rel=1e-9)
+    assert alone["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert not alone["B"].upper_only
     assert not alone.notes
 

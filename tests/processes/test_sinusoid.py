@@ -93,8 +93,22 @@ def test_several_are_sorted_by_frequency_and_one_frequency_is_held_once():
     assert str(Model.parse("2*SIN + WN")) == "2*SIN + WN"
 
 
-def test_physical_amplitude():
-    (amplitude,) = SIN(1.0, 8.0).physical(RATE)
+def test_remarks_where_the_phase_stands_still():
+    half = RATE / 2
+    for frequency in (half, 3 * half, half * (1 + 1e-7)):
+        (said,) = SIN(frequency, 8.0).remarks(10_000, RATE)
+        assert "only A² sin² U is seen" in said
+    (said,) = SIN(RATE, 8.0).remarks(10_000, RATE)
+    assert "a constant, and nothing of its power shows" in said
+    # With half a turn of the phase over the record, the mean of sin² is one half again.
+    for frequency in (half * (1 + 1e-4), 0.7, 0.9 * half, RATE / 1e6):
+        assert SIN(frequency, 8.0).remarks(10_000, RATE) == ()
+    assert SIN(half, 0.0).remarks(10_000, RATE) == ()
+
+
+def test_physical_frequency_and_amplitude():
+    frequency, amplitude = SIN(1.0, 8.0).physical(RATE)
+    assert (frequency.symbol, frequency.value, frequency.signal_power, frequency.time_power) == ("f_0", 1.0, 0, -1.0)
     assert (amplitude.symbol, amplitude.value, amplitude.signal_power, amplitude.time_power) == ("A", 4.0, 1, 0.0)
 
 

@@ -72,6 +72,24 @@ def test_doubts_of_the_recording_reach_the_verdict():
     assert state(*force(19.6)) == state(*force(0.23)) == state(*gmwm.inspect(noisy).warnings) == "bad"
 
 
+def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
+    truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, seed=4), "WN")
+    verdict = gmwm.report_data(found)["verdict"]
+    texts = [point["text"] for point in verdict["points"]]
+    assert verdict["headline"].startswith("1 of 2 axes cannot be used (gyro_y); the others can be used")
+    assert verdict["state"] == verdict["points"][0]["state"] == "bad"
+    assert "gyro_y" in texts[0]
+    assert "times too small" in texts[0]
+    assert "does not describe the curve" in texts[0]
+    assert any(text.startswith("Gyroscopes (gyro_x only): white noise density N") for text in texts)
+    assert not any("the values describe the curve" in text for text in texts)
+    alone = dataclasses.replace(found, axes={"gyro_y": found.axes["gyro_y"]})
+    said = gmwm.report_data(alone)["verdict"]
+    assert said["headline"] == "The calibration cannot be used."
+    assert not any("Gyroscopes" in point["text"] for point in said["points"])
+
+
 def test_a_good_recording_gets_a_good_verdict():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
     data = gmwm.report_data(gmwm.calibrate(imu, "WN + RW"))

@@ -17,6 +17,7 @@ from gmwm.calibration.shared import Agreement, SharedNumber
 from gmwm.calibration.tables import in_order, merged, sensor_of
 from gmwm.calibration.words import rejected
 from gmwm.datasheets import Datasheet, Entry
+from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
 from gmwm.variance.slope_line import LAWS
 
@@ -47,7 +48,8 @@ def agreement(
     the limit reaches the interval, where both are as wide as the test asks for. All p-values are adjusted by Holm's
     method, so that `size` is that of any false alarm among all numbers.
 
-    Q, N, B, K and R are compared whatever the models, all others where all recordings have the same model.
+    Q, N, B, K and R are compared whatever the models, all others where all recordings have the same model; but not B
+    of a flicker term with B read at the lowest point of a curve.
 
     Parameters
     ----------
@@ -163,7 +165,9 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         first = given[0][0]
         alike = symbol in LAWS or len({s.model for s in found if s is not None}) == 1
         usable = [(entry, _reach(sheet.level)) for entry, sheet in given if _is_known(entry)]
-        reason = "one recording" if len(given) < 2 else "models" if not alike else "interval" if len(usable) < 2 else ""
+        kinds = {entry.term is None for entry, _ in given if symbol == BIAS}
+        reason = "interval" if len(usable) < 2 else ""
+        reason = "one recording" if len(given) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
         rows.append(SharedNumber(axis, symbol, first.title, first.unit, entries, pvalue, reason=reason))
     return rows

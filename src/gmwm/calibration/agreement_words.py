@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from gmwm._words import counted
-from gmwm.calibration.tables import WIDTH, aligned, bulleted, number, wrapped
+from gmwm.calibration.tables import WIDTH, aligned, bulleted, key, number, wrapped
 from gmwm.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ def _percent(share: float) -> str:
 
 
 def _legend(found: Agreement) -> str:
-    titles = {row.symbol.partition("[")[0].partition(" ")[0]: row.title for row in found.rows if row.reason != "models"}
-    named = "; ".join(f"{symbol} {title}" for symbol, title in titles.items())
+    shown = (entry for row in found.rows if row.reason != "models" for entry in row.entries)
+    named = key(entry for entry in shown if entry is not None)
     return (
         f"{named}. ±: half its interval; ≤: upper limit; {_NONE}: its model has none. {_SAME}, {_OTHER}: one value "
         "explains them all, or does not; p: of such a difference by chance, with all numbers in mind."
@@ -128,6 +128,11 @@ def _advice(found: Agreement) -> list[str]:
         said.append(
             f"{', '.join(differ)}: the recommended models differ, so that only {', '.join(LAWS)} are compared there. "
             "The intervals are of each model as it is, and do not know of another one"
+        )
+    if kinds := [f"{row.axis} {row.symbol}" for row in found.rows if row.reason == "kinds"]:
+        said.append(
+            f"{', '.join(kinds)}: in some recordings the coefficient of flicker noise, in others the lowest point of "
+            "the curve, and so not compared"
         )
     if found.rejected:
         axes = ", ".join(_of_which(found, axis, labels) for axis, labels in found.rejected.items())
@@ -168,7 +173,8 @@ def _beside(found: Agreement, rows: Sequence[SharedNumber], heads: Sequence[str]
 
 
 def _about_reference(rows: Sequence[SharedNumber]) -> str:
-    if all(row.symbol != _LOWEST for row in rows):
+    entries = [entry for row in rows if row.symbol == _LOWEST for entry in row.entries]
+    if all(entry is None or entry.term is not None for entry in entries):
         return ""
     factor = LAWS[_LOWEST].factor
     return (

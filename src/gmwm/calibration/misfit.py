@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm.datasheets.bias import SYMBOL
+from gmwm.processes.base import Process, registry
 from gmwm.variance.slope_line import LAWS
 
 if TYPE_CHECKING:
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
 LARGE = 1.5
 """Ratio of the model's variance to that of the data from which on the model does not describe the curve."""
 
-_CAUSES = (
-    "Look at the picture: a periodic disturbance, a change of temperature or a motion gives no curve of this kind; or "
-    "`within` is too small, and a larger one has the term that is missing"
-)
+
+def _causes() -> str:
+    """What may be the matter."""
+    line = next((name for name, kind in registry.items() if kind.line is not Process.line), None)
+    periodic = "" if line is None else f"a periodic disturbance gives a curve with teeth: add {line} to `within`; "
+    return (
+        f"Look at the picture: {periodic}a change of temperature or a motion gives no curve of this kind; or `within` "
+        "is too small, and a larger one has the term that is missing"
+    )
 
 
 @dataclass(frozen=True)
@@ -66,22 +72,27 @@ def misfit(found: AxisCalibration) -> Misfit | None:
     return Misfit(float(wv.tau[worst]), float(found.fit.implied[worst] / wv.variance[worst]))
 
 
+def undescribed(axes: Mapping[str, AxisCalibration]) -> dict[str, Misfit]:
+    """Of axes whose recommended model a test rejects, those whose curve it does not even describe."""
+    worst = {axis: misfit(found) for axis, found in axes.items()}
+    return {axis: at for axis, at in worst.items() if at is not None and at.times > LARGE}
+
+
 def about_rejected(axes: Mapping[str, AxisCalibration]) -> list[str]:
     """What to know of axes whose recommended model a test rejects."""
-    worst = {axis: misfit(found) for axis, found in axes.items()}
-    far = {axis: at for axis, at in worst.items() if at is not None and at.times > LARGE}
+    far = undescribed(axes)
     near = [axis for axis in axes if axis not in far]
     said = []
     if near:
         said.append(
             f"{', '.join(near)}: the test rejects even the recommended model: some level is off by more than chance. "
-            f"The values still describe the curve; their intervals are too narrow. {_CAUSES}"
+            f"The values still describe the curve; their intervals are too narrow. {_causes()}"
         )
     for axis, at in far.items():
         said.append(
             f"{axis}: the test rejects even the recommended model, and it does not describe the curve: at {at.tau:.3g} "
             f"s its variance lies {at.times:.2g} times {'above' if at.ratio > 1 else 'below'} that of the data. "
-            f"{_wrong(axes[axis], at.tau)}. {_CAUSES}"
+            f"{_wrong(axes[axis], at.tau)}. {_causes()}"
         )
     return said
 

@@ -29,7 +29,7 @@ class SharedNumber:
     agrees : bool or None
         Whether `adjusted` is above the size of the test; None where they are not compared.
     reason : str
-        Why they are not compared: "one recording", "models", "interval"; else "".
+        Why they are not compared: "one recording", "models", "kinds" (read in different ways), "interval"; else "".
     reference : Reference or None
         The maker's value.
     """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from gmwm.inference.plan import SEEN
@@ -54,6 +54,14 @@ def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
     """All symbols of some datasheets: those of the standard first, in its order."""
     order = [str(symbol) for symbol in LAWS]
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
+
+
+def key(entries: Iterable[Entry]) -> str:
+    """What the symbols stand for; one that is of two kinds has the titles of both."""
+    titles: dict[str, dict[str, None]] = {}
+    for entry in entries:
+        titles.setdefault(entry.symbol.partition("[")[0].partition(" ")[0], {})[entry.title] = None
+    return "; ".join(f"{symbol} {' or '.join(named)}" for symbol, named in titles.items())
 
 
 def number(entry: Entry) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm._words import counted
 from gmwm.calibration.misfit import about_rejected
-from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, number, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
 from gmwm.inference.goodness import usable_levels
 from gmwm.inference.plan import SEEN, length_text
@@ -130,12 +130,7 @@ def _outliers(found: AxisCalibration) -> str:
 
 
 def _legend(calibration: Calibration) -> list[str]:
-    titles = {
-        symbol.partition("[")[0].partition(" ")[0]: entry.title
-        for found in calibration.axes.values()
-        for symbol, entry in found.datasheet.items()
-    }
-    named = "; ".join(f"{symbol} {title}" for symbol, title in titles.items())
+    named = key(entry for found in calibration.axes.values() for entry in found.datasheet.entries)
     level = calibration.settings.confidence
     return wrapped(
         f"{named}. ±: half the {100 * level:g} % interval; ≤: upper limit at {50 + 50 * level:g} %. As good: models "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
@@ -20,11 +20,19 @@ from gmwm.inference.intervals import Interval, as_level, confidence_intervals, f
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
+from gmwm.variance.slope_line import LAWS
 
 _SHORT = 0.1
 """Correlation times (s) below which a term looks like white noise where the standard reads N, at τ = 1 s."""
 
-_ORDER = ("Q", "N", SYMBOL, f"{SYMBOL}_f", "K", "R")
+_FLICKER = f"{SYMBOL}_f"
+"""Symbol of what a flicker term says of itself."""
+
+_ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
+
+
+_TIMES = {1.0: "s", -1.0: "Hz"}
+"""Units of what has no unit of the signal."""
 
 
 @dataclass(frozen=True)
@@ -48,10 +56,13 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     """What a fitted model says in the terms of datasheets, each number with its confidence interval.
 
         N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-        B = min over τ of the model's Allan deviation / √(2 ln 2/π)   B_f = √B² of flicker noise
+        B = √B² of a flicker term, or else min over τ of the model's Allan deviation / √(2 ln 2/π)
+        A = √(2P)   f_0 of a line
 
-    B is that of the whole curve, whatever its terms are, and so is comparable between models and with datasheets; B_f
-    is the coefficient of the flicker term alone, never more than B.
+    Where the model has a flicker term that is not zero, B is its coefficient, as the standard defines it; else it is
+    read at the lowest point of the whole curve without its lines, whatever its terms are. The latter holds what of N
+    and K there is at that point, and is no less than the former; the two are not compared. Of a flicker term that is
+    estimated as zero, an upper limit is given as B_f where there is one.
 
     Terms that act as another process to these data are counted to that one: a Gauss-Markov term that acts as white
     noise adds to N², one that acts as a random walk to K². What the model has no term for is not invented. An AR1 has
@@ -118,7 +129,11 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         white, note = _white(fit, entries, fast, level)
         entries = [entry for entry in entries if entry.symbol != white.symbol] + [white] if white else entries
         notes.append(note)
-    bias, note = _bias(judged)
+    bias, note = None, None
+    if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
+        entries = [_as_bias(entry) if entry.symbol == _FLICKER else entry for entry in entries]
+    else:
+        bias, note = _bias(judged)
     entries += [bias] if bias else []
     notes += [note] if note else []
     entries.sort(key=lambda entry: _ORDER.index(entry.symbol) if entry.symbol in _ORDER else len(_ORDER))
@@ -146,7 +161,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
 
 def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
     wv = judged.fit.wavelet_variance
-    unit, factor = noise_unit(number.time_power, wv.unit) if number.signal_power else ("s", 1.0)
+    unit, factor = noise_unit(number.time_power, wv.unit) if number.signal_power else (_TIMES[number.time_power], 1.0)
     # Of terms that may be there several times, the number that the term has in the fit.
     _, bracket, place = label.partition("[") if process.repeatable else ("", "", "")
     slopes = {f"{term}.{name}": slope for name, slope in number.slopes.items() if not process.is_fixed(name)}
@@ -201,6 +216,11 @@ def _bias(judged: _Judged) -> tuple[Entry | None, str | None]:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
         return None, f"no bias instability: {error}"
+
+
+def _as_bias(entry: Entry) -> Entry:
+    """The coefficient of flicker noise is the bias instability of the standard."""
+    return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _renamed(entry: Entry, label: str) -> Entry:

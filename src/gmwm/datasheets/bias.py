@@ -35,7 +35,8 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
 
     and the interval is B exp(±z SE(ln B)). The errors are those in which terms that are zero are free. Where the curve
     still falls at the last τ, or nowhere after its minimum is above it by z standard errors of the difference, or rises
-    from the first τ on, B is only bounded, by the upper end of that interval.
+    from the first τ on, B is only bounded, by the upper end of that interval. Lines are left out: between its teeth the
+    curve of a line is low without any noise being low there.
 
     Parameters
     ----------
@@ -48,7 +49,11 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     -------
     Entry or None, and a note or None
     """
-    wv, model = fit.wavelet_variance, fit.model
+    wv = fit.wavelet_variance
+    noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
+    if not noises:
+        return None, f"no bias instability: {fit.model.structure} has no noise"
+    model = Model(noises)
     last = 2 ** (int(wv.levels[-1]) - 1)
     unit, factor = noise_unit(0.0, wv.unit)
     factor /= LAWS[SYMBOL].factor
@@ -56,11 +61,11 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     least = float(model.allan_variance([n], wv.rate)[0])
     if least == 0:
         return None, "no bias instability: the model is zero"
-    curve = None if z is None else Curve.of(fit)
+    curve = None if z is None else Curve.of(fit).without_lines()
     note = _bounded(model, n, last, wv.rate, curve, z)
     value = factor * math.sqrt(least)
     entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
-    if set(fit.parameters) <= model.fixed:
+    if set(model.parameters) <= model.fixed:
         return replace(entry, low=value, high=value, held=True), note
     if z is None or curve is None:
         return entry, note

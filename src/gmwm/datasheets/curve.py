@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +60,11 @@ class Curve:
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]
         return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, setting.rate)
+
+    def without_lines(self) -> Curve:
+        """That of the noise alone."""
+        kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
+        return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:
         """Derivatives of σ²(n) (p,)."""

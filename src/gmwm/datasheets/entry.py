@@ -22,7 +22,8 @@ class Entry:
     Parameters
     ----------
     symbol : str
-        "N", "Q", "K", "R", "B"; "T_c" and "q_c" of a Gauss-Markov term, "T_c[2]" where there are several.
+        "N", "Q", "K", "R", "B"; "T_c" and "q_c" of a Gauss-Markov term, "f_0" and "A" of a line, "T_c[2]" where
+        there are several.
     title : str
         What it is, "white noise density".
     value : float

@@ -20,7 +20,7 @@ class Datasheet(Mapping[str, Entry]):
     Attributes
     ----------
     entries : tuple of Entry
-        What the model gives, in the order Q, N, B, B_f, K, R, T_c, q_c.
+        What the model gives, in the order Q, N, B, K, R, T_c, q_c, f_0, A.
     axis : str
         Name of the axis, or "".
     unit : str

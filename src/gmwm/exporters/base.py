@@ -7,13 +7,24 @@ its head what the numbers are: unit, continuous or discrete, which axes, inflati
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
+from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError, OptionError
-from gmwm.exporters.reduction import RULES, Rule, SensorNoise, counted_as, has_scale_free, sensor_noise
+from gmwm.exporters.reduction import (
+    BY_DEVIATION,
+    RULES,
+    Rule,
+    SensorNoise,
+    axes_of,
+    counted_as,
+    lines_of,
+    sensor_noise,
+    walk_time,
+)
 from gmwm.exporters.words import commented, recording
 from gmwm.units import Quantity
 
@@ -157,6 +168,8 @@ class TwoNumbers(Exporter):
         Unit of each key, and whether it is continuous or discrete.
     advice : tuple of str
         What else is to be known.
+    flicker : str
+        Its parameter for flicker noise; "" where it has none.
     """
 
     takes = frozenset({"axes", "inflation", "horizon", "rate"})
@@ -165,10 +178,15 @@ class TwoNumbers(Exporter):
     first: ClassVar[str] = ""
     meaning: ClassVar[tuple[str, ...]]
     advice: ClassVar[tuple[str, ...]] = ()
+    flicker: ClassVar[str] = ""
 
     @abstractmethod
     def body(self, noise: Noise) -> Sequence[str]:
         """The lines below the head, in ASCII."""
+
+    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float | None:
+        """Correlation time (s) of the Gauss-Markov bias that K drives, after those of all axes; None for a walk."""
+        return None
 
     def export(self, calibration: Calibration, settings: Settings) -> str:
         """Head and body."""
@@ -207,9 +225,11 @@ class TwoNumbers(Exporter):
     def _noise(self, calibration: Calibration, settings: Settings) -> Noise:
         if settings.axes == "each" and not self.per_axis:
             raise OptionError(f"{self.name} has one number for the axes of a sensor: axes must be 'worst' or 'mean'")
+        axes = [axis for quantity in QUANTITIES for axis in axes_of(calibration, quantity)]
+        times = {axis: walk_time(calibration[axis], settings.horizon) for axis in axes}
+        uses = {axis: Use(settings.horizon, self.time_of(axis, times, settings), self.flicker) for axis in axes}
         gyro, accel = (
-            sensor_noise(calibration, quantity, settings.axes, settings.inflation, settings.horizon)
-            for quantity in QUANTITIES
+            sensor_noise(calibration, quantity, settings.axes, settings.inflation, uses) for quantity in QUANTITIES
         )
         missing = [_SENSORS[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):
@@ -228,17 +248,17 @@ _SENSORS: dict[Quantity, str] = {"gyro": "Gyroscopes", "accel": "Accelerometers"
 def _models(noise: Noise) -> list[str]:
     """The model of each axis, what of it counts as what, and what is near the horizon."""
     horizon, said = noise.settings.horizon, []
-    for one in (one for sensor in noise.sensors for one in sensor.axes):
-        parts = [f"{what}: {', '.join(terms)}" for what, terms in counted_as(one.fit, horizon).items() if terms]
-        said.append(f"Model of {one.axis}: {one.fit.model.structure} ({'; '.join(parts)}).")
-    if any(counted_as(one.fit, horizon)["in neither"] for sensor in noise.sensors for one in sensor.axes):
+    axes = [one for sensor in noise.sensors for one in sensor.axes]
+    listed = [counted_as(one.fit, one.use) for one in axes]
+    for one, found in zip(axes, listed, strict=True):
+        parts = [f"{what}: {', '.join(terms)}" for what, terms in found.items() if terms]
+        counts = f" ({'; '.join(parts)})" if parts else ""
+        said.append(f"Model of {one.axis}: {one.fit.model.structure}{counts}.")
+    if any(found["in neither"] for found in listed):
         said.append("In neither: quantization noise averages out, and a ramp is no noise.")
-    if any(has_scale_free(one.fit) for sensor in noise.sensors for one in sensor.axes):
-        said.append(
-            f"Terms without a correlation time, as flicker noise, are counted as what has their Allan deviation at "
-            f"{horizon:g} s, a random walk (K), or white noise (N) where it still falls there. A filter with these "
-            "numbers trusts the sensor a little too much at shorter times, and too little at longer ones."
-        )
+    said += [f"Not in these numbers: {line}, on {one.axis}." for one in axes for line in lines_of(one.fit)]
+    if any(BY_DEVIATION in term for found in listed for terms in found.values() for term in terms):
+        said += _by_deviation(noise)
     near = [
         one.axis
         for sensor in noise.sensors
@@ -254,13 +274,38 @@ def _models(noise: Noise) -> list[str]:
     return said
 
 
+def _by_deviation(noise: Noise) -> list[str]:
+    """What is counted by its Allan deviation, and how far off it is at other averaging times."""
+    horizon = noise.settings.horizon
+    times = dict.fromkeys(one.use.time for sensor in noise.sensors for one in sensor.axes)
+    said = (
+        "By its Allan deviation: a term without a correlation time, as flicker noise, or without a driving noise that "
+        "makes a walk of it, is counted as what has its Allan deviation at "
+    )
+    off = "Where that of the term is flat, as of flicker noise, "
+    if None not in times:
+        given = ", ".join(f"{time:.4g} s" for time in times if time is not None)
+        return [
+            f"{said}its correlation time, or the one in this file ({given}): a Gauss-Markov bias of that correlation "
+            f"time; what falls at {horizon:g} s is white noise (N). {off}that bias has, at times t far shorter than T, "
+            "about 1.4 √(t/T) of it, too little."
+        ]
+    return [
+        f"{said}the horizon T = {horizon:g} s: a random walk (K), or white noise (N) where it falls there. {off}that "
+        f"walk has √(t/T) times it at an averaging time t: a tenth at {horizon / 100:g} s, ten times at "
+        f"{100 * horizon:g} s."
+    ]
+
+
 def _limits(calibration: Calibration, noise: Noise) -> list[str]:
     """Which numbers are upper limits."""
     found = []
     for sensor in noise.sensors:
-        for symbol, numbers in (("N", sensor.N), ("K", sensor.K)):
+        for symbol, numbers in (("N", sensor.N), ("K", sensor.K), ("B", sensor.B)):
+            if symbol == "B" and not sensor.axes[0].use.flicker:
+                continue
             if noise.settings.axes == "each":
-                found += [f"{symbol} of {one.axis}" for one in sensor.axes if (one.N if symbol == "N" else one.K).upper]
+                found += [f"{symbol} of {one.axis}" for one in sensor.axes if getattr(one, symbol).upper]
             elif numbers[0].upper:
                 found.append(f"{symbol} of the {_SENSORS[sensor.quantity].lower()}")
     if not found:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from gmwm.calibration.tables import sensor_of
 from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
 from gmwm.exporters.words import unended, written
@@ -45,6 +46,12 @@ class Gazebo(TwoNumbers):
         lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
         return f"<!--\n{lines}\n-->\n{body}"
 
+    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float:
+        """That of the axis, or the longest of its sensor where one number is for all of them."""
+        if settings.axes == "each":
+            return times[axis]
+        return max(time for other, time in times.items() if sensor_of(other) == sensor_of(axis))
+
     def body(self, noise: Noise) -> Sequence[str]:
         """An element for each axis."""
         names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
@@ -59,7 +66,7 @@ class Gazebo(TwoNumbers):
 
 def _axis(sensor: SensorNoise, k: int, letter: str, noise: Noise) -> list[str]:
     times = {one.axis.rpartition("_")[2]: one.time for one in sensor.axes}
-    time = times[letter] if noise.settings.axes == "each" else max(times.values())
+    time = times[letter] if noise.settings.axes == "each" else sensor.axes[0].time
     stddev = sensor.N[k].scaled(math.sqrt(noise.rate))
     upper = [s for s, number in (("stddev", stddev), ("dynamic_bias_stddev", sensor.K[k])) if number.upper]
     return [

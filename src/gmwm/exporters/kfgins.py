@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from gmwm.exporters.base import Noise, TwoNumbers, register
+from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
 from gmwm.exporters.reduction import Number
 from gmwm.exporters.words import written
 
@@ -36,6 +36,10 @@ class KfGins(TwoNumbers):
         "it: K √(T/2).",
     )
     advice = ("Keep gsstd and asstd of your own file beside these: scale factors do not show at rest.",)
+
+    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float:
+        """One for all axes."""
+        return max(times.values())
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Five keys, three numbers each."""

@@ -8,6 +8,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from gmwm.cautions import doubts
+from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError
 from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import has_matrices
@@ -76,7 +77,8 @@ def _filter(axis: str, calibration: Calibration, settings: Settings) -> dict[str
     if unit is None:
         return {"none_because": "the unit of the signal is not known"}
     try:
-        noise = axis_noise(axis, fit, unit.quantity, settings.horizon, calibration.settings.confidence)
+        use, level = Use(settings.horizon), calibration.settings.confidence
+        noise = axis_noise(axis, calibration.axes[axis], unit.quantity, use, level)
     except DataError as error:
         return {"none_because": str(error)}
     return {

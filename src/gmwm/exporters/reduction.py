@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from gmwm.datasheets.effective import WHITE, counted, effective_noise, is_scale_free
-from gmwm.datasheets.entry import Entry
+from gmwm.datasheets.bias import SYMBOL
+from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
+from gmwm.datasheets.entry import Entry, significant
 from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError, FitWarning, GmwmError, OptionError
 from gmwm.estimation import fit as fitted
@@ -22,6 +23,7 @@ from gmwm.units import SI_UNIT, Quantity, noise_unit
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
+    from gmwm.calibration.result import AxisCalibration
 
 Rule = Literal["worst", "mean", "each"]
 RULES: Mapping[Rule, str] = {
@@ -50,13 +52,19 @@ class Number:
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """N and K of one axis, and the correlation time (s) that its walk is given where a consumer wants one."""
+    """N and K of one axis, B of its flicker noise, and what they are for."""
 
     axis: str
     fit: Fit
     N: Number
     K: Number
-    time: float
+    B: Number
+    use: Use
+
+    @property
+    def time(self) -> float:
+        """Correlation time (s) that its walk is given where a consumer wants one."""
+        return walk_time(self.fit, self.use.horizon) if self.use.time is None else self.use.time
 
 
 @dataclass(frozen=True)
@@ -68,14 +76,15 @@ class SensorNoise:
     quantity : "gyro" or "accel"
     axes : tuple of AxisNoise
         As measured, not inflated.
-    N, K : tuple of Number
-        Three of them: for x, y and z. All the same but where the rule is "each".
+    N, K, B : tuple of Number
+        Three of them: for x, y and z. All the same but where the rule is "each". B is that of flicker noise alone.
     """
 
     quantity: Quantity
     axes: tuple[AxisNoise, ...]
     N: tuple[Number, ...]
     K: tuple[Number, ...]
+    B: tuple[Number, ...]
 
     @property
     def rate(self) -> float:
@@ -84,7 +93,7 @@ class SensorNoise:
 
 
 def sensor_noise(
-    calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, horizon: float
+    calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, uses: Mapping[str, Use]
 ) -> SensorNoise | None:
     """What a sensor comes down to; None where it was not calibrated.
 
@@ -97,12 +106,13 @@ def sensor_noise(
     if not names:
         return None
     level = calibration.settings.confidence
-    axes = tuple(axis_noise(axis, calibration[axis], quantity, horizon, level) for axis in names)
+    axes = tuple(axis_noise(axis, calibration.axes[axis], quantity, uses[axis], level) for axis in names)
     return SensorNoise(
         quantity,
         axes,
         ruled([(one.axis, one.N) for one in axes], rule, inflation),
         ruled([(one.axis, one.K) for one in axes], rule, inflation),
+        ruled([(one.axis, one.B) for one in axes], rule, inflation),
     )
 
 
@@ -120,19 +130,33 @@ def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
         )
 
 
-def axis_noise(axis: str, fit: Fit, quantity: Quantity, horizon: float, level: float) -> AxisNoise:
-    """N and K of one axis over a horizon: of the model, or upper limits where it has nothing of the kind."""
+def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, level: float) -> AxisNoise:
+    """N and K of one axis in a use: of the model, or upper limits where it has nothing of the kind."""
+    fit = found.fit
     require_unit(axis, fit, quantity)
     # Several files are made of one calibration; refits take their time.
-    kept: dict[tuple[float, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
-    if (horizon, level) not in kept:
-        entries = effective_noise(fit, horizon, level)
-        kept[horizon, level] = (
+    kept: dict[tuple[Use, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
+    if (use, level) not in kept:
+        entries = noise_in_use(fit, use, level)
+        kept[use, level] = (
             _number(axis, fit, entries["N_eff"], level),
             _number(axis, fit, entries["K_eff"], level),
         )
-    white, walk = kept[horizon, level]
-    return AxisNoise(axis, fit, white, walk, _walk_time(fit, horizon))
+    (white, walk), flicker = kept[use, level], _flicker(found)
+    if use.flicker and flicker.value > 0 and not any(WALK in counted(p, use, fit.wavelet_variance.rate)
+                                                     for p in translated(fit)[0].model.processes):  # fmt: skip
+        # The wandering is in the flicker noise: a walk that the data do not show is not added to it.
+        walk = Number(0.0, False)
+    return AxisNoise(axis, fit, white, walk, flicker, use)
+
+
+def _flicker(found: AxisCalibration) -> Number:
+    """B of the flicker term, which is that of its datasheet where the model has one that is not zero."""
+    entry = found.datasheet.get(SYMBOL)
+    if entry is None or entry.term is None:
+        return Number(0.0, False)
+    bounded = entry.upper_only and entry.high is not None and math.isfinite(entry.high)
+    return Number(entry.high or 0.0, True) if bounded else Number(entry.value, False)
 
 
 def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> tuple[Number, ...]:
@@ -204,37 +228,58 @@ def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
     return found
 
 
-def _walk_time(fit: Fit, horizon: float) -> float:
+def walk_time(fit: Fit, horizon: float) -> float:
     """Correlation time (s) of the walk: of the slowest term, or the record's length where no end of it shows."""
     written, _ = translated(fit)
     wv = fit.wavelet_variance
     times = slow_terms(fit, horizon).values()
-    endless = any(p.scale > 0 and p.correlation_time(wv.rate) == math.inf for p in written.model.processes)
+    endless = any(
+        p.scale > 0
+        and WALK in counted(p, Use(horizon), wv.rate)
+        and (p.correlation_time(wv.rate) == math.inf or is_scale_free(p, wv.rate))
+        for p in written.model.processes
+    )
     return wv.samples / wv.rate if endless or not times else max(times)
 
 
-def counted_as(fit: Fit, horizon: float) -> dict[str, list[str]]:
-    """Which terms are in "N", in "K", and in neither; in words."""
+def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
+    """Which terms of noise are in "N", in "K", in the parameter for flicker noise, and in neither; in words."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
     found: dict[str, list[str]] = {"N": [], "K": [], "in neither": []}
+    if use.flicker:
+        found = {"N": [], "K": [], use.flicker: [], "in neither": []}
     for label, process in zip(labels, written.model.processes, strict=True):
-        if process.scale == 0:
+        if process.scale == 0 or process.line(rate) is not None:
             continue
-        power = counted(process, horizon, rate)
+        powers = counted(process, use, rate)
         time = process.correlation_time(rate)
-        if power is not None and is_scale_free(process, rate):
-            label = f"{label} (by its Allan deviation at the horizon)"
-        elif power is not None and time is not None and 0 < time < math.inf:
+        if powers and by_deviation(process, use.horizon, rate):
+            label = f"{label} {BY_DEVIATION}"
+        elif powers and time is not None and 0 < time < math.inf:
             label = f"{label} (T_c {time:.3g} s)"
-        found["in neither" if power is None else "N" if power == WHITE else "K"].append(label)
+        for power in powers:
+            found["N" if power == WHITE else "K"].append(label)
+        if not powers:
+            found[use.flicker if use.flicker and is_flicker(process, rate) else "in neither"].append(label)
     return found
 
 
-def has_scale_free(fit: Fit) -> bool:
-    """Whether a term that is there has no correlation time, as flicker noise."""
-    rate = fit.wavelet_variance.rate
-    return any(process.scale > 0 and is_scale_free(process, rate) for process in translated(fit)[0].model.processes)
+BY_DEVIATION = "(by its Allan deviation)"
+"""What stands behind a term that is counted so."""
+
+
+def lines_of(fit: Fit) -> list[str]:
+    """The lines of a model, in words."""
+    rate, unit, said = fit.wavelet_variance.rate, fit.wavelet_variance.unit or "u", []
+    for process in fit.model.processes:
+        line = process.line(rate)
+        if line is None or process.scale == 0:
+            continue
+        told = {number.time_power: number.value for number in process.physical(rate) if not number.signal_power}
+        frequency, amplitude = told.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])
+        said.append(f"a line at {significant(frequency, 3)} Hz of amplitude {significant(amplitude, 3)} {unit}")
+    return said
 
 
 def checked_horizon(horizon: float) -> float:

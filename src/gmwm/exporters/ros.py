@@ -11,7 +11,7 @@ from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
 from gmwm.exporters.base import QUANTITIES, Exporter, Settings, register
-from gmwm.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
+from gmwm.exporters.reduction import RULES, Number, axes_of, lines_of, require_unit, ruled
 from gmwm.exporters.words import commented, recording, written
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """Variance of a sample: all stationary terms of the model, σ² + 2Q² + Σ σ²_GM, on the diagonal.
+    """Variance of a sample: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, on the diagonal; lines are none.
 
     Source: `sensor_msgs/msg/Imu.msg`.
     """
@@ -61,19 +61,21 @@ class Ros(Exporter):
                 f"ros needs gyroscopes or accelerometers, as gyro_x and accel_x; got {', '.join(calibration)}"
             )
         head.append(
-            "They are the variances of all stationary terms: white noise, quantization noise and Gauss-Markov terms. "
-            "Random walks and ramps have no variance and are left out; the message has no place for them. The "
-            "covariance of the orientation is not the sensors' noise."
+            "They are the variances of all stationary noise: white noise, quantization noise, Gauss-Markov and other "
+            "correlated terms. Random walks and ramps have no variance and are left out; the message has no place for "
+            "them. The covariance of the orientation is not the sensors' noise."
         )
         if any(not p.stationary and is_scale_free(p, fit.wavelet_variance.rate) and p.scale > 0
                for fit in calibration.values() for p in fit.model.processes):  # fmt: skip
             head.append("Flicker and power-law noise have none either, and are left out too.")
+        lines_there = [(axis, line) for axis in calibration for line in lines_of(calibration[axis])]
+        head += [f"Not in these numbers: {line}, on {axis}." for axis, line in lines_there]
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
 
 def sample_variance(fit: Fit) -> float:
-    """Variance (SI) of one sample of the stationary terms of a model; those that act as a walk are none."""
+    """Variance (SI) of one sample of the stationary noise of a model; terms that act as a walk are none, lines too."""
     model, wv = translated(fit)[0].model, fit.wavelet_variance
-    stationary = [p for p in model.processes if p.stationary and p.scale > 0]
+    stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
     lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]
     return sum(float(p.autocovariance([0], wv.rate)[0]) for p in lasting)

@@ -48,7 +48,7 @@ class SIN(Process):
     name = "SIN"
     title = "Sinusoid"
     parameters = (
-        Parameter("frequency", "f₀", "frequency", time_power=-1),
+        Parameter("frequency", "f₀", "frequency", time_power=-1, unit_name="Hz"),
         Parameter("power", "P", "mean square", signal_power=2, scale_power=1),
     )
     repeatable = True
@@ -126,9 +126,30 @@ class SIN(Process):
         return path.reshape(shape_of_paths(n, paths))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Amplitude A = √(2P)."""
+        """Frequency f₀ in Hz and amplitude A = √(2P)."""
         as_rate(rate)
-        return (Physical("A", "amplitude", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),)
+        return (
+            Physical("f_0", "frequency of a line", self.value("frequency"), -1.0, 0, {"frequency": 1.0}),
+            Physical("A", "amplitude of a line", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),
+        )
+
+    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+        """At half the rate and its odd multiples the samples are ±A sin U, at multiples of the rate all are A sin U."""
+        frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
+        turn = round(frequency / half)
+        # From half a turn on over the record, all phases have their turn.
+        if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
+            return ()
+        if turn % 2 == 0:
+            return (
+                f"the line at {frequency:.6g} Hz is at a multiple of the rate: its samples are a constant, and nothing "
+                "of its power shows. Record at another rate, or leave it out",
+            )
+        return (
+            f"the line at {frequency:.6g} Hz is at half the rate, {half:.6g} Hz, or an odd multiple of it: its samples "
+            "are ±A sin U, U the phase at the first sample, and only A² sin² U is seen: its power A²/2 may be anything "
+            "from half of that on. Record at another rate",
+        )
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """f₀kΔt less whole turns, to the last digits of f₀ however long the lag."""

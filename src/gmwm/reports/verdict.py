@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
+from gmwm.calibration.misfit import Misfit, undescribed
 from gmwm.calibration.tables import SENSORS, by_sensor, in_order
 from gmwm.calibration.words import rejected
 from gmwm.cautions import doubts, shifts
@@ -23,18 +24,45 @@ _HEADLINES: Mapping[State, str] = {
     "look": "The calibration can be used, with the cautions below.",
     "bad": "Look at what is wrong before using the calibration.",
 }
+_OTHERS: Mapping[State, str] = {
+    "good": "the others can be used as they stand.",
+    "look": "the others can be used, with the cautions below.",
+    "bad": "look at what else is wrong before using the others.",
+}
 _ORDER: tuple[State, ...] = ("good", "look", "bad")
 
 
 def verdict(calibration: Calibration) -> dict[str, Any]:
     """`{"state": …, "headline": …, "points": [{"state": …, "text": …}, …]}`, the worst state of the points on top."""
+    useless = undescribed({axis: calibration.axes[axis] for axis in rejected(calibration)})
     points = [
-        _about_axes(calibration), *_about_sensors(calibration), _about_fit(calibration), _about_outliers(calibration),
-        *_about_recording(calibration), *_about_units(calibration), *_about_errors(calibration),
-        *_about_proof(calibration),
+        _about_axes(calibration), *_about_sensors(calibration, useless), *_about_fit(calibration, useless),
+        _about_outliers(calibration), *_about_recording(calibration), *_about_units(calibration),
+        *_about_errors(calibration), *_about_proof(calibration),
     ]  # fmt: skip
     state = max((point["state"] for point in points), key=_ORDER.index)
-    return {"state": state, "headline": _HEADLINES[state], "points": points}
+    if not useless:
+        return {"state": state, "headline": _HEADLINES[state], "points": points}
+    lost = _point("bad", _about_useless(useless))
+    return {"state": "bad", "headline": _without(calibration, useless, state), "points": [lost, *points]}
+
+
+def _without(calibration: Calibration, useless: Mapping[str, Misfit], state: State) -> str:
+    """The headline where some axes cannot be used; `state` is that of all else."""
+    count = len(calibration.axes)
+    if len(useless) == count:
+        return "The calibration cannot be used." if count == 1 else f"None of the {count} axes can be used."
+    return f"{len(useless)} of {count} axes cannot be used ({', '.join(useless)}); {_OTHERS[state]}"
+
+
+def _about_useless(useless: Mapping[str, Misfit]) -> str:
+    """Which axes cannot be used, and why."""
+    parts = [
+        f"{axis} (its variance at {at.tau:.3g} s is {at.times:.2g} times too {'large' if at.ratio > 1 else 'small'})"
+        for axis, at in useless.items()
+    ]
+    whose = "its model does" if len(parts) == 1 else "their models do"
+    return f"{', '.join(parts)} cannot be used: {whose} not describe the curve, and a test rejects it. See below."
 
 
 def _point(state: State, text: str) -> dict[str, Any]:
@@ -52,10 +80,11 @@ def _about_axes(calibration: Calibration) -> dict[str, Any]:
     return _point("good", f"{axes} calibrated, from {long} of recording at {wv.rate:g} Hz.")
 
 
-def _about_sensors(calibration: Calibration) -> list[dict[str, Any]]:
-    """What each sensor has: the first numbers that anyone asks for, over its axes."""
+def _about_sensors(calibration: Calibration, useless: Mapping[str, Misfit]) -> list[dict[str, Any]]:
+    """What each sensor has: the first numbers that anyone asks for, over the axes that can be used."""
     said = []
-    for sensor, axes in by_sensor(calibration.axes).items():
+    for sensor, members in by_sensor(calibration.axes).items():
+        axes = {axis: one for axis, one in members.items() if axis not in useless}
         sheets = [found.datasheet for found in axes.values()]
         numbers = []
         for symbol in in_order([list(sheet) for sheet in sheets]):
@@ -63,7 +92,9 @@ def _about_sensors(calibration: Calibration) -> list[dict[str, Any]]:
             if symbol in _TOLD:
                 numbers.append(f"{next(iter(entries.values())).title} {symbol} {_range(entries)}")
         if numbers:
-            said.append(_point("good", f"{SENSORS.get(sensor, sensor or 'Axes')}: {'; '.join(numbers)}."))
+            name = SENSORS.get(sensor, sensor or "Axes")
+            only = f" ({', '.join(axes)} only)" if len(axes) < len(members) else ""
+            said.append(_point("good", f"{name}{only}: {'; '.join(numbers)}."))
     return said
 
 
@@ -88,20 +119,25 @@ def _range(entries: Mapping[str, Entry]) -> str:
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"
 
 
-def _about_fit(calibration: Calibration) -> dict[str, Any]:
-    bad = rejected(calibration)
-    tested = [axis for axis, found in calibration.axes.items() if found.test is not None]
+def _about_fit(calibration: Calibration, useless: Mapping[str, Misfit]) -> list[dict[str, Any]]:
+    bad = [axis for axis in rejected(calibration) if axis not in useless]
+    tested = [axis for axis, found in calibration.axes.items() if found.test is not None and axis not in useless]
     if bad:
-        return _point(
-            "look",
-            f"On {', '.join(bad)} some scale is off the model by more than chance: the values describe the curve, but "
-            "the truth may lie outside their intervals.",
-        )
+        return [
+            _point(
+                "look",
+                f"On {', '.join(bad)} some scale is off the model by more than chance: the values describe the curve, "
+                "but the truth may lie outside their intervals.",
+            )
+        ]
+    if len(useless) == len(calibration.axes):
+        return []
     if not tested:
-        return _point("look", "The recording is too short for a test of the models.")
-    return _point(
-        "good", "The models describe the data within chance: no test rejects one, at 5 % for all axes together."
-    )
+        return [_point("look", "The recording is too short for a test of the models.")]
+    models = "The models of the other axes" if useless else "The models"
+    return [
+        _point("good", f"{models} describe the data within chance: no test rejects one, at 5 % for all axes together.")
+    ]
 
 
 def _about_outliers(calibration: Calibration) -> dict[str, Any]:
