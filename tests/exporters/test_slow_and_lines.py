@@ -11,6 +11,7 @@ from .conftest import RATE, calibrated
 from .consumers import CONSUMERS
 
 SLOW = {"gyro": (4e-8, 6e-7), "accel": (4e-6, 6e-5)}
+PHI = math.exp(-0.05 / RATE)
 LINES = {"gyro": "SIN(frequency=0.7, power=4e-8) + WN(sigma2=6e-7) + RW(gamma2=1e-11)",
          "accel": "SIN(frequency=0.7, power=4e-6) + SIN(frequency=20.0, power=4e-6) + WN(sigma2=6e-5)"}  # fmt: skip
 
@@ -23,11 +24,11 @@ def words(text):
 def slow():
     return calibrated(
         {
-            f"{sensor}_{letter}": f"MAT(beta=0.05, nu=0.5, sigma2={s2!r}) + WN(sigma2={white!r})"
+            f"{sensor}_{letter}": f"AR(1, phi1={PHI!r}, sigma2={s2 * (1 - PHI**2)!r}) + WN(sigma2={white!r})"
             for sensor, (s2, white) in SLOW.items()
             for letter in "xyz"
         },
-        "MAT + WN",
+        "AR(1) + WN",
     )
 
 
@@ -44,7 +45,7 @@ def test_a_slow_term_is_never_lost(slow, format):
         # As the Gauss-Markov process of the same law; nearly so at a horizon that is no mere moment to it.
         assert CONSUMERS[format](text)[sensor][1] == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.03)
     assert "UPPER LIMIT" not in text
-    assert "K: MAT (by its Allan deviation)" in words(text)
+    assert "K: AR(1) (by its Allan deviation)" in words(text)
 
 
 @pytest.mark.parametrize("format", CONSUMERS)

@@ -31,9 +31,12 @@ def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
 
     Eigenvalues below zero are rounding for every autocovariance that this is used for, and count as zero.
     """
+    return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
+
+
+def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
     r = autocovariance(np.arange(half + 1.0))
-    eigenvalues = np.fft.rfft(np.concatenate([r, r[-2:0:-1]])).real
-    return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
+    return np.asarray(np.fft.rfft(np.concatenate([r, r[-2:0:-1]])).real)
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
@@ -46,8 +49,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
     """
     half = half_period(n)
     while half <= LARGEST:
-        r = autocovariance(np.arange(half + 1.0))
-        eigenvalues = np.fft.rfft(np.concatenate([r, r[-2:0:-1]])).real
+        eigenvalues = _eigenvalues(autocovariance, half)
         if eigenvalues.min() >= -ROUNDING * eigenvalues.max():
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2

@@ -179,7 +179,7 @@ class FN(PowerLaw):
         return math.inf
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """B = √B², of this term alone; the bias instability of a datasheet is that of the whole curve."""
+        """B = √B², the bias instability of a datasheet as IEEE 952 defines it."""
         return (Physical("B_f", "flicker noise", math.sqrt(self.scale), 0.0, slopes={"b2": 0.5}),)
 
 
