@@ -96,9 +96,14 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     True
     """
     level = as_level(level)
+    return noise_in_use(fit, Use(checked_horizon(horizon)), level)
+
+
+def checked_horizon(horizon: float) -> float:
+    """A positive time in s."""
     if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
         raise OptionError(f"horizon must be a positive time in s, got {horizon!r}")
-    return noise_in_use(fit, Use(float(horizon)), level)
+    return float(horizon)
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:

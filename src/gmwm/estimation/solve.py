@@ -18,7 +18,16 @@ from gmwm.errors import ModelError
 from gmwm.estimation.atoms import Place
 from gmwm.estimation.cone import TABLE_ERROR, Search, Term
 from gmwm.estimation.problem import Problem
-from gmwm.estimation.starts import Sampled, Start, given_point, moved_points, sampled_point, scanned_points
+from gmwm.estimation.starts import (
+    Alone,
+    Sampled,
+    Start,
+    given_point,
+    moved_points,
+    sampled_point,
+    scanned_points,
+    scans_alone,
+)
 from gmwm.estimation.surface import NOISE, Found, Point, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -140,7 +149,8 @@ def _value(found: Found | None, problem: Problem) -> float:
 def _scanned(problem: Problem) -> Solution:
     """The best of the local optima that lie downhill from the points of a scan."""
     surface = Surface(problem)
-    points, tried = scanned_points(problem, surface)
+    alone = scans_alone(problem, surface)
+    points, tried = scanned_points(problem, surface, alone)
     best: Found | None = None
     start = Start("scan", tried, np.inf)
     for how, point in points:
@@ -149,17 +159,17 @@ def _scanned(problem: Problem) -> Solution:
             continue
         if best is None or found.objective < (1 - NOISE) * best.objective:
             best, start = found, Start(how, tried, _value(before, problem))
-    best = _rearranged(problem, surface, best)
     if best is None:
         raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
+    if alone is not None:
+        best = _rearranged(problem, surface, alone, best)
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
 
 
-def _rearranged(problem: Problem, surface: Surface, best: Found | None) -> Found | None:
+def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Found) -> Found:
     """The optimum, after seeing of several free processes whether one is better elsewhere."""
-    for _ in range(RETURNS if len(surface.frees) > 1 and best is not None else 0):
-        assert best is not None
-        found = [surface.downhill(point) for point in moved_points(problem, surface, best.point)]
+    for _ in range(RETURNS):
+        found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
         better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
         if not better.objective < (1 - NOISE) * best.objective:
             break

@@ -12,7 +12,7 @@ import numpy as np
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import OptionError
-from gmwm.estimation.cone import Search
+from gmwm.estimation.atoms import grid
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.surface import Coordinates, Point, Surface
 from gmwm.filters import find_filter
@@ -123,8 +123,10 @@ class Start:
 # --- a scan, for processes with several parameters of their shape -----------------------------------------
 
 
-def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, Point]], int]:
-    """Points from which to go downhill, best first, and how many were looked at.
+def scanned_points(
+    problem: Problem, surface: Surface, alone: list[Alone] | None
+) -> tuple[list[tuple[How, Point]], int]:
+    """Points from which to go downhill, best first, and how many were looked at; `alone`: the scans of each process.
 
     The free coordinates run over a sequence that fills their box evenly; the curved processes and the linear ones are
     at their best for each. Values given in the model come first.
@@ -142,8 +144,8 @@ def scanned_points(problem: Problem, surface: Surface) -> tuple[list[tuple[How, 
     points: list[tuple[How, Point]] = []
     if (given := given_point(problem, surface)) is not None:
         points.append(("given", given))
-    if len(surface.frees) > 1 and (greedy := _one_by_one(problem, surface)) is not None:
-        points.append(("scan", _with_curved(problem, surface, greedy)))
+    if alone is not None:
+        points.append(("scan", _with_curved(problem, surface, _one_by_one(problem, surface, alone))))
     for k in chosen:
         z = [free.of(values[k : k + 1])[0] for free, values in zip(surface.frees, columns, strict=True)]
         if all(np.all(np.isfinite(part)) for part in z):
@@ -165,7 +167,7 @@ def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class Alone:
     """A scan of one free process by itself: nonlinear parameters (n, q) and unit vectors (n, J)."""
 
     values: Matrix
@@ -185,8 +187,10 @@ class _Alone:
         return chosen
 
 
-def _alone(problem: Problem, surface: Surface) -> list[_Alone] | None:
-    """Scans of each free process; None if one is nowhere possible."""
+def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
+    """Scans of each of several free processes; None of a single one, and if one is nowhere possible."""
+    if len(surface.frees) < 2:
+        return None
     every = []
     for free in surface.frees:
         values = _over_its_scan(free, _even(min(MOST_SCANNED, ALONE * 4 ** (free.size - 1)), free.size), problem)
@@ -194,18 +198,16 @@ def _alone(problem: Problem, surface: Surface) -> list[_Alone] | None:
         able = free.possible(values) & np.all(np.isfinite(shapes), axis=1) & np.any(shapes > 0, axis=1)
         if not able.any():
             return None
-        every.append(_Alone(values[able], problem.weighted(shapes[able])))
+        every.append(Alone(values[able], problem.weighted(shapes[able])))
     return every
 
 
-def _one_by_one(problem: Problem, surface: Surface) -> list[Vector] | None:
-    """Each free process where it is best by itself, the others where they are, round about; None if one is nowhere.
+def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
+    """Each free process where it is best by itself, the others where they are, round about.
 
     A line among lines has its place in a narrow band, which points that fill a space of many dimensions miss.
     """
-    base, every = _dictionary(problem), _alone(problem, surface)
-    if every is None:
-        return None
+    base = _dictionary(problem)
     at: dict[int, int] = {}
     for _ in range(ROUNDS):
         before = dict(at)
@@ -218,11 +220,8 @@ def _one_by_one(problem: Problem, surface: Surface) -> list[Vector] | None:
     return [free.of(scan.values[at[k] : at[k] + 1])[0] for k, (free, scan) in enumerate(found)]
 
 
-def moved_points(problem: Problem, surface: Surface, point: Point) -> Iterator[Point]:
+def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
     """Points at which one free process has left for where else it would be good, all others staying where they are."""
-    every = _alone(problem, surface)
-    if every is None:
-        return
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
@@ -262,7 +261,7 @@ def _dictionary(problem: Problem) -> Matrix:
     """Unit vectors of the linear processes, and of the curved ones all over their domain."""
     if problem.family is None:
         return problem.fixed
-    values = Search(problem, problem.family).grid.values
+    values = grid(problem.family, problem.levels, problem.samples, problem.rate, problem.filter).values
     places = np.unique(np.linspace(0, len(values) - 1, DICTIONARY).astype(np.int64))
     return np.concatenate([problem.fixed, problem.weighted(values[places])])
 
@@ -326,7 +325,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     if problem.family is not None:
         for place in problem.curved:
             value = float(drawn[place][best, 1])
-            for branch in Search(problem, problem.family).grid.branches:
+            for branch in problem.family.search(problem.samples, problem.rate):
                 at = branch.coordinate(value)
                 if at is not None:
                     branches.append(branch)

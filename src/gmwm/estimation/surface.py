@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm.estimation.atoms import shapes
 from gmwm.estimation.cone import Search
 from gmwm.estimation.problem import Problem, to_find
 from gmwm.processes.base import Process
@@ -150,15 +151,15 @@ class Surface:
         for free, part in zip(self.frees, z, strict=True):
             if not free.possible(free.values(part.reshape(1, -1)))[0]:
                 return None
-        shapes = self.free_shapes(z)
+        rows = self.free_shapes(z)
         if point.branches:
-            shapes = np.concatenate([self._curved(point.branches, u), shapes])
-        shapes = shapes @ self.problem.root.T
-        if not np.all(np.isfinite(shapes)):
+            rows = np.concatenate([self._curved(point.branches, u), rows])
+        rows = rows @ self.problem.root.T
+        if not np.all(np.isfinite(rows)):
             return None
-        lengths = np.linalg.norm(shapes, axis=1)
+        lengths = np.linalg.norm(rows, axis=1)
         # A shape that leaves no trace, as of a line at which the filters are zero, has no weight.
-        units = shapes / np.where(lengths > 0, lengths, 1.0)[:, None]
+        units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
         return Found(objective, point, weights, every, lengths, self.problem.target - weights @ every)
@@ -174,18 +175,18 @@ class Surface:
 
     def curved_alone(self, z: list[Vector]) -> Search:
         """The search for the curved processes with the free ones held there, but for those that leave no trace."""
-        problem, shapes = self.problem, self.free_shapes(z)
+        problem, found = self.problem, self.free_shapes(z)
         assert problem.family is not None
-        seen = np.any(shapes > 0, axis=1)
+        seen = np.any(found > 0, axis=1)
         held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
-        rows = np.concatenate([problem.shapes, shapes[seen]])
+        rows = np.concatenate([problem.shapes, found[seen]])
         return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.family)
 
     def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
-        parameters = np.concatenate([b.values(np.array([v])) for b, v in zip(branches, u, strict=True)])
         family, problem = self.problem.family, self.problem
         assert family is not None
-        return family.shape(parameters, problem.levels, problem.rate, problem.filter)
+        places = list(zip(branches, u.tolist(), strict=True))
+        return shapes(family, places, problem.levels, problem.rate, problem.filter)
 
     def slopes(self, found: Found) -> Matrix:
         """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gmwm._files import write_text
+from gmwm.datasheets.effective import checked_horizon
 from gmwm.errors import DataError, MissingTheoryError, OptionError
 from gmwm.exporters.base import HORIZON, Exporter, Settings, find_exporter, registered
-from gmwm.exporters.reduction import RULES, Rule, checked_horizon
+from gmwm.exporters.reduction import RULES, Rule
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -12,7 +12,7 @@ from gmwm.datasheets.bias import SYMBOL
 from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.datasheets.translation import translated
-from gmwm.errors import DataError, FitWarning, GmwmError, OptionError
+from gmwm.errors import DataError, FitWarning, GmwmError
 from gmwm.estimation import fit as fitted
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import REWEIGHTED
@@ -280,10 +280,3 @@ def lines_of(fit: Fit) -> list[str]:
         frequency, amplitude = told.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])
         said.append(f"a line at {significant(frequency, 3)} Hz of amplitude {significant(amplitude, 3)} {unit}")
     return said
-
-
-def checked_horizon(horizon: float) -> float:
-    """A positive time in s."""
-    if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
-        raise OptionError(f"horizon must be a positive time in s, got {horizon!r}")
-    return float(horizon)

@@ -19,6 +19,7 @@ from gmwm.errors import MissingTheoryError
 ROUNDING = 1e-9
 """Share of the largest eigenvalue up to which negative ones are rounding, or too small to be seen in a path."""
 LARGEST = 1 << 21
+"""Half of the longest circle that an autocovariance is looked for on."""
 
 
 def half_period(n: int) -> int:
