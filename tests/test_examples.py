@@ -3,12 +3,15 @@
 import contextlib
 import io
 import json
+import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
-from examples import contaminated, paper
+from examples import contaminated, navigation, paper
 
 SEED = 2018
 
@@ -112,3 +115,99 @@ def test_recorded(tmp_path, capsys):
     assert not calibration.failed
     assert pictures(tmp_path) == {"figure_2_adis", "figure_4_adis"}
     assert "ADIS 16405, recorded for 0.3 h at 100 Hz" in capsys.readouterr().out
+
+
+# --- navigation ---------------------------------------------------------------------------------------
+
+RUNS = 20
+
+
+@pytest.fixture(scope="module")
+def drives(tmp_path_factory):
+    """The navigation example on few drives: its tracks, what it says, its folder."""
+    folder, words = tmp_path_factory.mktemp("navigation"), io.StringIO()
+    with contextlib.redirect_stdout(words):
+        tracks = navigation.main(["--runs", str(RUNS), "--output", str(folder / "navigation.png")])
+    return tracks, words.getvalue(), folder
+
+
+@pytest.mark.parametrize("name", ["true model", "fitted model"])
+def test_a_filter_with_the_right_noise_is_as_wrong_as_it_says(drives, name):
+    track = drives[0][name]
+    low, high = navigation.band(RUNS)
+    # Successive seconds go together: 95 % are inside on average, not in every twenty drives.
+    assert np.mean((low <= track.nees) & (track.nees <= high)) > 0.8
+    for states, _, _ in navigation.SHOWN:
+        rms, says = (one[[60, 150, 210, 330, 390]] for one in track.size(states))
+        assert np.all(np.abs(rms / says - 1) < 4 / np.sqrt(2 * RUNS))
+
+
+@pytest.mark.parametrize("name", ["white noise only", "N, B as a constant"])
+def test_filters_that_trust_the_sensors_too_much_are_worse_than_they_say(drives, name):
+    tracks = drives[0]
+    assert np.min(tracks[name].nees[150:]) > 50
+    ends = [last for _, last in navigation.OUTAGES]
+    for states, _, _ in navigation.SHOWN:
+        rms, says = tracks[name].size(states)
+        assert np.all(rms[ends] > 4 * says[ends])
+        assert np.all(rms[ends] > 1.3 * tracks["fitted model"].size(states)[0][ends])
+
+
+def test_inflated_numbers_waste_what_the_sensors_know(drives):
+    tracks, ends = drives[0], [last for _, last in navigation.OUTAGES]
+    assert np.all(tracks["10 N, 10 K"].nees[ends] < navigation.band(RUNS)[0] / 2)
+    for states, _, _ in navigation.SHOWN:
+        best, inflated = (tracks[name].size(states)[0][ends] for name in ("fitted model", "10 N, 10 K"))
+        assert np.all(inflated > 2 * best)
+
+
+def test_the_navigation_example_tells_and_draws(drives):
+    tracks, words, folder = drives
+    lines = words.splitlines()
+    assert [line[:19].rstrip() for line in lines if line[:19].rstrip() in tracks] == list(tracks)
+    assert f"{RUNS} drives of {navigation.SECONDS} s" in words
+    assert pictures(folder) == {"navigation"}
+
+
+def test_the_drive_is_what_sensors_without_errors_add_up_to():
+    way = navigation.drive()
+    x, each = way.state[:, :1].T, round(navigation.RATE) // navigation.STEPS
+    for step in range(navigation.SECONDS * navigation.STEPS):
+        x = navigation.strapdown(x, way.sensed[None, :, step * each : (step + 1) * each])[0]
+    np.testing.assert_allclose(x[0], way.state[:, -1], rtol=1e-9)
+
+
+def test_the_filter_knows_how_errors_move():
+    way = navigation.drive()
+    state, sensed = way.state[:, 12345][None], way.sensed[None, :, 12345:12355]
+    after, by_heading, by_sensors = navigation.strapdown(state, sensed)
+    turned = state.copy()
+    turned[:, 4] += 1e-6
+    # Within a step the sensors are taken to be steady: to 2 % of the largest.
+    slope = (navigation.strapdown(turned, sensed)[0] - after)[0, :4] / 1e-6
+    np.testing.assert_allclose(slope[2:], by_heading[0, 2:], rtol=1e-5)
+    np.testing.assert_allclose(slope[:2], by_heading[0, :2], atol=0.02 * np.max(np.abs(by_heading[0, :2])))
+    for k in range(3):
+        pushed = sensed.copy()
+        pushed[:, k] += 1e-6
+        slope = -(navigation.strapdown(state, pushed)[0] - after)[0] / 1e-6
+        for part in (slice(2, 4), slice(4, 5)):
+            size = np.max(np.abs(by_sensors[0, part, k]))
+            np.testing.assert_allclose(slope[part], by_sensors[0, part, k], atol=0.02 * size + 1e-9)
+
+
+def test_the_lines_of_the_document_put_a_model_into_a_filter():
+    """A heading that is never corrected gets the variance that the running sum of the noise has."""
+    text = (Path(__file__).parents[1] / "docs" / "navigation.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    model, rate, samples = navigation.TRUTH["gyro_z"], navigation.RATE, 500
+    fit = SimpleNamespace(model=model, wavelet_variance=SimpleNamespace(rate=rate))
+    names = {"fit": fit, "turn_on": 1e-4}
+    exec(compile(code, "navigation.md", "exec"), names)
+    P = block_diag(np.zeros((1, 1)), names["P0"])
+    for _ in range(samples):
+        P = names["F"] @ P @ names["F"].T + names["Q"]
+    expected = model.state_space(rate).block_variance([samples])[0] / rate**2 + (1e-4 * samples / rate) ** 2
+    assert P[0, 0] == pytest.approx(expected, rel=1e-9)
+    assert names["slow"].F[0, 0] == pytest.approx(np.exp(-0.02 / 10), rel=1e-12)
+    assert names["corrected"](3.0, np.array([1.0, 1.0]))[0] == 1.0

@@ -4,6 +4,7 @@ namespace nb = nanobind;
 
 void bind_arma(nb::module_& m);
 void bind_haar(nb::module_& m);
+void bind_kalman(nb::module_& m);
 void bind_cone(nb::module_& m);
 void bind_clusters(nb::module_& m);
 void bind_robust(nb::module_& m);
@@ -16,6 +17,7 @@ NB_MODULE(_core, m) {
   m.doc() = "The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.";
   bind_arma(m);
   bind_haar(m);
+  bind_kalman(m);
   bind_cone(m);
   bind_clusters(m);
   bind_robust(m);

@@ -10,6 +10,7 @@ from gmwm.calibration import Agreement as Agreement
 from gmwm.calibration import Calibration as Calibration
 from gmwm.calibration import agreement as agreement
 from gmwm.calibration import calibrate as calibrate
+from gmwm.continuous import ContinuousStateSpace as ContinuousStateSpace
 from gmwm.covariance import wavelet_covariance as wavelet_covariance
 from gmwm.covariance.empirical import empirical_covariance as empirical_covariance
 from gmwm.datasheets import Datasheet as Datasheet
@@ -39,6 +40,11 @@ from gmwm.inference.plan import Plan as Plan
 from gmwm.inference.plan import plan as plan
 from gmwm.inspection import Inspection as Inspection
 from gmwm.inspection import inspect as inspect
+from gmwm.likelihood import LikelihoodFit as LikelihoodFit
+from gmwm.likelihood import Residuals as Residuals
+from gmwm.likelihood import Tracks as Tracks
+from gmwm.likelihood import fit_ml as fit_ml
+from gmwm.likelihood import loglikelihood as loglikelihood
 from gmwm.outliers import Verdict as Verdict
 from gmwm.outliers import contamination as contamination
 from gmwm.plots import compare as compare
@@ -77,6 +83,7 @@ from gmwm.simulation import reference_imu as reference_imu
 from gmwm.simulation import simulate as simulate
 from gmwm.simulation import simulate_signal as simulate_signal
 from gmwm.simulation import write_components as write_components
+from gmwm.statespace import StateSpace as StateSpace
 from gmwm.variance import AllanRegression as AllanRegression
 from gmwm.variance import ClusterVariance as ClusterVariance
 from gmwm.variance import WaveletVariance as WaveletVariance

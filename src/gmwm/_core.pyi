@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 _Vector = NDArray[np.float64]
 _Matrix = NDArray[np.float64]
+_Cube = NDArray[np.float64]
 
 # haar.hpp
 
@@ -80,6 +81,40 @@ def accumulate(values: _Matrix, scale: float) -> None: ...
 def mix(
     values: _Matrix, phi: _Vector, theta: _Vector, predictors: _Matrix, deviations: _Vector, rest: float
 ) -> None: ...
+
+# kalman.hpp
+
+most_slopes: int
+
+def kalman_innovations(
+    F: _Matrix, Q: _Matrix, H: _Vector, R: float, P0: _Matrix, series: _Matrix, standardised: _Vector
+) -> tuple[bool, int, int, float, _Vector]: ...
+def kalman_score(
+    F: _Matrix,
+    Q: _Matrix,
+    H: _Vector,
+    R: float,
+    P0: _Matrix,
+    dF: _Cube,
+    dQ: _Cube,
+    dH: _Matrix,
+    dR: _Vector,
+    dP0: _Cube,
+    series: _Matrix,
+) -> tuple[bool, int, int, float, float, _Vector, _Vector, _Vector, _Vector, _Vector]: ...
+def kalman_tracks(
+    F: _Matrix,
+    Q: _Matrix,
+    H: _Vector,
+    R: float,
+    P0: _Matrix,
+    series: _Matrix,
+    states: _Matrix,
+    shares: _Matrix,
+    smooth: bool,
+    means: _Matrix,
+    variances: _Matrix,
+) -> bool: ...
 
 # arma.hpp
 

@@ -57,23 +57,8 @@ class StateSpace:
         P0: ArrayLike | None = None,
         diffuse: ArrayLike | None = None,
     ) -> None:
-        h = np.array(H, dtype=np.float64).reshape(1, -1)
-        p = h.size
-        shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
-            "F": (F, (p, p)),
-            "Q": (Q, (p, p)),
-            "H": (h, (1, p)),
-            "R": (R, (1, 1)),
-            "m0": (np.zeros(p) if m0 is None else m0, (p,)),
-            "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
-        }
-        for name, (values, shape) in shapes.items():
-            array = np.array(values, dtype=np.float64)
-            if array.size != np.prod(shape) or not np.all(np.isfinite(array)):
-                raise ModelError(f"{name} must be finite with shape {shape} (H has {p} states), got {values!r}")
-            object.__setattr__(self, name, freeze(array.reshape(shape)))
-        mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
-        object.__setattr__(self, "diffuse", freeze(mask))
+        for name, array in checked(("F", "Q", "H", "R"), F, Q, H, R, m0, P0, diffuse).items():
+            object.__setattr__(self, name, array)
 
     @property
     def states(self) -> int:
@@ -142,7 +127,7 @@ class StateSpace:
             reached = int(distances[at])
             # Lags that follow one another are taken in runs, which double.
             run = int(np.argmin(np.append(distances[at:] - reached == np.arange(distances.size - at), False)))
-            values[at : at + run] = self.H[0] @ _powers(self.F, column, run)
+            values[at : at + run] = self.H[0] @ powers(self.F, column, run)
             at += run
         if distances.size and distances[0] == 0:
             values[0] += self.R[0, 0]
@@ -167,6 +152,38 @@ class StateSpace:
             out[:, t] += states @ self.H[0]
             states = states @ self.F.T + rng.standard_normal((paths, self.states)) @ root
         return np.asarray(out)
+
+
+def checked(
+    names: tuple[str, str, str, str],
+    transition: ArrayLike,
+    noise: ArrayLike,
+    seen: ArrayLike,
+    scatter: ArrayLike,
+    m0: ArrayLike | None,
+    P0: ArrayLike | None,
+    diffuse: ArrayLike | None,
+) -> dict[str, NDArray[Any]]:
+    """The arrays of a linear system by name, in their shapes, finite and read-only."""
+    h = np.array(seen, dtype=np.float64).reshape(1, -1)
+    p = h.size
+    f, q, observed, r = names
+    shapes: dict[str, tuple[Any, tuple[int, ...]]] = {
+        f: (transition, (p, p)),
+        q: (noise, (p, p)),
+        observed: (h, (1, p)),
+        r: (scatter, (1, 1)),
+        "m0": (np.zeros(p) if m0 is None else m0, (p,)),
+        "P0": (np.zeros((p, p)) if P0 is None else P0, (p, p)),
+    }
+    found: dict[str, NDArray[Any]] = {}
+    for name, (values, shape) in shapes.items():
+        array = np.array(values, dtype=np.float64)
+        if array.size != np.prod(shape) or not np.all(np.isfinite(array)):
+            raise ModelError(f"{name} must be finite with shape {shape} ({observed} has {p} states), got {values!r}")
+        found[name] = freeze(array.reshape(shape))
+    mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
+    return {**found, "diffuse": freeze(mask)}
 
 
 def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Matrix:
@@ -249,7 +266,7 @@ def _root(covariance: Matrix) -> Matrix:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)), dtype=np.float64)
 
 
-def _powers(transition: Matrix, column: Vector, count: int) -> Matrix:
+def powers(transition: Matrix, column: Vector, count: int) -> Matrix:
     """x, Fx, …, F^(count − 1) x as columns (p, count)."""
     columns, power = column[:, None], transition
     while columns.shape[1] < count:

@@ -159,6 +159,22 @@ def test_wavelet_variance_follows_from_the_state_space(process):
         np.testing.assert_allclose(derived, one.wavelet_variance(20, RATE), rtol=1e-9)
 
 
+@every_process_having("state_space")
+def test_steps_of_the_continuous_form_are_the_state_space(process):
+    for one in examples(process, slowest=1e-9, fastest=20.0):
+        space, found = one.state_space(RATE), one.continuous(RATE)
+        if found is None:
+            # Only what turns over within a step, forgets, or has its noise in one state of several has none.
+            turning = np.any(np.linalg.eigvals(space.F).real <= 0)
+            assert turning or np.linalg.matrix_rank(space.Q) < space.states
+            continue
+        steps = found.discrete(RATE)
+        for name in ("F", "Q", "H", "R", "m0", "P0"):
+            wanted = getattr(space, name)
+            size = np.max(np.abs(wanted), initial=0.0)
+            np.testing.assert_allclose(getattr(steps, name), wanted, rtol=1e-12, atol=1e-14 * size)
+
+
 @every_process_having("autocovariance")
 def test_wavelet_variance_follows_from_the_autocovariance(process):
     for one in examples(process):

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from gmwm.inference.criterion import Criterion
     from gmwm.inference.goodness import GoodnessOfFit
     from gmwm.inference.intervals import Interval
+    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.tracks import Tracks
 
 
 @dataclass(frozen=True)
@@ -161,6 +163,20 @@ class Fit:
     summary: ClassVar[LateMethod[..., str]] = LateMethod(
         "gmwm.inference.summary:summary",
         "Model, data, criterion with its bounds, estimates with intervals and units, test, and what to be warned of.",
+    )
+
+    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:filter_tracks",
+        "The hidden processes in a record, each sample from those up to it: filter(x).",
+    )
+    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:smooth_tracks", "The hidden processes in a record, from all its samples: smooth(x)."
+    )
+    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
+    )
+    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
+        "gmwm.likelihood.residuals:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
     )
 
     _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(

@@ -7,7 +7,7 @@ from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
 from gmwm.exporters.base import Exporter, Settings, register
-from gmwm.exporters.matrices import continuous, discrete, require_matrices, rows
+from gmwm.exporters.matrices import require_matrices, rows
 from gmwm.exporters.words import commented, plain, recording
 
 if TYPE_CHECKING:
@@ -102,13 +102,12 @@ def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:
     fit = calibration[axis]
     require_matrices(axis, fit.model)
     rate = fit.wavelet_variance.rate
-    space, states = discrete(fit.model, rate)
-    smooth = continuous(fit.model, rate)
+    space, smooth = fit.model.state_space(rate), fit.model.continuous(rate)
     return {
         "model": str(fit.model),
         "unit": plain(fit.wavelet_variance.unit),
         "rate": rate,
-        "states": list(states),
+        "states": list(fit.model.state_terms(rate)),
         "F": rows(space.F),
         "Q": rows(space.Q),
         "H": rows(space.H),

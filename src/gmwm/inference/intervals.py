@@ -163,7 +163,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
-        name: _interval(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
+        name: about(parameters[name], value, float(z * abs(value) * math.sqrt(square)))
         for name, value, square in zip(found.names, found.values.tolist(), np.diag(found.relative), strict=True)
     }
 
@@ -177,7 +177,7 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
     }
 
 
-def _interval(parameter: Parameter, value: float, reach: float) -> Interval:
+def about(parameter: Parameter, value: float, reach: float) -> Interval:
     """value ± reach on the scale that keeps the ends inside the parameter's domain."""
     if parameter.domain == "real":
         return value - reach, value + reach

@@ -103,10 +103,10 @@ def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
         if name in fit.model.fixed:
             interval = "held"
         elif name in intervals:
-            interval = _interval(*intervals[name])
+            interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, _estimate(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
     return shown
 
 
@@ -142,11 +142,13 @@ def short_values(fit: Fit, way: Way) -> dict[str, str]:
     return shown
 
 
-def _estimate(value: float) -> str:
+def estimate_text(value: float) -> str:
+    """An estimate as it is shown."""
     return f"{value:.3e}" if value else "0"
 
 
-def _interval(low: float, high: float) -> str:
+def interval_text(low: float, high: float) -> str:
+    """An interval as it is shown: what is not determined and what is only bounded, in words."""
     if not math.isfinite(high):
         return "not determined"
     if low == 0:
@@ -177,19 +179,23 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
     way = Way(level, method, draws, seed)
     intervals, reason = intervals_if_known(fit, way)
     table = rows(fit, intervals, way)
+    lines = [*head(fit, way), "", *table_text(table, level)]
+    words = notes(fit, reason)
+    return "\n".join([*lines, "", *words] if words else lines)
+
+
+def table_text(table: list[Row], level: float) -> list[str]:
+    """Parameters in columns, under their heads."""
     heads = Row("parameter", "estimate", f"{100 * level:g} % interval", "error", "unit")
-    widths = [
-        max(len(getattr(row, k)) for row in (heads, *table)) for k in ("name", "estimate", "interval", "error", "unit")
-    ]
-    lines = [*head(fit, way), ""]
+    widths = [max(len(getattr(row, k)) for row in (heads, *table)) for k in ("name", "estimate", "interval", "error")]
+    lines = []
     for row in (heads, *table):
         cells = [
             row.name.ljust(widths[0]), row.estimate.rjust(widths[1]), row.interval.rjust(widths[2]),
             row.error.rjust(widths[3]), row.unit,
         ]  # fmt: skip
         lines.append("  " + "  ".join(cells).rstrip())
-    words = notes(fit, reason)
-    return "\n".join([*lines, "", *words] if words else lines)
+    return lines
 
 
 def head(fit: Fit, way: Way) -> list[str]:

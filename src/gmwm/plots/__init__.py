@@ -12,7 +12,9 @@ from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
 from gmwm.plots.plan import plot_plan
 from gmwm.plots.ranking import plot_candidates, plot_ranking
+from gmwm.plots.residuals import plot_residuals
 from gmwm.plots.series import plot_components, plot_recording, plot_signal
+from gmwm.plots.tracks import plot_tracks
 from gmwm.plots.variance import plot_wavelet_variance
 
 __all__ = [
@@ -28,6 +30,8 @@ __all__ = [
     "plot_plan",
     "plot_ranking",
     "plot_recording",
+    "plot_residuals",
     "plot_signal",
+    "plot_tracks",
     "plot_wavelet_variance",
 ]

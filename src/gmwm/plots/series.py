@@ -15,7 +15,7 @@ from gmwm.plots.figure import Figure, Line, Mark, Panel, Stroke
 from gmwm.plots.labels import axis_title, model_text, sensor_and_letter, term_label
 from gmwm.plots.linear import even_axis, power_of, scaled_unit, time_unit
 from gmwm.plots.style import BLUE, letter_stroke, term_strokes
-from gmwm.plots.trace import Trace, removed, trace
+from gmwm.plots.trace import Trace, isolated, removed, trace
 from gmwm.plots.view import UnitSystem, View, view_of
 from gmwm.signals import Imu, Signal
 from gmwm.units import Quantity, find_unit
@@ -145,8 +145,7 @@ def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
     """The line, and a dot for each sample that has no neighbour to be joined to."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
-    there = np.concatenate([[False], np.isfinite(y), [False]])
-    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    alone = isolated(y)
     line = Line(x, y, stroke, "", FRONT)
     if stroke.symbol or not np.any(alone):
         return (line,)

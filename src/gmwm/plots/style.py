@@ -30,6 +30,7 @@ BROWN = "#7A4A12"
 MAGENTA = "#B0179A"
 FOREST = "#0B5D2A"
 GREY = "#6E6E6E"
+PALE = "#A9A9A9"
 GRID = "#DADADA"
 
 SOLID: tuple[float, ...] = ()

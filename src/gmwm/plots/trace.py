@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,64 @@ def trace(signal: Signal, factor: float, columns: int) -> Trace:
     return Trace(np.concatenate(seconds)[:-1], shown, low, high, factor * float(np.mean(signal.values)))
 
 
+def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
+    """The same of samples at equal steps, NaN where one is missing."""
+    index = extremes_there(values, columns)
+    y = factor * values[index]
+    mean = factor * float(np.mean(values, where=np.isfinite(values)))
+    return Trace(index / rate, y, float(np.nanmin(y)), float(np.nanmax(y)), mean)
+
+
+def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
+    """As `extremes`, of the samples that are there; of a run without any, one that is missing, to break the line.
+
+    >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
+    array([0, 1, 2, 8, 9])
+    >>> extremes_there(np.array([0.0, 5.0, 1.0, 4.0, 2.0, *6 * [np.nan], 7.0, 8.0, 6.0, 7.0]), 3)
+    array([ 0,  1,  4,  5, 11, 12, 13, 14])
+    """
+    n, there = values.size, np.isfinite(values)
+    if n <= 4 * columns or np.all(there):
+        return extremes(values, columns)
+    least, greatest = np.where(there, values, math.inf), np.where(there, values, -math.inf)
+    kept: list[int] = []
+    for a, b in pairwise(np.linspace(0, n, columns + 1).astype(np.int64).tolist()):
+        run = there[a:b]
+        if not np.any(run):
+            kept.append(a)
+            continue
+        first, last = a + int(np.argmax(run)), b - 1 - int(np.argmax(run[::-1]))
+        kept += [first, a + int(np.argmin(least[a:b])), a + int(np.argmax(greatest[a:b])), last]
+    return np.unique(np.array(kept, dtype=np.int64))
+
+
+def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
+    """Places and ends of a band as it is drawn: of each of `columns` runs of samples, its lowest and highest end.
+
+    NaN where no sample of a run has finite ends; all samples where the runs would be no fewer.
+
+    >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
+    (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
+    """
+    n, there = lower.size, np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(there, lower, math.nan), np.where(there, upper, math.nan)
+    if n <= columns:
+        return np.arange(float(n)), low, high
+    starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
+    # Runs are narrower than what is seen: they may be stretched so that the band reaches both ends.
+    return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
+
+
+def isolated(y: Vector) -> NDArray[np.bool_]:
+    """Which values have no neighbour that a line could join them to.
+
+    >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
+    [True, False, False, False]
+    """
+    there = np.concatenate([[False], np.isfinite(y), [False]])
+    return np.asarray(there[1:-1] & ~there[:-2] & ~there[2:])
+
+
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
     """Stretches of samples that are drawn as one line, with their shares of the columns.
 
@@ -104,10 +163,10 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
 
 def removed(one: Trace) -> float:
     """What is taken off a trace: its mean, in few digits, where zero is far from its samples; else nothing."""
-    return 0.0 if one.low - one.span <= 0 <= one.high + one.span else _in_digits(one.mean, one.span)
+    return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
 
 
-def _in_digits(mean: float, span: float) -> float:
+def in_digits(mean: float, span: float) -> float:
     """The mean to a fraction of the span: short enough to be printed, so that what is said is what is done."""
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.continuous import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes import embedding, filtered
@@ -351,6 +352,10 @@ class Process(ABC):
     def state_space(self, rate: float) -> StateSpace:
         """The process as F, Q, H, R, m0, P0."""
         raise self.missing("state_space")
+
+    def continuous(self, rate: float) -> ContinuousStateSpace | None:
+        """The system in continuous time whose steps at `rate` are those of `state_space`; None where there is none."""
+        return ContinuousStateSpace.of(self.state_space(rate), rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients at pairs of levels and lags, in u²."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.continuous import ContinuousStateSpace
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import differences, exponential, filtered
 from gmwm.processes.base import Process
@@ -141,6 +142,13 @@ class _Markov(Process, abstract=True):
         """One state, the process itself, started in its stationary distribution."""
         s2, sign, lam = self._pole(as_rate(rate))
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
+
+    def continuous(self, rate: float) -> ContinuousStateSpace | None:
+        """A = −λf, Qc = 2λfs²: a logarithm of φ next to 1 would not have the digits. None where φ ≤ 0."""
+        s2, sign, lam = self._pole(as_rate(rate))
+        if sign < 0 or not math.isfinite(lam):
+            return None
+        return ContinuousStateSpace(A=-lam * rate, Qc=2.0 * lam * rate * s2, H=1.0, P0=s2)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None

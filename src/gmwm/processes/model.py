@@ -8,18 +8,24 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, groupby
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm._late import LateMethod
+from gmwm.continuous import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Fixed, Value
 from gmwm.statespace import StateSpace
+
+if TYPE_CHECKING:
+    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.tracks import Tracks
 
 MOST_TERMS = 100
 """A sum with more terms than this is a slip of the pen: no record has that many levels."""
@@ -209,13 +215,60 @@ class Model:
         return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
 
     def state_space(self, rate: float) -> StateSpace:
-        """The sum as one block-diagonal F, Q, H, R, m0, P0."""
+        """The sum in steps of a sample, as one block-diagonal F, Q, H, R, m0, P0.
+
+        >>> from gmwm.processes import GM, RW, WN
+        >>> model = GM(beta=1.0, sigma2=4.0) + RW(gamma2=0.01) + WN(sigma2=3.0)
+        >>> space = model.state_space(rate=100.0)
+        >>> np.diag(space.F).round(4), space.H, space.R
+        (array([0.99, 1.  ]), array([[1., 1.]]), array([[3.]]))
+        >>> model.state_terms(rate=100.0)
+        ('GM', 'RW')
+        """
         self._require("state_space")
         return StateSpace.sum(p.state_space(rate) for p in self.processes)
+
+    def state_terms(self, rate: float) -> tuple[str, ...]:
+        """The label of the term that each state of `state_space` belongs to; white noise has none."""
+        self._require("state_space")
+        return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
+
+    def continuous(self, rate: float) -> ContinuousStateSpace:
+        """The sum in continuous time, as one block-diagonal A, Qc, H, Rc, whose steps at `rate` are `state_space`.
+
+        What has no continuous form, as quantization noise, is in its `left_out`.
+
+        >>> Model.parse("GM(beta=0.5, sigma2=4.0) + QN(q2=1.0) + RW(gamma2=0.01)").continuous(rate=100.0).left_out
+        ('QN',)
+        """
+        self._require("state_space")
+        return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
 
     def has(self, theory: str) -> bool:
         """Whether every term has this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
+
+    # --- data, by the Kalman filter -------------------------------------------------------------------
+
+    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:filter_tracks",
+        "The hidden processes in a record, each sample from those up to it: filter(x, rate).",
+    )
+    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:smooth_tracks",
+        "The hidden processes in a record, from all its samples: smooth(x, rate).",
+    )
+    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps, rate)."
+    )
+    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
+        "gmwm.likelihood.residuals:residuals",
+        "Standardised innovations of a record, and their tests: residuals(x, rate).",
+    )
+    loglikelihood: ClassVar[LateMethod[..., float]] = LateMethod(
+        "gmwm.likelihood.estimator:loglikelihood",
+        "The exact Gaussian log-likelihood of a record: loglikelihood(x, rate).",
+    )
 
     # --- simulation -----------------------------------------------------------------------------------
 

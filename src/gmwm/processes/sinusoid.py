@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.continuous import ContinuousStateSpace
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.base import Process
@@ -113,6 +114,12 @@ class SIN(Process):
         _, cycles = self.line(as_rate(rate))
         c, s = math.cos(2.0 * math.pi * cycles), math.sin(2.0 * math.pi * cycles)
         return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
+
+    def continuous(self, rate: float) -> ContinuousStateSpace:
+        """Two states that turn by 2πf₀ a second, of the alias where f₀ is above half the rate."""
+        turn = 2.0 * math.pi * self.line(as_rate(rate))[1] * rate
+        start = self.scale * np.eye(2)
+        return ContinuousStateSpace(A=[[0.0, turn], [-turn, 0.0]], Qc=np.zeros((2, 2)), H=[1.0, 0.0], P0=start)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None

@@ -1,0 +1,347 @@
+"""Maximum likelihood: the exact Gaussian likelihood of a record, and the model that makes it largest."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.errors import FitWarning, ModelError
+from gmwm.estimation import Fit, fit
+from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
+from gmwm.likelihood.record import Record, as_record
+from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
+from gmwm.likelihood.search import Found, Search
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model, as_model
+from gmwm.processes.parameter import Fixed
+from gmwm.signals import Signal
+
+FAINT = 0.01
+"""Share of the rest at which a term starts that was estimated as zero before."""
+
+
+def loglikelihood(
+    model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
+) -> float:
+    """The exact Gaussian log-likelihood of a record under a model with values.
+
+    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], v_t and S_t the innovations of a Kalman filter and their
+    variances. What is unknown (the mean of the record, the level of a random walk) has a flat distribution and is
+    integrated out, as an exact diffuse start does; a drift in the model is known, as its slope has a value.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        With values of all parameters.
+    data : Signal or (N,) array
+        Gaps of a signal are missing samples; in an array NaN is one.
+    rate : float, optional
+        Samples per second (Hz); needed with an array only.
+    mean : float, optional
+        The record's mean where it is known, as 0 for simulated noise; unknown by default.
+
+    Raises
+    ------
+    ModelError
+        If a parameter has no value, or the model predicts a sample exactly.
+    MissingTheoryError
+        If a term has no state-space form, as flicker noise.
+    DataError, OptionError
+        If the data or the rate cannot be used.
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
+
+    Examples
+    --------
+    >>> from gmwm import WN, loglikelihood
+    >>> x = WN(sigma2=1.0).simulate(1000, 100.0, rng=1)
+    >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
+    >>> bool(np.isclose(loglikelihood(WN(sigma2=1.0), x, rate=100.0, mean=0.0), reference, rtol=1e-13))
+    True
+    """
+    wanted = as_model(model)
+    missing = [name for name, value in wanted.parameters.items() if value is None]
+    if missing:
+        raise ModelError(f"the likelihood of {wanted} needs a value for {', '.join(missing)}; or fit it: gmwm.fit_ml")
+    problem = Problem(_all_held(wanted), as_record(data, rate), as_mean(mean))
+    value, _ = problem.value(problem.model)
+    if not math.isfinite(value):
+        raise nothing_to_chance(wanted)
+    return value
+
+
+def fit_ml(
+    model: Model | Process | str,
+    data: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    start: Fit | LikelihoodFit | Model | str | None = None,
+    mean: float | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> LikelihoodFit:
+    """Fit a sum of latent processes to a record by maximum likelihood.
+
+    The likelihood is that of `loglikelihood`; its slope and the information by all parameters come from one more pass
+    of the Kalman filter, in numbers that carry their derivatives. Fisher scoring leads from the starting values to the
+    optimum next to them: start from a wavelet fit, which needs no starting values itself. Estimates have the least
+    errors that there are where the model is right and the noise Gaussian; outliers move them without limit, and a
+    model that is not right is fitted to what most of the samples show, which is the fastest of its processes.
+
+    Parameters
+    ----------
+    model : Model, Process or str
+        What to fit; values in ``fixed(…)`` are held. Every term needs a state-space form.
+    data : Signal or (N,) array
+        Gaps of a signal are missing samples; in an array NaN is one.
+    rate : float, optional
+        Samples per second (Hz); needed with an array only.
+    start : Fit, LikelihoodFit, Model or str, optional
+        Where to start: the same model, with values. By default the model is first fitted to the wavelet variance.
+    mean : float, optional
+        The record's mean where it is known; by default it is unknown, and the likelihood is that of the contrasts.
+    progress : function of the number of evaluations and the log-likelihood, optional
+        Called after each evaluation.
+
+    Returns
+    -------
+    LikelihoodFit
+
+    Raises
+    ------
+    ModelError
+        If there is nothing to estimate, or `start` is another model, or the model predicts a sample exactly.
+    MissingTheoryError
+        If a term has no state-space form.
+    DataError, OptionError
+        If the data or an option cannot be used.
+
+    Warns
+    -----
+    FitWarning
+        If a term is not supported by the data or acts as another process, or the search did not come to rest.
+
+    Examples
+    --------
+    >>> from gmwm import GM, WN, fit_ml
+    >>> x = (GM(beta=2.0, sigma2=4.0) + WN(sigma2=1.0)).simulate(5_000, 100.0, rng=1)
+    >>> found = fit_ml("GM + WN", x, rate=100.0)
+    >>> low, high = found.confidence_intervals()["WN.sigma2"]
+    >>> low < 1.0 < high
+    True
+    """
+    wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
+    lacking = next((p for p in wanted.processes if not p.has("state_space")), None)
+    if lacking is not None:
+        raise lacking.missing("state_space")
+    problem = Problem(_started(wanted, record, start), record, known)
+    drifts = any(not r.flat for r in problem.regressors)
+    if not problem.coordinates and not drifts:
+        raise ModelError(f"{wanted} has nothing to estimate: all its parameters are held; see gmwm.loglikelihood")
+    found = Search(problem, progress=progress).run(problem.start())
+    if found is None:
+        raise nothing_to_chance(problem.model)
+    result = _as_fit(problem, found)
+    for note in result.diagnostics.notes():
+        warnings.warn(note, FitWarning, stacklevel=2)
+    return result
+
+
+def _all_held(model: Model) -> Model:
+    return model.with_values({name: Fixed(value) for name, value in model.parameters.items() if value is not None})
+
+
+def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None) -> Model:
+    """The wanted model with values to start from, none of its terms at zero."""
+    if start is None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FitWarning)
+            given = fit(wanted, record.signal(), weighting="diagonal", certify=False).model
+    else:
+        given = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
+        if sorted(given.names) != sorted(wanted.names):
+            raise ModelError(f"start must be the same model, {wanted.structure}, with values; got {given.structure}")
+        missing = [name for name, value in given.parameters.items() if value is None]
+        if missing:
+            raise ModelError(f"start must have a value for each parameter; {', '.join(missing)} has none")
+        if given.fixed != wanted.fixed or any(given.parameters[n] != wanted.parameters[n] for n in wanted.fixed):
+            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed}
+            given = wanted.with_values(free)
+    return _none_at_zero(given, record)
+
+
+def _none_at_zero(model: Model, record: Record) -> Model:
+    """Terms without a scale start at a small share of the rest: at zero no slope would lead away."""
+    gone = [
+        k
+        for k, p in enumerate(model.processes)
+        if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and p.has("wavelet_variance")
+    ]
+    if not gone:
+        return model
+    levels = max(int(math.log2(record.observed)), 1)
+    total = model.wavelet_variance(levels, record.rate)
+    if not np.all(total > 0):
+        total = np.full(levels, np.nanvar(record.values) / levels)
+    processes = list(model.processes)
+    for k in gone:
+        name = processes[k].scale_parameter().name
+        one = processes[k].with_values(**{name: processes[k].value_from(1.0)})
+        shape = one.wavelet_variance(levels, record.rate)
+        scale = FAINT * float(np.min(total[shape > 0] / shape[shape > 0]))
+        processes[k] = processes[k].with_values(**{name: processes[k].value_from(scale)})
+    return Model(tuple(processes))
+
+
+def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
+    """What was found in the words of the model."""
+    best = problem.at_point(found.z)
+    value, level = problem.value(best)
+    drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
+    for label, k in drifts.items():
+        process = best.processes[best.terms.index(label)]
+        best = best.with_values({f"{label}.{process.scale_parameter().name}": float(level.values[k])})
+    names, covariance = _covariance(problem, found, best, level)
+    order = best.sorted(problem.rate)
+    ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
+    renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
+    constant = _level(problem, level)
+    gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
+    diagnostics = LikelihoodDiagnostics(
+        acts_as=_acts_as(problem, found, best, renamed),
+        not_supported=tuple(sorted(renamed[best.terms[k]] for k in gone)),
+        evaluations=found.evaluations,
+        converged=found.converged,
+        started_at=problem.value(problem.model)[0],
+        remarks=tuple(
+            f"{term}: {remark}"
+            for term, process in zip(order.terms, order.processes, strict=True)
+            if process.scale > 0
+            for remark in process.remarks(problem.record.observed, problem.rate)
+        ),
+    )
+    return LikelihoodFit(
+        model=order,
+        parameters={name: v for name, v in order.parameters.items() if v is not None},
+        loglikelihood=value,
+        level=constant[0],
+        level_error=constant[1],
+        mean=problem.mean,
+        samples=problem.record.observed,
+        missing=problem.record.values.size - problem.record.observed,
+        rate=problem.rate,
+        unit=problem.record.unit,
+        axis=problem.record.axis,
+        names=tuple(_renamed(name, renamed) for name in names),
+        covariance=covariance,
+        diagnostics=diagnostics,
+        record=problem.record,
+    )
+
+
+def _renamed(name: str, terms: dict[str, str]) -> str:
+    term, _, parameter = name.rpartition(".")
+    return f"{terms[term]}.{parameter}"
+
+
+def _level(problem: Problem, level: Level) -> tuple[float | None, float | None]:
+    """The record's mean and its standard error, where it is a parameter of its own and not the level of a walk."""
+    if "level" not in level.labels:
+        return None, None
+    k = level.labels.index("level")
+    return float(level.values[k]) + problem.centre, math.sqrt(max(float(level.covariance[k, k]), 0.0))
+
+
+def _acts_as(problem: Problem, found: Found, best: Model, renamed: dict[str, str]) -> dict[str, str]:
+    """Terms whose shape rests at an end, and the process that they are there."""
+    out = {}
+    for k in found.at_end:
+        coordinate = problem.coordinates[k]
+        process = best.processes[coordinate.term]
+        if len(process.nonlinear_parameters()) != 1:
+            continue
+        for branch in problem.branch(coordinate):
+            u = branch.coordinate(float(process.nonlinear[0]))
+            if u is not None:
+                name = branch.low_acts_as if 2 * u < branch.low + branch.high else branch.high_acts_as
+                if name is not None:
+                    out[renamed[best.terms[coordinate.term]]] = name
+    return out
+
+
+def _covariance(problem: Problem, found: Found, best: Model, level: Level) -> tuple[list[str], Matrix]:
+    """Names and covariance of the parameters that were estimated inside their domains."""
+    active = list(found.active)
+    turned = jacobian(problem, best)
+    names, rows = [], []
+    for term, process in zip(best.terms, best.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            row = turned.get(name)
+            if row is not None and np.any(row[active]) and not np.any(np.delete(row, active)):
+                names.append(name)
+                rows.append(row[active])
+    covariance = np.zeros((len(names), len(names)))
+    if rows:
+        evaluation = found.evaluation if _same(found, active, problem) else problem.evaluate(found.z, active)
+        assert evaluation is not None
+        inverse = inverted(evaluation.information)
+        by = np.array(rows)
+        with np.errstate(invalid="ignore"):
+            covariance = by @ inverse @ by.T
+        lost = ~np.isfinite(np.diag(inverse))
+        if np.any(lost):
+            unknown = np.any(by[:, lost] != 0, axis=1)
+            covariance = by[:, ~lost] @ inverse[np.ix_(~lost, ~lost)] @ by[:, ~lost].T
+            covariance[unknown, unknown] = np.inf
+    for k, regressor in enumerate(problem.regressors):
+        if not regressor.flat:
+            process = best.processes[best.terms.index(regressor.label)]
+            names.append(f"{regressor.label}.{process.scale_parameter().name}")
+            covariance = np.block(
+                [[covariance, np.zeros((len(covariance), 1))], [np.zeros((1, len(covariance))), level.covariance[k, k]]]
+            )
+    return names, covariance
+
+
+def _same(found: Found, active: list[int], problem: Problem) -> bool:
+    """Whether the last evaluation was by just these coordinates."""
+    return len(found.evaluation.gradient) == len(active) and not found.at_end
+
+
+def inverted(information: Matrix) -> Matrix:
+    """The inverse of the information; infinite for coordinates that take part in a direction without any."""
+    size = np.sqrt(np.diag(information))
+    known = size > 0
+    size = np.where(known, size, 1.0)
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = values > 1e-10 * values[-1]
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
+    lost = np.any(np.abs(vectors[:, ~kept]) > 0.1, axis=1) | ~known
+    inverse[lost, lost] = np.inf
+    return np.asarray(inverse)
+
+
+def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
+    """∂θ/∂z (q,) of each parameter that a coordinate stands behind, by name."""
+    out: dict[str, Vector] = {}
+    q = len(problem.coordinates)
+    for k, coordinate in enumerate(problem.coordinates):
+        process, term = model.processes[coordinate.term], model.terms[coordinate.term]
+        if coordinate.shape is None:
+            parameter = process.scale_parameter()
+            row = out.setdefault(f"{term}.{parameter.name}", np.zeros(q))
+            row[k] = process.value(parameter.name) / (parameter.scale_power or 1.0)
+            continue
+        z = type(process).coordinates(process.nonlinear.reshape(1, -1)).astype(np.complex128)
+        z[0, coordinate.shape] += 1e-30j
+        slope = np.imag(type(process).at_coordinates(z)[0]) / 1e-30
+        for parameter, value in zip(process.nonlinear_parameters(), slope.tolist(), strict=True):
+            out.setdefault(f"{term}.{parameter.name}", np.zeros(q))[k] = value
+    return out

@@ -1,0 +1,232 @@
+"""Confidence intervals of maximum-likelihood estimates: from the information, or from the likelihood's own profile."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.errors import ModelError, OptionError
+from gmwm.inference.intervals import Interval, about, as_level, free_shape, parameters_by_name
+from gmwm.likelihood.estimator import inverted, jacobian
+from gmwm.likelihood.problem import Problem
+from gmwm.likelihood.search import Search
+
+if TYPE_CHECKING:
+    from gmwm.likelihood.result import LikelihoodFit
+    from gmwm.processes.parameter import Parameter
+
+Method = Literal["wald", "profile"]
+_NEAR = 2e-3
+"""Of the root of the deviance at an end of a profile interval."""
+_GAIN = 1e-3
+"""Log-likelihood that the search for a profile may leave, of a fall of two."""
+_ROUNDS = 25
+
+
+def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
+    """Confidence interval (low, high) of every parameter that was estimated, by name.
+
+    "wald": θ̂ ± z SE on the scale that keeps the ends inside the domain (logarithm, artanh), SE from the information.
+    "profile": where twice the log-likelihood, with all other parameters at their best, has fallen by z²; it follows the
+    likelihood where that is no parabola, and takes some ten more fits a parameter. A scale that is zero, or so weak
+    that its standard error reaches zero, has this interval by either method, unless the shape of its term is free too:
+    from 0 to an upper limit where zero cannot be excluded. What the data do not determine has (0, inf).
+
+    Parameters
+    ----------
+    level : float
+        Confidence level, 0.95 by default.
+    method : "wald" or "profile"
+
+    Raises
+    ------
+    OptionError
+        If an option is not one of those it may be.
+    ModelError
+        If the profile of a fit is wanted that was read from a file, which does not hold the record.
+
+    References
+    ----------
+    Pawitan (2001), In All Likelihood, Oxford, sections 2.6 and 3.4.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit_ml
+    >>> found = fit_ml(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(5_000, 100.0, rng=1), rate=100.0)
+    >>> low, high = found.confidence_intervals(method="profile")["RW.gamma2"]
+    >>> low < 1e-3 < high
+    True
+    """
+    z = NormalDist().inv_cdf((1 + as_level(level)) / 2)
+    if method not in ("wald", "profile"):
+        raise OptionError(f"method must be 'wald' or 'profile', got {method!r}")
+    errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
+    profile = _Profile(fit, z)
+    intervals: dict[str, Interval] = {}
+    for name, parameter in parameters.items():
+        if name in fit.model.fixed:
+            continue
+        value, error = fit.parameters[name], errors.get(name)
+        term = name.rpartition(".")[0]
+        process = fit.model.processes[fit.model.terms.index(term)]
+        scale = parameter.scale_power is not None and parameter.domain == "positive"
+        weak = scale and (error is None or z * (parameter.scale_power or 1.0) * error >= value)
+        gone = term in fit.diagnostics.not_supported
+        if gone and (not scale or free_shape(process)):
+            intervals[name] = _domain(parameter)
+        elif (method == "profile" or (weak and not free_shape(process))) and profile.has(name):
+            intervals[name] = profile.interval(name, parameter)
+        elif error is None or not math.isfinite(error):
+            intervals[name] = _domain(parameter)
+        else:
+            intervals[name] = about(parameter, value, z * error)
+    return intervals
+
+
+def _domain(parameter: Parameter) -> Interval:
+    if parameter.domain == "between":
+        return parameter.limits
+    return (0.0, math.inf) if parameter.domain == "positive" else (-math.inf, math.inf)
+
+
+def _start_of_search(problem: Problem, fit: LikelihoodFit, k: int, z: Vector) -> float:
+    """A share of the whole that surely does not show."""
+    levels = max(int(math.log2(fit.samples)), 1)
+    at = z.copy()
+    at[k] = 0.0
+    shape = problem.at_point(at).processes[problem.coordinates[k].term].wavelet_variance(levels, fit.rate)
+    total = fit.model.wavelet_variance(levels, fit.rate)
+    return 1e-3 * float(np.min(total[shape > 0] / shape[shape > 0]))
+
+
+class _Profile:
+    """The likelihood as a function of one parameter, all others at their best."""
+
+    def __init__(self, fit: LikelihoodFit, z: float) -> None:
+        self.fit, self.z = fit, z
+
+    def has(self, name: str) -> bool:
+        """Whether one coordinate alone stands behind the parameter, and the record is there."""
+        if self.fit.record is None:
+            raise ModelError(
+                f"the interval of {name} is that of the likelihood's profile, for which the record is needed: "
+                "fit it again, as the fit was read from a file"
+            )
+        problem = Problem(self.fit.model, self.fit.record, self.fit.mean)
+        if not problem.coordinates:
+            return False
+        self.problem = problem
+        row = self._row(name)
+        return row is not None and np.count_nonzero(row) == 1
+
+    def interval(self, name: str, parameter: Parameter) -> Interval:
+        """Where the root of the deviance reaches z on either side."""
+        if parameter.scale_power is not None:
+            k = next(k for k, c in enumerate(self.problem.coordinates) if self._is(k, name) and c.shape is None)
+        else:
+            row = self._row(name)
+            assert row is not None
+            k = int(np.flatnonzero(row)[0])
+        low = self._end(k, name, -1)
+        high = self._end(k, name, 1)
+        least, most = _domain(parameter)
+        return (least if low is None else low, most if high is None else high)
+
+    # --- inside ---------------------------------------------------------------------------------------
+
+    def _is(self, k: int, name: str) -> bool:
+        c = self.problem.coordinates[k]
+        process = self.fit.model.processes[c.term]
+        return f"{self.fit.model.terms[c.term]}.{process.scale_parameter().name}" == name
+
+    def _row(self, name: str) -> Vector | None:
+        # At a scale of zero the derivative is zero too; what is wanted is which coordinate it is.
+        for k, c in enumerate(self.problem.coordinates):
+            if c.shape is None and self._is(k, name):
+                row = np.zeros(len(self.problem.coordinates))
+                row[k] = 1.0
+                return row
+        return jacobian(self.problem, self.fit.model).get(name)
+
+    def _end(self, k: int, name: str, side: int) -> float | None:
+        """The parameter where its profile has fallen by z²/2 on one side; None where it never does."""
+        best = self.problem.at(self.fit.model)
+        low, high = self.problem.bounds[k]
+        if self.problem.coordinates[k].shape is None and side < 0:
+            at = best.copy()
+            at[k] = -math.inf
+            if best[k] == -math.inf or self._root(at, k)[0] <= self.z:
+                return None
+        if best[k] == -math.inf:
+            return self._limit_from_zero(k, name, best)
+        along = self._along(best, k)
+        step = side * self.z * min(max(self.reach, 1e-6), 3.0)
+        inner, outer = (0.0, 0.0), None
+        for _ in range(_ROUNDS):
+            step = min(max(best[k] + step, low), high) - best[k]
+            root, at = self._root(best + along * step, k)
+            if abs(root - self.z) <= _NEAR * self.z:
+                break
+            if root < self.z:
+                if best[k] + step in (low, high):
+                    return None
+                inner = (step, root)
+            else:
+                outer = (step, root)
+            if np.all(np.isfinite(at)) and np.all(np.isfinite(best)):
+                along = (at - best) / step  # the others move on in proportion
+            if outer is None:
+                step *= min(max(self.z / max(root, 1e-3), 1.1), 3.0)
+            else:
+                share = (self.z - inner[1]) / (outer[1] - inner[1])
+                step = inner[0] + min(max(share, 0.05), 0.95) * (outer[0] - inner[0])
+        return self._parameter(best[k] + step, k, name)
+
+    def _along(self, best: Vector, k: int) -> Vector:
+        """How all coordinates move with one, at first: d = I⁻¹e / (I⁻¹)_kk; and its standard error, in `reach`."""
+        gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
+        terms = {self.problem.coordinates[i].term for i in gone}
+        active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
+        found, along = self.problem.evaluate(best, active), np.zeros(best.size)
+        along[k], self.reach = 1.0, 1.0
+        if found is None:
+            return along
+        column = inverted(found.information)[:, active.index(k)]
+        if np.all(np.isfinite(column)):
+            along[active] = column / column[active.index(k)]
+            self.reach = math.sqrt(column[active.index(k)])
+        return along
+
+    def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
+        at, inner, outer = best.copy(), -math.inf, math.inf
+        at[k] = math.log(10.0 * _start_of_search(self.problem, self.fit, k, best))
+        for _ in range(2 * _ROUNDS):
+            root, _ = self._root(at, k)
+            if abs(root - self.z) <= _NEAR * self.z:
+                break
+            inner, outer = (at[k], outer) if root < self.z else (inner, at[k])
+            if math.isinf(outer):
+                at[k] += 2.0
+            elif math.isinf(inner):
+                at[k] -= 2.0
+            else:
+                at[k] = 0.5 * (inner + outer)
+        return self._parameter(float(at[k]), k, name)
+
+    def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
+        """√(2 (largest log-likelihood − that with this coordinate held)), and where that is."""
+        found = Search(self.problem, held=(k,), tolerance=_GAIN).run(z)
+        if found is None:
+            return math.inf, z
+        return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z
+
+    def _parameter(self, coordinate: float, k: int, name: str) -> float:
+        at = self.problem.at(self.fit.model)
+        at[k] = coordinate
+        value = self.problem.at_point(at).parameters[name]
+        assert value is not None
+        return value

@@ -1,0 +1,248 @@
+"""The likelihood of a model as a function of coordinates in which every real number is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.errors import ModelError, OptionError
+from gmwm.likelihood.record import Record
+from gmwm.likelihood.system import Coordinate, Regressor, System, assemble, at_shape, is_ramp, regressors, slopes
+from gmwm.processes.model import Model
+from gmwm.processes.parameter import Branch
+
+LEAST_DECAY = 1e-3
+"""Decay per record below which a correlation time cannot be told from an infinite one."""
+_FAR = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """Regression coefficients by label, and their covariance (m, m)."""
+
+    labels: tuple[str, ...]
+    values: Vector
+    covariance: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """The log-likelihood at a point, with its slope (q,) and the information (q, q) by the coordinates."""
+
+    value: float
+    gradient: Vector
+    information: Matrix
+    model: Model
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A model whose values are sought, and the record.
+
+    Attributes
+    ----------
+    model : Model
+        With values of all parameters, from which the search starts.
+    mean : float or None
+        Of the record, where it is known.
+    """
+
+    model: Model
+    record: Record
+    mean: float | None = None
+
+    @cached_property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        return self.record.rate
+
+    @cached_property
+    def regressors(self) -> list[Regressor]:
+        """What the record is regressed on."""
+        return regressors(self.model, self.rate, self.record.values.size, self.mean)
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """What is sought: of each random term the scale and the shape, unless they are held."""
+        found: list[Coordinate] = []
+        for k, process in enumerate(self.model.processes):
+            if is_ramp(process, self.rate):
+                continue
+            if not process.is_fixed(process.scale_parameter().name):
+                found.append(Coordinate(k))
+            shapes = process.nonlinear_parameters()
+            held = [process.is_fixed(p.name) for p in shapes]
+            if any(held) and not all(held):
+                raise ModelError(
+                    f"{self.model.terms[k]} has some parameters of its shape held and some free; hold all of them, "
+                    "or none"
+                )
+            if shapes and not held[0]:
+                found.extend(Coordinate(k, i) for i in range(len(shapes)))
+        if len(found) > _core.most_slopes:
+            raise ModelError(f"a model has at most {_core.most_slopes} free parameters here, got {len(found)}")
+        return tuple(found)
+
+    @cached_property
+    def series(self) -> Matrix:
+        """The record less a number near it, and the regressors below (1 + m, N)."""
+        first = self.record.values - self.centre
+        for process in self.model.processes:
+            if is_ramp(process, self.rate) and process.is_fixed(process.scale_parameter().name):
+                first = first - process.mean(np.arange(first.size))
+        return np.ascontiguousarray(np.vstack([first, *(r.course for r in self.regressors)]))
+
+    @cached_property
+    def centre(self) -> float:
+        """What is taken off the record first: its mean where that is known, a number near it where it is sought."""
+        if self.mean is not None:
+            return self.mean
+        return self.record.centre
+
+    # --- points ---------------------------------------------------------------------------------------
+
+    def start(self) -> Vector:
+        """Coordinates of the model's own values."""
+        return self.at(self.model)
+
+    def at(self, model: Model) -> Vector:
+        """Coordinates of a model's values."""
+        out = []
+        for coordinate in self.coordinates:
+            process = model.processes[coordinate.term]
+            if coordinate.shape is None:
+                out.append(math.log(process.scale) if process.scale > 0 else -math.inf)
+            else:
+                z = type(process).coordinates(process.nonlinear.reshape(1, -1))
+                out.append(float(z[0, coordinate.shape]))
+        return np.array(out)
+
+    def at_point(self, z: Vector) -> Model:
+        """The model at coordinates; a scale of −inf is 0."""
+        processes = list(self.model.processes)
+        by_term: dict[int, dict[int, float]] = {}
+        for coordinate, value in zip(self.coordinates, z.tolist(), strict=True):
+            k = coordinate.term
+            if coordinate.shape is None:
+                name = processes[k].scale_parameter().name
+                processes[k] = processes[k].with_values(**{name: processes[k].value_from(math.exp(value))})
+            else:
+                by_term.setdefault(k, {})[coordinate.shape] = value
+        for k, shape in by_term.items():
+            processes[k] = at_shape(processes[k], np.array([shape[i] for i in range(len(shape))]))
+        return Model(tuple(processes))
+
+    @cached_property
+    def bounds(self) -> Matrix:
+        """Ends (q, 2) of the coordinates, beyond which a record cannot tell a shape from the one at the end."""
+        out, samples = [], self.record.values.size
+        for coordinate in self.coordinates:
+            if coordinate.shape is None:
+                out.append((-math.inf, math.inf))
+                continue
+            parameter = self.model.processes[coordinate.term].nonlinear_parameters()[coordinate.shape]
+            if parameter.domain == "positive" and parameter.time_power == -1:
+                out.append((math.log(LEAST_DECAY * self.rate / samples), math.log(40.0 * self.rate)))
+            elif parameter.domain == "between":
+                far = 0.5 * math.log(2.0 * samples / LEAST_DECAY)
+                out.append((-far, far))
+            else:
+                out.append((-_FAR, _FAR))
+        return np.array(out).reshape(-1, 2)
+
+    def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
+        """What the process says of the ends of a single shape."""
+        return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
+
+    # --- likelihood -----------------------------------------------------------------------------------
+
+    def value(self, model: Model) -> tuple[float, Level]:
+        """The log-likelihood of a model with values, and its regression."""
+        return _likelihood(assemble(model, self.rate), self.series, self.regressors)
+
+    def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
+        """The log-likelihood with slope and information by the `active` coordinates; None where there is none."""
+        model = self.at_point(z)
+        system = assemble(model, self.rate)
+        value, level = _likelihood(system, self.series, self.regressors)
+        if not math.isfinite(value):
+            return None
+        wanted = [self.coordinates[k] for k in active]
+        d = slopes(model, system, wanted, self.rate)
+        flat = [k for k, r in enumerate(self.regressors) if r.flat]
+        rest = self.series[0] - level.values @ self.series[1:] if level.values.size else self.series[0]
+        rows = np.ascontiguousarray(np.vstack([rest, *(self.series[1 + k] for k in flat)]))
+        good, _, _, _, _, logs, squares, information, cross, turned = _core.kalman_score(
+            *system.matrices, d.F, d.Q, d.H, d.R, d.P0, rows
+        )
+        if not good:
+            return None
+        q, m = len(wanted), len(flat)
+        gradient = -0.5 * (logs + squares)
+        if m:
+            inverse = np.linalg.inv(cross.reshape(m, m))
+            gradient -= 0.5 * np.einsum("ij,lji->l", inverse, turned.reshape(q, m, m))
+        return Evaluation(value, gradient, information.reshape(q, q), model)
+
+
+def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
+    """The log-likelihood (−inf where the model leaves nothing to chance), and the regression behind it."""
+    good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
+    size = len(series)
+    sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
+    if not good or not np.all(np.isfinite(sums)):
+        return -math.inf, Level(labels, np.zeros(size - 1), np.zeros((size - 1, size - 1)))
+    beta, covariance, square = np.empty(0), np.empty((0, 0)), float(sums[0, 0])
+    value = -0.5 * (count * math.log(2 * math.pi) + logs)
+    if size > 1:
+        covariance = _inverse(sums[1:, 1:])
+        beta = covariance @ sums[1:, 0]
+        square -= float(beta @ sums[1:, 0])
+        flat = [k for k, r in enumerate(wanted) if r.flat]
+        if flat:
+            value -= 0.5 * float(np.linalg.slogdet(sums[1:, 1:][np.ix_(flat, flat)])[1])
+    return value - 0.5 * square, Level(labels, beta, covariance)
+
+
+def _inverse(gram: Matrix) -> Matrix:
+    """The inverse of a Gram matrix whose rows may differ in size by many powers of ten."""
+    scale = 1.0 / np.sqrt(np.diag(gram))
+    return np.asarray(np.linalg.inv(gram * np.outer(scale, scale)) * np.outer(scale, scale))
+
+
+def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
+    """Innovations over their standard deviations (N,), NaN where a sample is missing; and how many levels were fitted.
+
+    The levels are those of the whole record.
+    """
+    system = assemble(model, problem.rate)
+    value, level = _likelihood(system, problem.series, problem.regressors)
+    if not math.isfinite(value):
+        raise nothing_to_chance(model)
+    rest = problem.series[0] - level.values @ problem.series[1:] if level.values.size else problem.series[0]
+    out = np.empty(rest.size)
+    _core.kalman_innovations(*system.matrices, np.ascontiguousarray(rest[None, :]), out)
+    return out, len(level.values)
+
+
+def nothing_to_chance(model: Model) -> ModelError:
+    """The error of a model that predicts a sample exactly."""
+    return ModelError(
+        f"{model} leaves nothing to chance: some sample would follow exactly from those before. Give it white noise, "
+        "or another term that is not zero"
+    )
+
+
+def as_mean(mean: float | None) -> float | None:
+    """The known mean of a record, or None."""
+    if mean is None:
+        return None
+    if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
+        raise OptionError(f"mean must be a finite number in the unit of the data, or None if unknown; got {mean!r}")
+    return float(mean)

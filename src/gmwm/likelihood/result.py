@@ -1,0 +1,221 @@
+"""A model fitted by maximum likelihood."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from gmwm._arrays import Matrix, freeze
+from gmwm._late import LateMethod
+from gmwm.errors import ModelError, ReadError
+from gmwm.likelihood.record import Record
+from gmwm.processes.model import Model
+
+if TYPE_CHECKING:
+    from gmwm.inference.intervals import Interval
+    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.tracks import Tracks
+
+
+@dataclass(frozen=True)
+class LikelihoodDiagnostics:
+    """What to know before using the fit.
+
+    Attributes
+    ----------
+    acts_as : mapping of term to process name
+        Terms at an end of their domain, which these data cannot tell from another process.
+    not_supported : tuple of str
+        Terms estimated as zero: these data do not show them.
+    evaluations : int
+        Passes of the filter with derivatives that the search took.
+    converged : bool
+        Whether the search ended where nothing more is to be gained.
+    started_at : float
+        The log-likelihood where it started.
+    remarks : tuple of str
+        What the processes have to say of their estimates.
+    """
+
+    acts_as: Mapping[str, str]
+    not_supported: tuple[str, ...]
+    evaluations: int
+    converged: bool
+    started_at: float
+    remarks: tuple[str, ...] = ()
+
+    def notes(self) -> list[str]:
+        """The same in words: what to be warned of."""
+        notes = [
+            f"{term} acts as {name}: its correlation time cannot be told from these data"
+            for term, name in self.acts_as.items()
+        ]
+        notes += [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
+        if not self.converged:
+            notes.append("the search for the largest likelihood did not come to rest; start it from other values")
+        return [*notes, *self.remarks]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LikelihoodFit:
+    """A model fitted to a record by maximum likelihood.
+
+    Attributes
+    ----------
+    model : Model
+        With its estimates; repeated terms have the shortest correlation time first.
+    parameters : mapping of name to value
+        "WN.sigma2", "GM.beta", with repeats "GM[1].beta"; SI and per sample, β in 1/s.
+    loglikelihood : float
+        At the estimate.
+    level, level_error : float or None, in the unit of the record
+        The record's mean by least squares, and its standard error; None where it is known, or is that of a walk.
+    mean : float or None
+        The mean where it was known beforehand.
+    samples, missing : int
+        Samples that were there, and that were not.
+    names : tuple of str
+        The p parameters that were estimated inside their domains.
+    covariance : (p, p) array
+        Their covariance, the inverse of the information; infinite where the data do not determine one.
+    record : Record or None
+        What was fitted; None of a fit that was read from a file.
+    """
+
+    model: Model
+    parameters: Mapping[str, float]
+    loglikelihood: float
+    level: float | None
+    level_error: float | None
+    mean: float | None
+    samples: int
+    missing: int
+    rate: float
+    unit: str
+    axis: str
+    names: tuple[str, ...]
+    covariance: Matrix
+    diagnostics: LikelihoodDiagnostics
+    record: Record | None = field(default=None, repr=False)
+
+    confidence_intervals: ClassVar[LateMethod[..., dict[str, Interval]]] = LateMethod(
+        "gmwm.likelihood.intervals:confidence_intervals",
+        "Interval (low, high) of each estimated parameter, by name: level=0.95, method='wald' or 'profile'.",
+    )
+    summary: ClassVar[LateMethod[..., str]] = LateMethod(
+        "gmwm.likelihood.summary:summary", "Model, data, likelihood and estimates with intervals and units."
+    )
+    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:filter_tracks",
+        "The hidden processes in a record, each sample from those up to it: filter(x).",
+    )
+    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:smooth_tracks", "The hidden processes in a record, from all its samples: smooth(x)."
+    )
+    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
+        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
+    )
+    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
+        "gmwm.likelihood.residuals:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
+    )
+
+    def __post_init__(self) -> None:
+        freeze(self.covariance)
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each parameter that was estimated inside its domain."""
+        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def estimated(self) -> int:
+        """Number of parameters that were estimated, zeros among them."""
+        return len(self.model.names) - len(self.model.fixed)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion 2p − 2 log L."""
+        return 2.0 * self.estimated - 2.0 * self.loglikelihood
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion p log N − 2 log L."""
+        return self.estimated * math.log(self.samples) - 2.0 * self.loglikelihood
+
+    def units(self) -> dict[str, str]:
+        """Unit of every parameter."""
+        return self.model.units(self.unit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fit as plain numbers, lists and texts, ready for JSON; the record is not among them."""
+        d = self.diagnostics
+        return {
+            "method": "maximum likelihood",
+            "model": str(self.model),
+            "parameters": dict(self.parameters),
+            "units": self.units(),
+            "loglikelihood": self.loglikelihood,
+            "aic": self.aic,
+            "bic": self.bic,
+            "level": self.level,
+            "level_error": self.level_error,
+            "mean": self.mean,
+            "samples": self.samples,
+            "missing": self.missing,
+            "rate": self.rate,
+            "unit": self.unit,
+            "axis": self.axis,
+            "names": list(self.names),
+            "covariance": [[v if math.isfinite(v) else None for v in row] for row in self.covariance.tolist()],
+            "acts_as": dict(d.acts_as),
+            "not_supported": list(d.not_supported),
+            "evaluations": d.evaluations,
+            "converged": d.converged,
+            "started_at": d.started_at,
+            "remarks": list(d.remarks),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> LikelihoodFit:
+        """The fit whose `to_dict` gave `values`, or its JSON, without its record.
+
+        Raises
+        ------
+        ReadError
+            If they are not those of such a fit.
+
+        Examples
+        --------
+        >>> from gmwm import WN, fit_ml
+        >>> found = fit_ml(WN(), WN(sigma2=4.0).simulate(1000, 100.0, rng=1), rate=100.0)
+        >>> LikelihoodFit.from_dict(found.to_dict()).parameters == found.parameters
+        True
+        """
+        try:
+            model = Model.parse(values["model"])
+            parameters = {name: value for name, value in model.parameters.items() if value is not None}
+            if parameters != dict(values["parameters"]):
+                raise ModelError(f"the parameters are not those of {model}")
+            matrix = np.array(
+                [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
+            ).reshape(len(values["names"]), len(values["names"]))
+            diagnostics = LikelihoodDiagnostics(
+                dict(values["acts_as"]), tuple(values["not_supported"]), int(values["evaluations"]),
+                bool(values["converged"]), float(values["started_at"]), tuple(values["remarks"]),
+            )  # fmt: skip
+            return cls(
+                model, parameters, float(values["loglikelihood"]), values["level"], values["level_error"],
+                values["mean"], int(values["samples"]), int(values["missing"]), float(values["rate"]),
+                str(values["unit"]), str(values["axis"]), tuple(values["names"]), matrix, diagnostics,
+            )  # fmt: skip
+        except KeyError as error:
+            raise ReadError(f"not a fit by likelihood: it has no {error.args[0]!r}") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ReadError(f"not a fit by likelihood: {error}") from error
+
+    def __repr__(self) -> str:
+        return f"LikelihoodFit({self.model.structure}, log-likelihood {self.loglikelihood:.10g})"

@@ -1,0 +1,168 @@
+"""A fit by maximum likelihood in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gmwm._words import counted
+from gmwm.errors import ModelError, OptionError
+from gmwm.inference.intervals import Interval
+from gmwm.inference.summary import Row, estimate_text, interval_text, table_text
+from gmwm.likelihood.intervals import Method, confidence_intervals
+
+if TYPE_CHECKING:
+    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.result import LikelihoodFit
+
+
+def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
+    """The fit in words.
+
+    Parameters
+    ----------
+    level : float
+        Confidence level of the intervals.
+    method : "wald" or "profile"
+        How they are made.
+
+    Returns
+    -------
+    str
+        Model, N, rate; log-likelihood and criteria; the checks of the residuals; each parameter with estimate,
+        interval, relative standard error and unit; and what to be warned of.
+    """
+    intervals, reason = intervals_if_known(fit, level, method)
+    return in_words(fit, level, intervals, own_residuals(fit), reason)
+
+
+def in_words(
+    fit: LikelihoodFit,
+    level: float,
+    intervals: Mapping[str, Interval],
+    residuals: Residuals | None = None,
+    reason: str | None = None,
+) -> str:
+    """The same with intervals and residuals that are already known, and the reason why there are none."""
+    words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
+    return "\n".join([*lines, "", *words] if words else lines)
+
+
+def intervals_if_known(
+    fit: LikelihoodFit, level: float, method: Method = "wald"
+) -> tuple[dict[str, Interval], str | None]:
+    """The intervals, or none and the reason why: a fit from a file has no record to make all of them of."""
+    try:
+        return confidence_intervals(fit, level, method), None
+    except ModelError as error:
+        return {}, f"no intervals: {error}"
+
+
+def own_residuals(fit: LikelihoodFit) -> Residuals | None:
+    """The standardised innovations of the record that was fitted; None of a fit that was read from a file."""
+    if fit.record is None:
+        return None
+    return fit.residuals(fit.record.values)
+
+
+def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
+    """Intervals and standard errors as plain numbers, ready for JSON; None where there is no number."""
+    return {
+        "confidence": level,
+        "confidence_intervals": {
+            name: [end if math.isfinite(end) else None for end in interval] for name, interval in intervals.items()
+        },
+        "standard_errors": {
+            name: error if math.isfinite(error) else None for name, error in fit.standard_errors.items()
+        },
+    }
+
+
+def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
+    """Model, data, the likelihood, and what is left of the data."""
+    d = fit.diagnostics
+    missing = f", {counted(fit.missing, 'sample')} missing" if fit.missing else ""
+    duration = (fit.samples + fit.missing) / fit.rate
+    lines = [
+        f"{fit.model.structure}{' of ' + fit.axis if fit.axis else ''} by maximum likelihood",
+        f"{fit.samples} samples at {fit.rate:g} Hz ({duration:g} s){missing}",
+        f"log-likelihood {fit.loglikelihood:.6f} ({fit.loglikelihood - d.started_at:+.4g} from the start, "
+        f"{counted(d.evaluations, 'evaluation')}), AIC {fit.aic:.2f}, BIC {fit.bic:.2f}",
+    ]
+    if fit.level is not None:
+        lines.append(f"mean {fit.level:.6g} ± {fit.level_error:.2g} {fit.unit}".rstrip())
+    if residuals is not None:
+        lines.append(f"residuals: {checks_in_words(residuals)}")
+    return lines
+
+
+def checks_in_words(residuals: Residuals) -> str:
+    """Whether residuals are white and normal, in a line."""
+    normal = f"normal? p {_p(residuals.normality().p_value)} (Jarque-Bera)"
+    try:
+        white = residuals.ljung_box()
+    except OptionError:  # so few samples that no lag is left to test
+        return normal
+    return f"white? p {_p(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
+
+
+def p_text(p: float) -> str:
+    """A p-value with three decimals, or that it is less than one in a thousand.
+
+    >>> p_text(0.04251), p_text(2e-9)
+    ('0.043', '< 0.001')
+    """
+    return f"{p:.3f}" if p >= 0.001 else "< 0.001"
+
+
+def _p(p: float) -> str:
+    text = p_text(p)
+    return text if text.startswith("<") else f"= {text}"
+
+
+def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
+    """Every parameter with its interval, in the order of the terms."""
+    errors, units = fit.standard_errors, fit.units()
+    shown = []
+    for name, value in fit.parameters.items():
+        if _undetermined(fit, intervals, name):
+            shown.append(Row(name, "undetermined", "", "", units[name]))
+            continue
+        interval, error = "", ""
+        if name in fit.model.fixed:
+            interval = "held"
+        elif name in intervals:
+            interval = interval_text(*intervals[name])
+            share = errors.get(name, math.inf) / abs(value) if value else math.inf
+            if math.isfinite(share):
+                error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+    return shown
+
+
+def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
+    """Each parameter in one word: estimate and relative standard error, upper limit, or what its term acts as."""
+    shown = {}
+    for row in rows(fit, intervals):
+        value = fit.parameters[row.name]
+        low, high = intervals.get(row.name, (0.0, math.inf))
+        acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
+        if _undetermined(fit, intervals, row.name):
+            shown[row.name] = "—"
+        elif acting is not None:
+            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
+        elif math.isfinite(high) and low in (0.0, -high):
+            shown[row.name] = f"≤ {high:.2e}"
+        else:
+            shown[row.name] = (f"{value:.2e}" if value else "0") + (f" ± {row.error}" if row.error else "")
+    return shown
+
+
+def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
+    """Whether a parameter is the shape of a term that is not there."""
+    gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
+    if not gone or name in fit.model.fixed or fit.parameters[name] == 0:
+        return False
+    return name not in intervals or intervals[name] == (0.0, math.inf)

@@ -1,0 +1,276 @@
+"""The hidden processes of a record: filtered, smoothed, or predicted, each with its standard deviation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._late import LateMethod
+from gmwm.errors import ModelError, OptionError
+from gmwm.estimation import Fit
+from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
+from gmwm.likelihood.record import Record, as_record
+from gmwm.likelihood.result import LikelihoodFit
+from gmwm.likelihood.system import System, assemble
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model, as_model
+from gmwm.processes.parameter import Fixed
+from gmwm.signals import Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Kind = Literal["filter", "smooth", "predict"]
+Modelled = Fit | LikelihoodFit | Model | Process | str
+"""What says which model a record follows: a fit, or a model with values."""
+
+BIAS = "bias"
+"""The label of the sum of all that wanders, the record's level among it: what a navigation filter estimates."""
+LEVEL = "level"
+"""The label of the record's constant mean, where no walk takes it up."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tracks:
+    """The hidden processes of a record.
+
+    Attributes
+    ----------
+    kind : "filter", "smooth" or "predict"
+        Each sample from those up to it, from all there are, or from all before the record's end.
+    model : Model
+        With its values.
+    times : (N,) array
+        Of the samples (s).
+    data : (N,) array
+        The record, NaN where a sample is missing, as all are that are predicted.
+    mean, error : mapping of label to (N,) array
+        Expected value and standard deviation given the data, in the unit of the record: of each term; of "level", the
+        record's constant mean, where no walk takes it up; and of "bias", the sum of the level and of all terms that
+        wander. Infinite where the data do not determine it yet.
+    """
+
+    kind: Kind
+    model: Model
+    rate: float
+    unit: str
+    axis: str
+    times: Vector
+    data: Vector
+    mean: Mapping[str, Vector]
+    error: Mapping[str, Vector]
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.tracks:plot_tracks",
+        "Draw processes with their bands: plot(labels=None, truth=None, level=0.95, units='si', ax=None, path=None).",
+    )
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.data, *self.mean.values(), *self.error.values()):
+            freeze(array)
+
+    def __len__(self) -> int:
+        return int(self.data.size)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What there is a track of."""
+        return tuple(self.mean)
+
+    def band(self, label: str = BIAS, level: float = 0.95) -> tuple[Vector, Vector]:
+        """Ends (N,) of the interval that holds a process with probability `level`, sample by sample.
+
+        The parameters of the model count as known.
+        """
+        if label not in self.mean:
+            raise OptionError(f"label must be one of {', '.join(self.mean)}; got {label!r}")
+        if not isinstance(level, int | float) or not 0 < level < 1:
+            raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
+        reach = NormalDist().inv_cdf((1 + level) / 2) * self.error[label]
+        return self.mean[label] - reach, self.mean[label] + reach
+
+    def __repr__(self) -> str:
+        return f"Tracks({self.kind}, {', '.join(self.labels)}: {len(self)} samples at {self.rate:g} Hz)"
+
+
+def filter_tracks(
+    model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
+) -> Tracks:
+    """The hidden processes of a record, each sample from those up to it: what runs in real time.
+
+    Parameters
+    ----------
+    model : Fit, LikelihoodFit, Model, Process or str
+        The fitted model, or one with values.
+    data : Signal or (N,) array
+        Gaps of a signal are missing samples; in an array NaN is one.
+    rate : float, optional
+        Samples per second (Hz); needed with an array and a model, known from a fit.
+    mean : float, optional
+        The record's mean where it is known; unknown by default.
+
+    Returns
+    -------
+    Tracks
+
+    Raises
+    ------
+    ModelError
+        If a parameter has no value, or the model predicts a sample exactly.
+    MissingTheoryError
+        If a term has no state-space form.
+    DataError, OptionError
+        If the data, the rate or the mean cannot be used.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN
+    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+    >>> tracks = model.filter(model.simulate(1000, 100.0, rng=1), rate=100.0)
+    >>> tracks.labels
+    ('WN', 'RW', 'bias')
+    """
+    return _tracks("filter", model, data, rate, mean)
+
+
+def smooth_tracks(
+    model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
+) -> Tracks:
+    """The hidden processes of a record, each sample from all of it, by the fixed-interval smoother.
+
+    Parameters, result and errors are those of `filter_tracks`.
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., section 4.4.
+    """
+    return _tracks("smooth", model, data, rate, mean)
+
+
+def predict_tracks(
+    model: Modelled,
+    data: Signal | ArrayLike,
+    steps: int,
+    rate: float | None = None,
+    *,
+    mean: float | None = None,
+) -> Tracks:
+    """What follows a record: the hidden processes at the `steps` samples after its end, from all of it.
+
+    Parameters, result and errors are otherwise those of `filter_tracks`.
+
+    Examples
+    --------
+    >>> from gmwm import parse_model
+    >>> model = parse_model("GM(beta=1.0, sigma2=4.0)")
+    >>> ahead = model.predict(model.simulate(1000, 100.0, rng=1), 10_000, rate=100.0, mean=0.0)
+    >>> print(f"{ahead.error['GM'][0]:.2f} {ahead.error['GM'][-1]:.2f}")
+    0.28 2.00
+    """
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+        raise OptionError(f"steps must be a whole number of samples, 1 or more; got {steps!r}")
+    return _tracks("predict", model, data, rate, mean, int(steps))
+
+
+def _tracks(
+    kind: Kind, model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
+) -> Tracks:
+    problem = posed(model, data, rate, mean, steps)
+    system = assemble(problem.model, problem.rate)
+    labels, states, shares = _sums(problem, system)
+    size = problem.record.values.size
+    means, variances = np.empty((len(labels) + 1, size)), np.empty((len(labels) + 1, size))
+    if not _core.kalman_tracks(*system.matrices, problem.series, states, shares, kind == "smooth", means, variances):
+        raise nothing_to_chance(problem.model)
+    errors = np.sqrt(variances, out=variances)
+    found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
+    white = [part.label for part in system.parts if part.space.states == 0]
+    if white:
+        found[white[0]] = (means[-1], errors[-1])
+    _known(problem, system, found)
+    order = [label for label in (*problem.model.terms, LEVEL, BIAS) if label in found]
+    part = slice(size - steps, None) if kind == "predict" else slice(None)
+    record = problem.record
+    return Tracks(
+        kind, problem.model, record.rate, record.unit, record.axis, record.times[part], record.values[part].copy(),
+        {label: found[label][0][part] for label in order}, {label: found[label][1][part] for label in order},
+    )  # fmt: skip
+
+
+def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
+    """A model with values and a record, `steps` missing samples after its end."""
+    if isinstance(model, Fit | LikelihoodFit):
+        known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
+        given = data.rate if isinstance(data, Signal) else rate
+        if given is not None and not math.isclose(given, known, rel_tol=1e-6):
+            raise OptionError(
+                f"the model was fitted at {known:g} Hz, the data have {given:g} Hz; its values are per sample: "
+                "fit it to data of this rate"
+            )
+        rate = None if isinstance(data, Signal) else known
+        mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
+        model = model.model
+    wanted = as_model(model)
+    missing = [name for name, value in wanted.parameters.items() if value is None]
+    if missing:
+        raise ModelError(f"{wanted} needs a value for {', '.join(missing)}: fit it to data, or give them")
+    record = as_record(data, rate)
+    if steps:
+        record = Record(
+            np.concatenate([record.values, np.full(steps, np.nan)]), record.rate, record.unit, record.axis,
+            record.start, record.centre,
+        )  # fmt: skip
+    held = wanted.with_values({name: Fixed(v) for name, v in wanted.parameters.items() if v is not None})
+    return Problem(held, record, as_mean(mean))
+
+
+def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
+    """Labels of the sums that are wanted, their weights of the states (g, p), and of the regressors (g, m)."""
+    regressors = problem.regressors
+    labels, states, shares = [], [], []
+    bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
+    for part in system.parts:
+        if part.space.states == 0:
+            continue
+        seen = np.zeros(system.H.size)
+        seen[part.first : part.last] = part.space.H[0]
+        own = np.array([float(r.label == part.label) for r in regressors])
+        labels.append(part.label)
+        states.append(seen)
+        shares.append(own)
+        if part.process.correlation_time(problem.rate) != 0:
+            bias += seen
+            carried += own
+    if any(r.label == LEVEL for r in regressors):
+        own = np.array([float(r.label == LEVEL) for r in regressors])
+        labels.append(LEVEL)
+        states.append(np.zeros(system.H.size))
+        shares.append(own)
+        carried += own
+    labels.append(BIAS)
+    return labels, np.array([*states, bias]).reshape(len(labels), -1), np.array([*shares, carried])
+
+
+def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
+    """Add what was taken off before: a known mean, the number near the record, and drifts with their values."""
+    bias = found[BIAS][0]
+    bias += problem.centre
+    levelled = [r.label for r in problem.regressors if r.flat]
+    if levelled:
+        found[levelled[0]][0][:] += problem.centre
+    elif problem.centre:
+        found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
+    random = {part.label for part in system.parts}
+    for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
+        if label not in random:
+            course = process.mean(np.arange(bias.size))
+            found[label] = (np.asarray(course, dtype=np.float64), np.zeros(bias.size))
+            bias += course

@@ -1,0 +1,178 @@
+"""Standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
+
+from __future__ import annotations
+
+import math
+import os
+from statistics import NormalDist
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.likelihood.residuals import Residuals
+from gmwm.plots.axes import number_text, power_text
+from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title, model_text
+from gmwm.plots.linear import even_axis, number_at, time_unit
+from gmwm.plots.series import DOTS, PAGE
+from gmwm.plots.style import BLACK, BLUE, GREY, VERMILLION
+from gmwm.plots.trace import even_trace, isolated
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+LEVEL = 0.95
+FEW = 200
+"""So many lags at most have a dot each."""
+LEAST_P = 1e-6
+"""Smaller p-values are not told apart."""
+LINE = Stroke(BLUE, 0.5)
+DOTTED = Stroke(BLUE, 0.0, symbol="circle")
+LIMIT = Stroke(VERMILLION, 0.9)
+EXPECTED = Stroke(BLACK, 0.8)
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
+    """What `plot_residuals` draws, as data."""
+    below = (quantile_panel(residuals), correlation_panel(residuals, lags))
+    return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
+
+
+def time_panel(residuals: Residuals) -> Panel:
+    """The residuals over time, and the size that the largest of so many has with a probability of 5 % only."""
+    z = residuals.observed
+    largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
+    one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
+    unit, size = time_unit(residuals.values.size / residuals.rate)
+    last = (residuals.values.size - 1) / residuals.rate / size
+    x = even_axis(0.0, last, f"Time since the first sample ({unit})", margin=0.01, at_most=10)
+    y = even_axis(min(one.low, -largest), max(one.high, largest), "Standardised innovation", margin=0.06, at_most=7)
+    times = one.seconds / size
+    across = np.array([*x.limits, math.nan, *x.limits])
+    limits = np.array([largest, largest, math.nan, -largest, -largest])
+    lone = isolated(one.y)
+    marks: list[Mark] = [Line(times, one.y, LINE, "", MIDDLE)]
+    if np.any(lone):
+        marks.append(Line(times[lone], one.y[lone], DOTTED, "", MIDDLE))
+    marks.append(Line(across, limits, LIMIT, f"{_percent(LEVEL)} limits of the largest", FRONT))
+    beyond = int(np.count_nonzero(np.abs(z) > largest))
+    name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
+    mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
+    return Panel(x, y, tuple(marks), f"{name}: mean {mean}, standard deviation {spread}, {beyond} beyond the limit")
+
+
+def quantile_panel(residuals: Residuals) -> Panel:
+    """Observed against normal quantiles: on the diagonal, within the limits, where the model is right."""
+    normal, observed = residuals.quantiles()
+    lower, upper = order_limits(normal, residuals.observed.size)
+    reach = float(np.max(np.abs(normal)))
+    x = even_axis(-reach, reach, "Normal quantile", margin=0.05, at_most=7)
+    # The limits of the outermost points may leave the panel, the points may not.
+    low, high = min(-reach, float(np.min(observed))), max(reach, float(np.max(observed)))
+    y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
+    normality = residuals.normality()
+    marks = (
+        Band(normal, lower, upper, GREY, 0.25, f"{_percent(LEVEL)} limits of each point", BAND),
+        Line(np.array(x.limits), np.array(x.limits), EXPECTED, "Expected", BEHIND),
+        Line(normal, observed, DOTTED, "Observed", FRONT),
+    )
+    return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
+
+
+def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
+    """Limits (n,) for the sorted ones of `count` normal numbers, whose expected places are the quantiles `normal`.
+
+    The k-th of N has a probability Φ(z) that is beta(k, N − k + 1).
+
+    >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
+    >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
+    -2.054 to -1.946; 1.946 to 2.054;
+    """
+    from scipy.special import betaincinv, ndtr, ndtri
+
+    # In the lower half, where probabilities keep their digits.
+    mirrored = -np.abs(normal)
+    place = np.clip(np.round(ndtr(mirrored) * count + 0.5), 1, count)
+    ends = [ndtri(betaincinv(place, count - place + 1, share)) for share in ((1 - level) / 2, (1 + level) / 2)]
+    below = normal <= 0
+    return np.where(below, ends[0], -ends[1]), np.where(below, ends[1], -ends[0])
+
+
+def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
+    """The autocorrelation from lag 1 on, with the limits that it has where nothing is correlated."""
+    r = residuals.acf(lags)[1:]
+    lag = np.arange(1.0, r.size + 1)
+    limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * residuals.acf_error(r.size)
+    far = max(float(np.max(np.abs(r))), 1.5 * float(np.max(limit)))
+    x = even_axis(0.0, r.size, "Lag (samples)", margin=0.02, at_most=8)
+    y = even_axis(-far, far, "Autocorrelation", margin=0.06, at_most=7)
+    ends = np.array(x.limits)
+    stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
+    marks: list[Mark] = [
+        Band(lag, -limit, limit, GREY, 0.25, f"{_percent(LEVEL)} limits of each point", BAND),
+        Line(ends, np.zeros(2), EXPECTED, "Expected", BEHIND),
+        Line(np.repeat(lag, 3), stems, Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), "", MIDDLE),
+    ]
+    if r.size <= FEW:
+        marks.append(Line(lag, r, DOTTED, "Observed", FRONT))
+    return Panel(x, y, tuple(marks), _whiteness(residuals, lags))
+
+
+def _whiteness(residuals: Residuals, lags: int | None) -> str:
+    if (residuals.usual_lags if lags is None else lags) <= residuals.estimated:
+        return f"No Ljung-Box test: {residuals.estimated} parameters were estimated"
+    test = residuals.ljung_box(lags)
+    return f"Ljung-Box, {test.lags} lags: {_p_text(test.p_value)}"
+
+
+def _p_text(p_value: float) -> str:
+    return f"p < {power_text(LEAST_P)}" if p_value < LEAST_P else f"p = {number_text(p_value, 2)}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:g} %"
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_residuals(
+    residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
+) -> MatplotlibFigure:
+    """Draw residuals over time, against normal quantiles, and their autocorrelation; the titles tell the tests.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        What was left of a record under a model.
+    lags : int, optional
+        Lags of the autocorrelation and of the Ljung-Box test; by default 10 log₁₀ N.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN
+    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+    >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
+    >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
+    ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(residuals_figure(residuals, lags), path=path)

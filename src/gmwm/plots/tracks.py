@@ -1,0 +1,282 @@
+"""Hidden processes over time, each with its band: the record with its bias, and under it the tracks one by one."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, as_vector
+from gmwm.errors import OptionError
+from gmwm.likelihood.tracks import BIAS, LEVEL, Kind, Tracks
+from gmwm.plots.axes import number_text, quiet
+from gmwm.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
+from gmwm.plots.labels import axis_title, model_text, term_label
+from gmwm.plots.linear import even_axis, power_of, scaled_unit, time_unit
+from gmwm.plots.series import DOTS, NAMES, PAGE
+from gmwm.plots.style import BLACK, BLUE, PALE
+from gmwm.plots.trace import envelope, even_trace, extremes_there, in_digits, isolated, removed
+from gmwm.plots.view import UnitSystem, View, view_of
+from gmwm.units import find_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+COLUMNS = round(DOTS * PAGE)
+RECORD = Stroke(PALE, 0.5)
+TRACK = Stroke(BLUE, 1.1)
+TRUTH = Stroke(BLACK, 0.5)
+WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
+SETTLED = 2.0
+"""A filter's first errors are as large as the noise: the scale is chosen from where they come down to so many times the
+usual one."""
+DENSE = 0.03
+"""A line whose drawn points lie so large a share of the panel apart, on average, fills an area."""
+FAR = 50.0
+"""Where values are so many times larger than their span, their numbers would be too long for an axis."""
+
+
+# --- what is drawn, as data ---------------------------------------------------------------------------
+
+
+def tracks_figure(
+    tracks: Tracks,
+    labels: str | Sequence[str] | None = None,
+    *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
+    level: float = 0.95,
+    units: UnitSystem = "si",
+    record: bool = True,
+) -> Figure:
+    """What `plot_tracks` draws, as data: the record with the bias, where there is one, and a panel for each track."""
+    chosen, known = _as_labels(tracks, labels), _as_truth(tracks, truth)
+    shown = view_of(tracks.unit, "allan", units)
+    panels: list[Panel] = []
+    less = 0.0
+    if record and np.any(np.isfinite(tracks.data)):
+        panel, less = _record_panel(tracks, shown)
+        panels.append(panel)
+    panels += [_track_panel(_Drawn(tracks, label, known.get(label), level, shown), less) for label in chosen]
+    stacked = [replace(panel, x=quiet(panel.x)) for panel in panels[:-1]] + panels[-1:]
+    height = max(min(46.0, 235.0 / len(panels)), 22.0)
+    return Figure(
+        tuple((panel,) for panel in stacked), width=PAGE, height=18.0 + height * len(panels), legend_columns=4
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A track, its truth (N,) where that is known, and how it is shown."""
+
+    tracks: Tracks
+    label: str
+    truth: Vector | None
+    level: float
+    shown: View
+
+
+def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
+    """The record with its bias over it, and what was taken off both."""
+    one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
+    mean = removed(one)
+    one = one.less(mean)
+    power = power_of(max(abs(one.low), abs(one.high)))
+    x, size = _time_axis(tracks)
+    scale = 10.0**power
+    y = even_axis(one.low / scale, one.high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
+    times, record = one.seconds / size, one.y / scale
+    marks: list[Mark] = [Line(times, record, RECORD, "Record", BEHIND)]
+    lone = isolated(record)
+    if np.any(lone):
+        marks.append(Line(times[lone], record[lone], Stroke(PALE, 0.0, symbol="circle"), "", BEHIND))
+    bias = _there(tracks, BIAS)
+    index = extremes_there(bias, COLUMNS)
+    path = (shown.factor * bias[index] - mean) / scale
+    marks.append(Line(index / tracks.rate / size, path, TRACK, WORDS[tracks.kind], FRONT))
+    name = axis_title(tracks.axis) or "Record"
+    return Panel(x, y, tuple(marks), _less(f"{name} and its bias: {model_text(tracks.model.terms)}", mean, shown)), mean
+
+
+def _track_panel(drawn: _Drawn, less: float) -> Panel:
+    """A track in its band, at the scale of both."""
+    tracks, shown = drawn.tracks, drawn.shown
+    mean = shown.factor * _there(tracks, drawn.label)
+    lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
+    truth = None if drawn.truth is None else shown.factor * drawn.truth
+    low, high = _ends(tracks, drawn.label, lower, upper, truth)
+    # Only what holds the level of the record holds what was taken off it.
+    less = less if abs(low - less) < abs(low) else 0.0
+    if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
+        less = in_digits((low + high) / 2, high - low)
+    low, high = low - less, high - less
+    power = power_of(max(abs(low), abs(high)))
+    x, size = _time_axis(tracks)
+    scale = 10.0**power
+    y = even_axis(low / scale, high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
+    first = _first_time(tracks) / size
+    place, below, above = envelope((lower - less) / scale, (upper - less) / scale, COLUMNS)
+    marks: list[Mark] = [
+        Band(first + place / tracks.rate / size, below, above, BLUE, 0.25, f"{100 * drawn.level:g} % interval", BAND),
+    ]
+    curves: list[tuple[Vector, Stroke, str, int]] = [(mean, TRACK, WORDS[tracks.kind], MIDDLE)]
+    if truth is not None:
+        curves.append((truth, TRUTH, "Truth", BEHIND if _dense(truth, high - low) else ABOVE))
+    for values, stroke, label, layer in curves:
+        index = extremes_there(values, COLUMNS)
+        marks.append(Line(first + index / tracks.rate / size, (values[index] - less) / scale, stroke, label, layer))
+    return Panel(x, y, tuple(marks), _less(_title(tracks, drawn.label, shown), less, shown))
+
+
+def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
+    """The least and the greatest value that a panel has to hold: all but what a filter says before it has settled."""
+    error = tracks.error[label]
+    there = np.isfinite(error)
+    if tracks.kind == "filter" and np.any(there):
+        there &= np.arange(error.size) >= int(np.argmax(error <= SETTLED * np.median(error[there])))
+    values = np.concatenate([lower[there], upper[there], [] if truth is None else truth[np.isfinite(truth)]])
+    return (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
+
+
+def _dense(values: Vector, height: float) -> bool:
+    """Whether a line goes up and down so fast that it fills an area, and would hide what is under it."""
+    index = extremes_there(values, COLUMNS)
+    steps = np.abs(np.diff(values[index]))
+    return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
+
+
+def _there(tracks: Tracks, label: str) -> Vector:
+    """The expected values, NaN where nothing is known of them."""
+    return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
+
+
+def _first_time(tracks: Tracks) -> float:
+    """Of the first sample, on the axis of time (s): what is predicted begins a step after the record."""
+    return 1 / tracks.rate if tracks.kind == "predict" else 0.0
+
+
+def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
+    """The axis of time, and the length of its unit (s)."""
+    unit, size = time_unit(len(tracks) / tracks.rate)
+    first = _first_time(tracks)
+    since = "the end of the record" if first else "the first sample"
+    last = (first + (len(tracks) - 1) / tracks.rate) / size
+    return even_axis(0.0, last, f"Time since {since} ({unit})", margin=0.01, at_most=10), size
+
+
+def _title(tracks: Tracks, label: str, shown: View) -> str:
+    if label == BIAS:
+        terms = zip(tracks.model.terms, tracks.model.processes, strict=True)
+        parts = [term for term, process in terms if process.correlation_time(tracks.rate) != 0]
+        return f"Bias: {model_text([LEVEL] * (LEVEL in tracks.mean) + parts)}"
+    if label == LEVEL:
+        return "Level of the record"
+    process = tracks.model.processes[tracks.model.terms.index(label)]
+    return term_label(label, process, shown, tracks.rate)
+
+
+def _less(title: str, amount: float, shown: View) -> str:
+    """A title that says what was taken off."""
+    written = number_text(amount, 6).replace("-", "−")
+    return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
+
+
+def _height_label(tracks: Tracks, shown: View, power: int) -> str:
+    known = find_unit(tracks.unit)
+    return f"{NAMES[known.quantity] if known else 'Signal'} ({scaled_unit(shown.unit, power)})"
+
+
+# --- the door -----------------------------------------------------------------------------------------
+
+
+def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
+    wanted = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
+    unknown = [label for label in wanted if label not in tracks.mean]
+    if unknown or not wanted:
+        got = ", ".join(map(repr, unknown)) or "none"
+        raise OptionError(f"labels must be among {', '.join(tracks.labels)}; got {got}")
+    return wanted
+
+
+def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
+    """The true paths by label; one array is that of the bias."""
+    if truth is None:
+        return {}
+    given = truth if isinstance(truth, Mapping) else {BIAS: truth}
+    unknown = [str(label) for label in given if label not in tracks.mean]
+    if unknown:
+        raise OptionError(f"truth must be of {', '.join(tracks.labels)}; got {', '.join(unknown)}")
+    paths = {label: as_vector(path, f"truth of {label}", finite=False) for label, path in given.items()}
+    for label, path in paths.items():
+        if path.size != len(tracks):
+            raise OptionError(f"truth of {label} must have a value for each of {len(tracks)} samples, got {path.size}")
+    return paths
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+def plot_tracks(
+    tracks: Tracks,
+    labels: str | Sequence[str] | None = None,
+    *,
+    truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
+    level: float = 0.95,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the record with its bias, and under it the bias, or other tracks, each at its own scale with its band.
+
+    The line of the record is broken where samples are missing, a track is not; what is infinitely uncertain is not
+    drawn. Of a prediction there is no record.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        From `filter`, `smooth` or `predict`.
+    labels : str or sequence of str, optional
+        The tracks, a panel each; the bias by default.
+    truth : mapping of label to (N,) array, or (N,) array, optional
+        The true paths, in the unit of the record, where they are known, over the tracks, or, where they fill an area,
+        under them; one array is that of the bias.
+    level : float
+        The probability with which a band holds the process, sample by sample; parameters count as known.
+    units : "si" or "datasheet"
+        rad/s and m/s², or deg/h and mg; another unit stays as it is.
+    ax : matplotlib Axes, optional
+        Draw one track there, without the record; a new figure by default.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If a label or an option is unknown, a true path does not fit the track, or the picture cannot be drawn there.
+    DataError
+        If a true path is not a vector of real numbers.
+
+    Examples
+    --------
+    >>> from gmwm import simulate_signal
+    >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, seed=1)
+    >>> tracks = made.model.smooth(made.signal)
+    >>> picture = tracks.plot(truth=made["RW"])
+    >>> [axes.get_title() for axes in picture.axes]
+    ['Record and its bias: WN + RW', 'Bias: RW']
+    """
+    from gmwm.plots.matplotlib import draw
+
+    figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)
+    return draw(figure, ax=ax, path=path)

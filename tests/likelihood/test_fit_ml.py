@@ -1,0 +1,347 @@
+"""Fits by maximum likelihood: at the top of the likelihood, from wherever they start, and honest about what is missing."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from gmwm import LikelihoodFit, fit, fit_ml, loglikelihood, parse_model
+from gmwm.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
+from gmwm.likelihood.problem import Problem
+from gmwm.likelihood.record import as_record
+from gmwm.signals import Signal
+from validation.likelihood import fisher_errors, most_likely
+
+RATE = 100.0
+TRUTHS = (
+    "WN(sigma2=2.0)",
+    "GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)",
+    "GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0) + RW(gamma2=1e-3)",
+    "AR1(phi=-0.7, sigma2=1.0) + WN(sigma2=0.5)",
+    "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + WN(sigma2=3.0)",
+    "MA(2, theta1=0.6, theta2=0.3, sigma2=1.0)",
+    "ARMA(2, 1, phi1=0.9, phi2=-0.3, theta1=0.5, sigma2=1.0)",
+    "GM(beta=1.0, sigma2=2.0) + GM(beta=40.0, sigma2=3.0) + WN(sigma2=1.0) + QN(q2=2.0)",
+    "QN(q2=1.0) + WN(sigma2=0.5) + RW(gamma2=1e-3)",
+    "SIN(frequency=7.0, power=3.0) + WN(sigma2=1.0)",
+    "DR(omega=0.001) + WN(sigma2=1.0) + RW(gamma2=1e-3)",
+)
+
+
+def drawn(text, samples=8000, seed=1):
+    model = parse_model(text)
+    return model, 9.81 + model.simulate(samples, RATE, rng=seed)
+
+
+def top(found, x):
+    """The problem at a fit, and its evaluation there by all coordinates that are not at an end."""
+    problem = Problem(found.model, as_record(x, RATE), found.mean)
+    z = problem.start()
+    return problem, z, problem.evaluate(z, list(range(z.size)))
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+@pytest.mark.parametrize("text", TRUTHS)
+def test_a_fit_is_at_the_top_of_its_likelihood(text, gaps):
+    model, x = drawn(text)
+    if gaps:
+        x[[*range(1000, 1300), *range(2000, 8000, 301)]] = np.nan
+    found = fit_ml(model.structure, x, RATE, start=model)
+    assert found.diagnostics.converged
+    assert not found.diagnostics.not_supported
+    assert found.loglikelihood == pytest.approx(loglikelihood(found.model, x, RATE), rel=1e-12)
+    assert found.loglikelihood >= loglikelihood(model, x, RATE)
+    assert (found.samples, found.missing) == (np.count_nonzero(np.isfinite(x)), np.count_nonzero(np.isnan(x)))
+    problem, z, here = top(found, x)
+    # What a step along the slope could still gain.
+    assert here.gradient @ np.linalg.solve(here.information, here.gradient) < 1e-5
+    for k in range(z.size):
+        for side in (-1, 1):
+            near = z.copy()
+            near[k] += side * 0.1 / np.sqrt(here.information[k, k])
+            assert problem.value(problem.at_point(near))[0] < found.loglikelihood
+    # Estimates are where they should be, within five standard errors.
+    for name, value in found.parameters.items():
+        assert abs(value - model.sorted(RATE).parameters[name]) < 5 * found.standard_errors[name], name
+
+
+@pytest.mark.parametrize("text", [t for t in TRUTHS if "SIN" not in t])
+def test_the_same_top_is_reached_from_the_wavelets_and_from_afar(text):
+    model, x = drawn(text, seed=2)
+    found = fit_ml(model.structure, x, RATE)
+    elsewhere = model.with_values({
+        f"{t}.{p.scale_parameter().name}": 3.0 * p.value(p.scale_parameter().name)
+        for t, p in zip(model.terms, model.processes, strict=True)
+    })  # fmt: skip
+    for start in (model, elsewhere, found):
+        other = fit_ml(model.structure, x, RATE, start=start)
+        assert other.loglikelihood == pytest.approx(found.loglikelihood, abs=1e-6)
+        for name, value in found.parameters.items():
+            assert abs(other.parameters[name] - value) < 2e-3 * found.standard_errors[name], name
+        assert other.standard_errors == pytest.approx(found.standard_errors, rel=1e-2)
+
+
+def test_it_is_the_top_that_another_hand_finds():
+    model = parse_model("GM(beta=10.0, sigma2=2e-6) + WN(sigma2=4e-6)")
+    x = model.simulate(4000, RATE, rng=2)
+    found = fit_ml("GM + WN", x, RATE, mean=0.0)
+    other = most_likely(x, RATE, (10.0, 2e-6, 4e-6))
+    assert list(found.parameters.values()) == pytest.approx(other, rel=1e-3)
+    errors = np.array(list(found.standard_errors.values())) / list(found.parameters.values())
+    expected = fisher_errors(*np.array(list(found.parameters.values())) / [RATE, 1, 1], 4000)
+    np.testing.assert_allclose(errors, expected, rtol=0.05)
+
+
+def test_the_order_of_terms_and_the_unit_change_nothing():
+    model, x = drawn("GM(beta=1.0, sigma2=2.0) + GM(beta=40.0, sigma2=3.0) + WN(sigma2=0.5) + RW(gamma2=1e-3)")
+    one = fit_ml("2*GM + WN + RW", x, RATE)
+    other = fit_ml("RW + GM + WN + GM", x, RATE)
+    assert dict(other.parameters) == pytest.approx(dict(one.parameters), rel=1e-4)
+    assert one.parameters["GM[1].beta"] > one.parameters["GM[2].beta"]
+    small = fit_ml("2*GM + WN + RW", 1e-7 * x, RATE)
+    for name, value in one.parameters.items():
+        assert small.parameters[name] == pytest.approx(value * (1 if name.endswith("beta") else 1e-14), rel=1e-4)
+    assert (small.level, one.level) == (None, None)
+
+
+def test_held_parameters_stay():
+    model, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)")
+    free = fit_ml("GM + WN", x, RATE)
+    for held in ("GM.beta", "WN.sigma2"):
+        term, name = held.split(".")
+        text = "GM + WN".replace(term, f"{term}({name}=fixed({1.1 * free.parameters[held]!r}))")
+        found = fit_ml(text, x, RATE)
+        assert found.parameters[held] == 1.1 * free.parameters[held]
+        assert held not in found.standard_errors
+        assert held not in found.confidence_intervals()
+        assert len(found.names) == 2
+        assert found.loglikelihood < free.loglikelihood
+        # At the value where it would be anyway nothing is lost, and the others stay where they were.
+        same = fit_ml(text.replace(repr(1.1 * free.parameters[held]), repr(free.parameters[held])), x, RATE)
+        assert same.loglikelihood == pytest.approx(free.loglikelihood, abs=1e-6)
+        assert dict(same.parameters) == pytest.approx(dict(free.parameters), rel=1e-3)
+    both = fit_ml("GM(beta=fixed(5.0), sigma2=fixed(0.5)) + WN", x, RATE)
+    assert (both.names, both.parameters["GM.sigma2"]) == (("WN.sigma2",), 0.5)
+    # A start's value of what is held does not count.
+    text = f"GM(beta=fixed({1.1 * free.parameters['GM.beta']!r})) + WN"
+    assert fit_ml(text, x, RATE, start=free).parameters["GM.beta"] == 1.1 * free.parameters["GM.beta"]
+
+
+def test_a_term_that_is_not_there_is_zero_and_said_to_be():
+    seen = 0
+    for seed in range(10):
+        x = parse_model("WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
+        bare = fit_ml("WN", x, RATE)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            found = fit_ml("WN + RW", x, RATE)
+        assert found.loglikelihood >= bare.loglikelihood - 1e-6
+        if found.parameters["RW.gamma2"] > 0:
+            continue
+        seen += 1
+        assert found.diagnostics.not_supported == ("RW",)
+        assert any("RW is not supported by these data" in str(w.message) for w in said)
+        assert found.parameters["WN.sigma2"] == pytest.approx(bare.parameters["WN.sigma2"], rel=1e-4)
+        assert "RW.gamma2" not in found.standard_errors
+        low, high = found.confidence_intervals()["RW.gamma2"]
+        assert low == 0
+        # As likely at the upper limit as the level of the interval says.
+        held = fit_ml(f"WN + RW(gamma2=fixed({high!r}))", x, RATE)
+        assert 2 * (found.loglikelihood - held.loglikelihood) == pytest.approx(1.959964**2, rel=0.02)
+    assert seen >= 2
+
+
+def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
+    for seed in range(5, 8):
+        x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
+        with pytest.warns(FitWarning, match="GM acts as RW"):
+            found = fit_ml("GM + WN", x, RATE)
+        assert found.diagnostics.acts_as == {"GM": "RW"}
+        assert found.diagnostics.converged
+        assert found.diagnostics.evaluations < 30
+        walk = fit_ml("RW + WN", x, RATE)
+        # γ² = 2 s² λ, and the same likelihood but for what is left of λ.
+        assert found.loglikelihood == pytest.approx(walk.loglikelihood, abs=0.01)
+        steps = 2 * found.parameters["GM.sigma2"] * found.parameters["GM.beta"] / RATE
+        assert steps == pytest.approx(walk.parameters["RW.gamma2"], rel=1e-2)
+        assert found.parameters["WN.sigma2"] == pytest.approx(walk.parameters["WN.sigma2"], rel=1e-3)
+        assert found.confidence_intervals()["GM.beta"][0] == 0
+
+
+def test_a_process_next_to_a_walk_is_known_to_be_little_known():
+    # Without the level, of which a slow process is the better part, the information says next to nothing of β.
+    x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=3)
+    found = fit_ml("GM + WN", x, RATE)
+    assert found.diagnostics.converged
+    assert found.parameters["GM.beta"] < 0.05
+    low, high = found.confidence_intervals()["GM.beta"]
+    assert low < 1e-3
+    assert high > 0.1
+
+
+@pytest.mark.parametrize("mean", [None, 0.0])
+def test_a_drift_has_the_slope_of_generalised_least_squares(mean):
+    model = parse_model("DR(omega=-0.01) + WN(sigma2=4.0)")
+    x = model.simulate(2000, RATE, rng=4)
+    found = fit_ml("DR + WN", x, RATE, mean=mean)
+    t = np.arange(x.size)
+    design = np.vstack([t, np.ones_like(t)] if mean is None else [t]).T
+    expected = np.linalg.lstsq(design, x, rcond=None)[0]
+    assert found.parameters["DR.omega"] == pytest.approx(expected[0], rel=1e-8)
+    rest = x - design @ expected
+    # A level is integrated out and takes its degree of freedom with it; a slope is estimated.
+    assert found.parameters["WN.sigma2"] == pytest.approx(rest @ rest / (x.size - (mean is None)), rel=1e-6)
+    spread = found.parameters["WN.sigma2"] * np.linalg.inv(design.T @ design)
+    assert found.standard_errors["DR.omega"] == pytest.approx(np.sqrt(spread[0, 0]), rel=1e-6)
+    if mean is None:
+        assert found.level == pytest.approx(expected[1], rel=1e-6, abs=1e-9)
+        assert found.level_error == pytest.approx(np.sqrt(spread[1, 1]), rel=1e-6)
+    held = fit_ml("DR(omega=fixed(-0.01)) + WN", x, RATE, mean=mean)
+    assert held.parameters["DR.omega"] == -0.01
+    assert held.loglikelihood <= found.loglikelihood
+
+
+def test_the_mean_of_white_noise_is_the_average():
+    _, x = drawn("WN(sigma2=2.0)", samples=500)
+    found = fit_ml("WN", x, RATE)
+    assert found.level == pytest.approx(x.mean(), rel=1e-12)
+    assert found.parameters["WN.sigma2"] == pytest.approx(np.var(x, ddof=1), rel=1e-6)
+    assert found.level_error == pytest.approx(np.std(x, ddof=1) / np.sqrt(x.size), rel=1e-6)
+    assert found.standard_errors["WN.sigma2"] == pytest.approx(np.var(x) * np.sqrt(2 / x.size), rel=2e-2)
+    assert found.aic == 2 - 2 * found.loglikelihood
+    assert found.bic == pytest.approx(np.log(500) - 2 * found.loglikelihood)
+    known = fit_ml("WN", x, RATE, mean=9.81)
+    assert known.level is None
+    assert known.parameters["WN.sigma2"] == pytest.approx(np.mean((x - 9.81) ** 2), rel=1e-6)
+
+
+def test_profile_intervals_end_where_the_likelihood_has_fallen():
+    model, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)", samples=3000)
+    found = fit_ml("GM + WN", x, RATE)
+    wald = found.confidence_intervals()
+    problem, z, _ = top(found, x)
+    places = {"GM.sigma2": 0, "GM.beta": 1, "WN.sigma2": 2}
+    profile = found.confidence_intervals(method="profile")
+    assert set(profile) == set(places)
+    for name, k in places.items():
+        others = [i for i in range(3) if i != k]
+        for end, near in zip(profile[name], wald[name], strict=True):
+            at = z.copy()
+            # Where the coordinate is that alone stands for this parameter, for the other shape moves it not.
+            at[k] += np.log(end / found.parameters[name])
+
+            def fallen(free, at=at, others=others):
+                at[others] = free
+                return 2 * (found.loglikelihood - problem.value(problem.at_point(at))[0])
+
+            best = minimize(fallen, z[others], method="Nelder-Mead", options={"xatol": 1e-4, "fatol": 1e-5})
+            assert best.fun == pytest.approx(1.959964**2, rel=0.01), name
+            assert end == pytest.approx(near, rel=0.25)
+    narrow, wide = (found.confidence_intervals(level) for level in (0.5, 0.99))
+    for name in wald:
+        assert wide[name][0] < wald[name][0] < narrow[name][0] < found.parameters[name] < narrow[name][1] < wald[name][1]
+    with pytest.raises(OptionError, match="method must be 'wald' or 'profile'"):
+        found.confidence_intervals(method="bootstrap")
+
+
+def test_plain_numbers_and_back():
+    model, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)")
+    found = fit_ml("GM + WN", Signal(x, RATE, unit="m/s²", axis="accel_z"))
+    text = json.dumps(found.to_dict(), allow_nan=False)
+    back = LikelihoodFit.from_dict(json.loads(text))
+    assert json.dumps(back.to_dict(), allow_nan=False) == text
+    assert back.confidence_intervals() == found.confidence_intervals()
+    # What needs the record is left out.
+    told = [line for line in found.summary().splitlines() if not line.startswith("residuals")]
+    assert back.summary().splitlines() == told
+    assert (back.axis, back.unit, back.level) == ("accel_z", "m/s²", found.level)
+    np.testing.assert_array_equal(back.covariance, found.covariance)
+    np.testing.assert_allclose(back.smooth(x).mean["bias"], found.smooth(x).mean["bias"])
+    with pytest.raises(ModelError, match="record is needed"):
+        back.confidence_intervals(method="profile")
+    for key in ("model", "covariance", "samples"):
+        with pytest.raises(ReadError, match=f"has no '{key}'"):
+            LikelihoodFit.from_dict({k: v for k, v in found.to_dict().items() if k != key})
+    with pytest.raises(ReadError, match="not a fit by likelihood"):
+        LikelihoodFit.from_dict(found.to_dict() | {"parameters": {"WN.sigma2": 1.0}})
+
+
+def test_a_zero_and_an_infinity_survive_plain_numbers():
+    x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(2000, RATE, rng=3)
+    with pytest.warns(FitWarning, match="acts as"):
+        found = fit_ml("GM + WN", x, RATE)
+    back = LikelihoodFit.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
+    assert back.diagnostics == found.diagnostics
+    np.testing.assert_array_equal(back.covariance, found.covariance)
+
+
+def test_progress_is_told():
+    model, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)", samples=2000)
+    told = []
+    found = fit_ml("GM + WN", x, RATE, progress=lambda count, value: told.append((count, value)))
+    assert [count for count, _ in told] == list(range(1, found.diagnostics.evaluations + 1))
+    assert max(value for _, value in told) == pytest.approx(found.loglikelihood, rel=1e-12)
+    assert told[0][1] == pytest.approx(found.diagnostics.started_at, rel=1e-12)
+
+
+def test_the_same_data_give_the_same_fit():
+    _, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0) + RW(gamma2=1e-3)", samples=2000)
+    texts = {json.dumps(fit_ml("GM + WN + RW", x.copy(), RATE).to_dict()) for _ in range(2)}
+    assert len(texts) == 1
+
+
+def good():
+    return parse_model("WN(sigma2=1.0)").simulate(100, RATE, rng=1)
+
+
+@pytest.mark.parametrize(
+    ("model", "data", "options", "error", "words"),
+    [
+        ("WN", np.full(100, np.inf), {}, DataError, "100 infinite"),
+        ("WN", np.full(100, np.nan), {}, DataError, "at least 8 samples that are not missing, got 0 of 100"),
+        ("WN", np.full(100, 3.0), {}, ModelError, "all its samples are alike"),
+        ("WN", good()[:7], {}, DataError, "at least 8 samples"),
+        ("WN", good().reshape(10, 10), {}, DataError, "data must"),
+        ("WN", good(), {"rate": None}, OptionError, "rate"),
+        ("WN", good(), {"rate": -1.0}, OptionError, "rate"),
+        ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, "rate=50 contradicts the signal's 100 Hz"),
+        ("WN", good(), {"mean": "none"}, OptionError, "mean must be a finite number"),
+        ("WN", good(), {"mean": np.nan}, OptionError, "mean must be a finite number"),
+        ("FN", good(), {}, MissingTheoryError, "FN has no state space"),
+        ("FN + WN", good(), {"start": "FN(b2=1.0) + WN(sigma2=1.0)"}, MissingTheoryError, "FN has no state space"),
+        ("WN", good(), {"start": "RW(gamma2=1.0)"}, ModelError, "start must be the same model, WN"),
+        ("WN + RW", good(), {"start": "WN(sigma2=1.0)"}, ModelError, "start must be the same model"),
+        ("WN + RW", good(), {"start": "WN(sigma2=1.0) + RW"}, ModelError, "start must have a value for.*RW.gamma2"),
+        ("WN(sigma2=fixed(1.0))", good(), {}, ModelError, "nothing to estimate"),
+        ("SIN", good(), {"start": "SIN(frequency=7.0, power=1.0)"}, ModelError, "leaves nothing to chance"),
+        ("AR(2, phi1=fixed(0.5), sigma2=1.0)", good(), {"start": "AR(2, phi1=0.5, phi2=0.1, sigma2=1.0)"}, ModelError,
+         "some parameters of its shape held and some free"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_fitted_is_said(model, data, options, error, words):
+    given = {"rate": None if isinstance(data, Signal) else RATE} | options
+    with pytest.raises(error, match=words):
+        fit_ml(model, data, **given)
+
+
+def test_missing_samples_may_be_masked():
+    x = good()
+    x[[3, 50]] = np.nan
+    masked = np.ma.masked_invalid(x)
+    assert loglikelihood("WN(sigma2=1.0)", masked, RATE) == loglikelihood("WN(sigma2=1.0)", x, RATE)
+    assert fit_ml("WN", x, RATE).missing == 2
+
+
+def test_a_value_is_needed_of_each_parameter():
+    with pytest.raises(ModelError, match=r"needs a value for WN.sigma2; or fit it: gmwm.fit_ml"):
+        loglikelihood("WN", good(), RATE)
+
+
+def test_a_wavelet_fit_is_a_start():
+    model, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)")
+    begun = fit("GM + WN", x, RATE)
+    found = fit_ml("GM + WN", x, RATE, start=begun)
+    assert found.diagnostics.started_at == pytest.approx(loglikelihood(begun.model, x, RATE), rel=1e-12)
+    assert found.loglikelihood > found.diagnostics.started_at
