@@ -49,6 +49,7 @@ LATE_METHODS = {
     "gmwm.likelihood.residuals.Residuals.plot": "gmwm.plots.residuals:plot_residuals",
     "gmwm.likelihood.result.LikelihoodFit.confidence_intervals": "gmwm.likelihood.intervals:confidence_intervals",
     "gmwm.likelihood.result.LikelihoodFit.filter": "gmwm.likelihood.tracks:filter_tracks",
+    "gmwm.likelihood.result.LikelihoodFit.plot": "gmwm.plots.fit:plot_fit",
     "gmwm.likelihood.result.LikelihoodFit.predict": "gmwm.likelihood.tracks:predict_tracks",
     "gmwm.likelihood.result.LikelihoodFit.residuals": "gmwm.likelihood.residuals:residuals",
     "gmwm.likelihood.result.LikelihoodFit.smooth": "gmwm.likelihood.tracks:smooth_tracks",

@@ -29,6 +29,13 @@ struct Seen {
 // Coefficients of the m regressors by least squares from the cross sums, and their covariance; false while unknown.
 bool coefficients(const std::vector<double>& cross, std::size_t k, std::vector<double>& beta, std::vector<double>& cov) {
   const std::size_t m = k - 1;
+  if (m == 1) {  // at each sample of a filter
+    const double own = cross[k + 1];
+    if (!(own > 0)) return false;
+    beta.assign(1, cross[1] / own);
+    cov.assign(1, 1 / own);
+    return true;
+  }
   std::vector<double> a(m * m), inverse(m * m, 0.0), scale(m);
   for (std::size_t i = 0; i < m; ++i) {
     const double own = cross[(i + 1) * k + i + 1];

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "check.hpp"
@@ -50,7 +51,8 @@ Matrices drawn(Numbers& numbers, std::size_t p, bool mixed) {
 struct Plain {
   std::size_t observed = 0;
   Long logs = 0;
-  std::vector<Long> cross, standardised, v, S;
+  std::vector<Long> cross, standardised, S;
+  std::vector<std::vector<Long>> v;  // of all series at each sample
 };
 
 // P ← F (P − P Hᵀ H P / S) Fᵀ + Q with all products written out.
@@ -80,7 +82,7 @@ Plain textbook(const Matrices& m, const gmwm::Series& series) {
         for (std::size_t j = 0; j < p; ++j) P[i * p + j] -= M[i] * M[j] / S;
     }
     out.standardised.push_back(there ? v[0] / std::sqrt(S) : std::numeric_limits<Long>::quiet_NaN());
-    out.v.push_back(v[0]);
+    out.v.push_back(v);
     out.S.push_back(S);
     std::vector<Long> moved(k * p, 0), half(p * p, 0), next(m.Q.begin(), m.Q.end());
     for (std::size_t i = 0; i < p; ++i)
@@ -159,6 +161,25 @@ Matrices moved(const Matrices& m, const std::vector<Matrices>& slopes, std::size
   return out;
 }
 
+// The innovations of a record whose level is known only as far as the samples before say; S = 0 where it is not at all.
+struct Contrasts {
+  std::vector<Long> v, S;
+};
+
+Contrasts contrasts(const Plain& plain) {
+  Contrasts out;
+  Long weight = 0, pull = 0;
+  for (std::size_t t = 0; t < plain.S.size(); ++t) {
+    const bool there = !std::isnan(plain.standardised[t]);
+    const Long c = plain.v[t][1], S = plain.S[t];
+    const bool known = there && weight > 0;
+    out.v.push_back(known ? plain.v[t][0] - c * pull / weight : 0);
+    out.S.push_back(known ? S + c * c / weight : 0);
+    if (there) weight += c * c / S, pull += c * plain.v[t][0] / S;
+  }
+  return out;
+}
+
 void slopes_are_those_of_the_values() {
   Numbers numbers;
   const double step = 1e-4;
@@ -182,6 +203,8 @@ void slopes_are_those_of_the_values() {
           const std::vector<double> values = rows(numbers, k, n, gaps);
           const gmwm::Series series{k, n, values};
           const gmwm::Score got = gmwm::score(m.view(), {count, dF, dQ, dH, dP0, dR}, series);
+          const gmwm::Score one =
+              gmwm::score(m.view(), {count, dF, dQ, dH, dP0, dR}, {2, n, std::span(values).first(2 * n)});
           const Plain here = textbook(m, series);
           CHECK(!got.singular && got.observed == here.observed);
           CHECK_CLOSE(got.log_variances, static_cast<double>(here.logs), 1e-12);
@@ -200,14 +223,20 @@ void slopes_are_those_of_the_values() {
                 const double size = static_cast<double>(std::sqrt(here.cross[(a + 1) * (k + 1)] * here.cross[(b + 1) * (k + 1)]));
                 CHECK(near(got.cross_slopes[l * 4 + a * 2 + b], slope(up.cross[at], down.cross[at]), 10 * size));
               }
-            // Σ ½ (S'/S)² + v'²/S, from differences of v and S.
-            Long sum = 0;
+            // Σ ½ (S'/S)² + v'²/S, from differences of v and S: of the record as it is beside several regressors, of its
+            // contrasts beside one.
+            Long sum = 0, contrasted = 0;
+            const Contrasts c = contrasts(here), over = contrasts(up), under = contrasts(down);
             for (std::size_t t = 0; t < n; ++t) {
               if (std::isnan(here.standardised[t])) continue;
-              const Long dS = (up.S[t] - down.S[t]) / (2 * step), dv = (up.v[t] - down.v[t]) / (2 * step);
+              const Long dS = (up.S[t] - down.S[t]) / (2 * step), dv = (up.v[t][0] - down.v[t][0]) / (2 * step);
               sum += 0.5L * dS * dS / (here.S[t] * here.S[t]) + dv * dv / here.S[t];
+              if (c.S[t] == 0) continue;
+              const Long wide = (over.S[t] - under.S[t]) / (2 * step), e = (over.v[t] - under.v[t]) / (2 * step);
+              contrasted += 0.5L * wide * wide / (c.S[t] * c.S[t]) + e * e / c.S[t];
             }
             CHECK_CLOSE(got.information[l * count + l], static_cast<double>(sum), 1e-5);
+            CHECK_CLOSE(one.information[l * count + l], static_cast<double>(contrasted), 1e-5);
           }
         }
 }

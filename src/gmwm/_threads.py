@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from typing import TypeVar
 
 from gmwm.errors import GmwmError, OptionError
 
 T = TypeVar("T")
 Item = TypeVar("Item")
+
+BREATH = 0.1
+"""Seconds after which a wait looks up for Ctrl-C."""
 
 
 def in_threads(
@@ -31,9 +34,13 @@ def in_threads(
     pool = ThreadPoolExecutor(max(1, min(len(items), threads or processors())))
     try:
         futures = {pool.submit(_named, work, name, item): name for name, item in items.items()}
-        for future in as_completed(futures):
+        pending = set(futures)
+        while pending:
+            # Polars has its own handler of Ctrl-C, after which a wait without an end goes on until something ends.
+            ended, pending = wait(pending, timeout=BREATH, return_when=FIRST_COMPLETED)
             if done is not None:
-                done(futures[future])
+                for future in ended:
+                    done(futures[future])
         return {name: future.result() for future, name in futures.items()}
     finally:
         pool.shutdown(wait=False, cancel_futures=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -179,7 +180,7 @@ def checked(
     found: dict[str, NDArray[Any]] = {}
     for name, (values, shape) in shapes.items():
         array = np.array(values, dtype=np.float64)
-        if array.size != np.prod(shape) or not np.all(np.isfinite(array)):
+        if array.size != prod(shape) or not np.all(np.isfinite(array)):
             raise ModelError(f"{name} must be finite with shape {shape} ({observed} has {p} states), got {values!r}")
         found[name] = freeze(array.reshape(shape))
     mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)

@@ -16,7 +16,7 @@ ORACLES = Path(__file__).parents[1] / "oracles"
 oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "gaussian.py")))
 RATE = 100.0
 SAMPLES = 60
-# A model, and the terms whose sum is the bias: all that have a memory. Written with fixed values where a drift is one.
+# A model, and the terms whose sum is the bias: all that stay over more than a sample, but no line. A drift is held.
 MODELS = {
     "GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0)": ["GM"],
     "GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0) + RW(gamma2=0.05)": ["GM", "RW"],
@@ -26,7 +26,8 @@ MODELS = {
     "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + WN(sigma2=3.0)": ["AR(2)"],
     "GM(beta=3.0, sigma2=2.0)": ["GM"],
     "GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0) + DR(omega=fixed(0.2))": ["GM", "DR"],
-    "SIN(frequency=7.0, power=3.0) + WN(sigma2=1.0)": ["SIN"],
+    "SIN(frequency=7.0, power=3.0) + WN(sigma2=1.0)": [],
+    "GM(beta=180.0, sigma2=2.0) + WN(sigma2=1.0) + GM(beta=3.0, sigma2=2.0)": ["GM[2]"],
 }
 MISSING = {
     "none": [],

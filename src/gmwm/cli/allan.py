@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.options import RESULT, Axes, Datasheet, File, Json, Opening, chosen_axes, load, opens, require_whole
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens, require_whole
+from gmwm.cli.options import RESULT, Datasheet, Json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

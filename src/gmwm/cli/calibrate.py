@@ -10,23 +10,18 @@ import typer
 
 from gmwm.calibration.calibrate import WITHIN
 from gmwm.cli.export import written_for_kalibr
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.cli.options import (
     RESULT,
-    Axes,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Datasheet,
     Efficiency,
-    File,
     Json,
-    Opening,
     Seed,
     View,
     Within,
-    chosen_axes,
-    load,
-    opens,
     parse_within,
 )
 from gmwm.errors import OptionError

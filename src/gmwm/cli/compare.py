@@ -9,18 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.options import (
-    RESULT,
-    Axes,
-    Datasheet,
-    Efficiency,
-    Json,
-    Opening,
-    View,
-    chosen_axes,
-    load,
-    opens,
-)
+from gmwm.cli.opening import Axes, Opening, chosen_axes, load, opens
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, Json, View
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.options import File, Json, Opening, load, opens
+from gmwm.cli.opening import File, Opening, load, opens
+from gmwm.cli.options import Json
 
 if TYPE_CHECKING:
     from gmwm.signals import Imu

@@ -8,23 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.cli.likelihood import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
+from gmwm.cli.likelihood import as_dict as likelihood_as_dict
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.cli.options import (
     RESULT,
-    Axes,
     Datasheet,
     Efficiency,
-    File,
     Filter,
     Json,
-    Opening,
     Robust,
     TransformName,
     View,
-    chosen_axes,
     chosen_efficiency,
     confidence_level,
-    load,
-    opens,
 )
 from gmwm.processes import families, registry
 
@@ -37,6 +34,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm fit static.csv --model '2*GM + WN + QN + RW' --output results",
     "gmwm fit static.csv --axis gyro_y --model 'GM + WN' --plot fit.png",
+    "gmwm fit static.csv --axis gyro_x --model 'GM + WN + RW' --likelihood",
     "gmwm fit log.txt --rate 100 --units gyro=deg/s,accel=g --model 'WN + RW'",
 )
 _PROCESSES = ", ".join(
@@ -74,6 +72,15 @@ def fit(
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
+    likelihood: Annotated[
+        bool,
+        typer.Option(
+            *LIKELIHOOD,
+            help="Carry each fit on to the largest likelihood, and show that one too. Not robust; every process needs "
+            "a state-space form, which FN, PL, FGN and MAT have not.",
+            rich_help_panel="Estimation",
+        ),
+    ] = False,
     certify: Annotated[
         bool,
         typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
@@ -131,6 +138,8 @@ def fit(
     from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, tell_cautions, told_warnings
 
     parsed = parse_model(model)
+    if likelihood:
+        require_states(parsed, LIKELIHOOD[0])
     way = _way(confidence, bootstrap, seed)
     with told_warnings() as told:
         imu = load(file, opening)
@@ -146,14 +155,20 @@ def fit(
         for name, found in fits.items():
             for note in found.wavelet_variance.notes():
                 tell(told, f"{name}: {note}")
+        carried = judged(likelihood_fits(fits, signals), confidence) if likelihood else {}
         if json:
             for name, found in fits.items():
                 for note in found.diagnostics.notes():
                     tell(told, f"{name}: {note}")
+            for name, one in carried.items():
+                for note in one.fit.diagnostics.notes():
+                    tell(told, f"{name}, by maximum likelihood: {note}")
         with progress("intervals and tests", len(fits)) as advance:
             axes = {}
             for name, f in fits.items():
                 axes[name] = as_dict(f, way)
+                if name in carried:
+                    axes[name]["likelihood"] = likelihood_as_dict(carried[name])
                 advance(f"intervals and tests: {name}")
         content = {"file": str(file), "model": str(parsed), "axes": axes}
         written = []
@@ -166,6 +181,8 @@ def fit(
             print_json("fit", content, told)
             return
         print_fits(fits, way)
+        if carried:
+            print_likelihoods(carried)
         print_written(written)
 
 
@@ -261,7 +278,7 @@ def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
 
 
 def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:
-    from gmwm.cli.output import print_table
+    from gmwm.cli.output import print_table, print_units
     from gmwm.inference.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
@@ -275,11 +292,7 @@ def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:
     rows.append(["gain at most", *_gains(list(group.values()))])
     print()
     print_table(["parameter", *group], rows, rules=[last])
-    of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
-    # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
-    if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
-        of = units
-    print("in " + ", ".join(f"{unit} ({name})" for name, unit in of.items()))
+    print_units(units)
 
 
 def _gains(fits: Sequence[Fit]) -> list[str]:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.options import RESULT, File, Json, Opening, load, opens
+from gmwm.cli.opening import File, Opening, load, opens
+from gmwm.cli.options import RESULT, Json
 
 EXAMPLES = (
     "gmwm info static.csv",

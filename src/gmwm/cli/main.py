@@ -19,8 +19,10 @@ from gmwm.cli import (
     info,
     plan,
     report,
+    residuals,
     select,
     simulate,
+    track,
     wv,
 )
 from gmwm.cli.errors import OneLineErrors, one_line
@@ -49,6 +51,8 @@ for _command, _examples in (
     (compare.compare, compare.EXAMPLES),
     (fit.fit, fit.EXAMPLES),
     (select.select, select.EXAMPLES),
+    (track.track, track.EXAMPLES),
+    (residuals.residuals, residuals.EXAMPLES),
     (agree.agree, agree.EXAMPLES),
     (export.export, export.EXAMPLES),
     (plan.plan, plan.EXAMPLES),

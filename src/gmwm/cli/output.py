@@ -6,10 +6,10 @@ import json
 import math
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from gmwm.cli.errors import as_options, one_line
 from gmwm.errors import FitWarning, GmwmWarning, OptionError
@@ -17,8 +17,12 @@ from gmwm.errors import FitWarning, GmwmWarning, OptionError
 if TYPE_CHECKING:
     from gmwm.signals import Imu
 
-Advance = Callable[[str], None]
-"""Moves a progress bar by one step, which the text describes."""
+
+class Advance(Protocol):
+    """Moves a progress bar by one step, or so many, which the text describes."""
+
+    def __call__(self, text: str, steps: int = 1, /) -> None:
+        """Move on."""
 
 
 def print_json(command: str, content: Mapping[str, Any], warned: Sequence[str]) -> None:
@@ -93,6 +97,15 @@ def print_table(
     print("\n".join(lines).strip("\n"))
 
 
+def print_units(units: Mapping[str, str]) -> None:
+    """The units of parameters in a line, each name once."""
+    of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
+    # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
+    if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
+        of = dict(units)
+    print("in " + ", ".join(f"{unit} ({name})" for name, unit in of.items()))
+
+
 def print_written(paths: Sequence[Path]) -> None:
     """Say which files there are now."""
     if paths:
@@ -158,7 +171,7 @@ def made_directory(path: Path, option: str = "--output") -> Path:
 def progress(what: str, steps: int | None = None) -> Iterator[Advance]:
     """A progress bar on stderr while the block runs, if that is a terminal; it leaves nothing behind."""
     if not sys.stderr.isatty():
-        yield lambda _: None
+        yield lambda text, steps=1, /: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -166,4 +179,4 @@ def progress(what: str, steps: int | None = None) -> Iterator[Advance]:
     columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=24), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=steps)
-        yield lambda text: bar.update(task, advance=1, description=text)
+        yield lambda text, steps=1, /: bar.update(task, advance=steps, description=text)

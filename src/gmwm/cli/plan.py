@@ -173,6 +173,15 @@ def parse_share(text: str) -> float:
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
     """The name of an axis and its fit, from what `gmwm fit --output` or `gmwm calibrate --output` wrote."""
+    _, fits = fits_in(path)
+    name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
+    if name not in fits:
+        raise OptionError(f"--axis must be one of {', '.join(fits)}, which {path} holds; got {axis or 'none'}")
+    return str(name), fits[name]
+
+
+def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
+    """The recording that was fitted, where that is known, and the fit of each axis, from such a file."""
     try:
         content = json_module.loads(path.read_text(encoding="utf-8"))
         fits = _fits(content)
@@ -182,10 +191,7 @@ def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
         ) from error
     if not fits:
         raise ReadError(f"{path} is neither a fits.json of gmwm fit nor a calibration.json: it holds no fit")
-    name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
-    if name not in fits:
-        raise OptionError(f"--axis must be one of {', '.join(fits)}, which {path} holds; got {axis or 'none'}")
-    return str(name), fits[name]
+    return content.get("file") or (content.get("recording") or {}).get("file"), fits
 
 
 def _fits(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,23 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.calibration.calibrate import WITHIN
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.cli.options import (
     RESULT,
-    Axes,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
-    File,
     Json,
-    Opening,
     Robust,
     Seed,
     Within,
-    chosen_axes,
     chosen_efficiency,
-    load,
-    opens,
     parse_within,
 )
 from gmwm.errors import OptionError

@@ -9,23 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.options import (
-    RESULT,
-    Axes,
-    Datasheet,
-    Efficiency,
-    File,
-    Filter,
-    Json,
-    Opening,
-    Robust,
-    TransformName,
-    View,
-    chosen_axes,
-    chosen_efficiency,
-    load,
-    opens,
-)
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Json, Robust, TransformName, View, chosen_efficiency
 
 if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName

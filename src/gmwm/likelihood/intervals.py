@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Method = Literal["wald", "profile"]
 _NEAR = 2e-3
 """Of the root of the deviance at an end of a profile interval."""
+_NEAR_A_LIMIT = 1e-2
+"""The same at an upper limit, of which two digits are enough."""
 _GAIN = 1e-3
 """Log-likelihood that the search for a profile may leave, of a fall of two."""
 _ROUNDS = 25
@@ -94,7 +96,7 @@ def _domain(parameter: Parameter) -> Interval:
 
 
 def _start_of_search(problem: Problem, fit: LikelihoodFit, k: int, z: Vector) -> float:
-    """A share of the whole that surely does not show."""
+    """A share of the whole that does not show."""
     levels = max(int(math.log2(fit.samples)), 1)
     at = z.copy()
     at[k] = 0.0
@@ -202,24 +204,32 @@ class _Profile:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        at, inner, outer = best.copy(), -math.inf, math.inf
-        at[k] = math.log(10.0 * _start_of_search(self.problem, self.fit, k, best))
-        for _ in range(2 * _ROUNDS):
-            root, _ = self._root(at, k)
-            if abs(root - self.z) <= _NEAR * self.z:
+        """The scale at which the profile has fallen by z²/2, of a term that is zero at the top."""
+        at = best.copy()
+        at[k] = math.log(_start_of_search(self.problem, self.fit, k, best))
+        found = self.problem.evaluate(at, [k])
+        if found is None:
+            return None
+        # With the others held the fall is c s + ½ k s² to begin with, and less once they follow.
+        size = math.exp(at[k])
+        c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
+        coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
+        before, power = None, 1.5
+        for _ in range(_ROUNDS):
+            at[k] = coordinate
+            root, at = self._root(at, k)
+            if abs(root - self.z) <= _NEAR_A_LIMIT * self.z:
                 break
-            inner, outer = (at[k], outer) if root < self.z else (inner, at[k])
-            if math.isinf(outer):
-                at[k] += 2.0
-            elif math.isinf(inner):
-                at[k] -= 2.0
-            else:
-                at[k] = 0.5 * (inner + outer)
-        return self._parameter(float(at[k]), k, name)
+            here = (coordinate, math.log(max(root, 1e-6)))
+            if before is not None and here[0] != before[0]:
+                power = min(max(2 * (here[1] - before[1]) / (here[0] - before[0]), 0.3), 3.0)
+            before = here
+            coordinate += min(max(2 * (math.log(self.z) - here[1]) / power, -3.0), 3.0)
+        return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
         """√(2 (largest log-likelihood − that with this coordinate held)), and where that is."""
-        found = Search(self.problem, held=(k,), tolerance=_GAIN).run(z)
+        found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
         if found is None:
             return math.inf, z
         return math.sqrt(max(2.0 * (self.fit.loglikelihood - found.evaluation.value), 0.0)), found.z

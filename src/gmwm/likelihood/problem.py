@@ -92,11 +92,15 @@ class Problem:
     @cached_property
     def series(self) -> Matrix:
         """The record less a number near it, and the regressors below (1 + m, N)."""
-        first = self.record.values - self.centre
+        size = self.record.values.size
+        rows = np.empty((1 + len(self.regressors), size))
+        np.subtract(self.record.values, self.centre, out=rows[0])
         for process in self.model.processes:
             if is_ramp(process, self.rate) and process.is_fixed(process.scale_parameter().name):
-                first = first - process.mean(np.arange(first.size))
-        return np.ascontiguousarray(np.vstack([first, *(r.course for r in self.regressors)]))
+                rows[0] -= process.mean(np.arange(size))
+        for row, regressor in zip(rows[1:], self.regressors, strict=True):
+            row[:] = regressor.course
+        return rows
 
     @cached_property
     def centre(self) -> float:

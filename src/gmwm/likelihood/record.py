@@ -101,20 +101,20 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
         values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0
         step = as_rate(rate)
     there = np.isfinite(values)
-    endless = int(np.count_nonzero(np.isinf(values)))
+    seen = values if bool(np.all(there)) else values[there]
+    endless = int(np.count_nonzero(np.isinf(values))) if seen.size < values.size else 0
     if endless:
         at = int(np.argmax(np.isinf(values)))
         raise DataError(
             f"{axis or name} must be finite, NaN where a sample is missing; got {endless} infinite (first at {at})"
         )
-    observed = int(np.count_nonzero(there))
-    if observed < MINIMUM_SAMPLES:
+    if seen.size < MINIMUM_SAMPLES:
         raise DataError(
-            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing, got {observed} of "
+            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing, got {seen.size} of "
             f"{values.size}"
         )
-    centre = float(np.mean(values, where=there))
-    if not np.any(values[there] != values[there][0]):
+    centre = float(np.mean(seen))
+    if np.min(seen) == np.max(seen):
         raise ModelError("a constant signal has no noise to model: all its samples are alike")
     return Record(values, step, unit, axis, start, centre)
 

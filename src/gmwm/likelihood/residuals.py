@@ -89,7 +89,7 @@ class Residuals:
     @property
     def usual_lags(self) -> int:
         """Lags that are looked at by default: 10 log₁₀ N, and at least 5 more than there are estimated parameters."""
-        return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size // 2)
+        return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
 
     def acf(self, lags: int | None = None) -> Vector:
         """Autocorrelation (L + 1,) at lags 0 … L; a pair with a missing sample does not count."""

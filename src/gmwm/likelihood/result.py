@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from gmwm._arrays import Matrix, freeze
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
 from gmwm.errors import ModelError, ReadError
 from gmwm.likelihood.record import Record
 from gmwm.processes.model import Model
+from gmwm.variance.estimate import wavelet_variance as measure
+from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from gmwm.inference.intervals import Interval
     from gmwm.likelihood.residuals import Residuals
     from gmwm.likelihood.tracks import Tracks
@@ -109,6 +114,10 @@ class LikelihoodFit:
     summary: ClassVar[LateMethod[..., str]] = LateMethod(
         "gmwm.likelihood.summary:summary", "Model, data, likelihood and estimates with intervals and units."
     )
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.fit:plot_fit",
+        "Draw the record's wavelet variance, the curve that the model implies, and its terms; view='allan' as well.",
+    )
     filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
         "gmwm.likelihood.tracks:filter_tracks",
         "The hidden processes in a record, each sample from those up to it: filter(x).",
@@ -125,6 +134,31 @@ class LikelihoodFit:
 
     def __post_init__(self) -> None:
         freeze(self.covariance)
+
+    @cached_property
+    def wavelet_variance(self) -> WaveletVariance:
+        """Of the record, to hold the model against.
+
+        Raises
+        ------
+        ModelError
+            If the fit was read from a file, which does not hold the record.
+        """
+        if self.record is None:
+            raise ModelError("the wavelet variance is that of the record, which a fit that was read from a file lacks")
+        return measure(self.record.signal())
+
+    @cached_property
+    def implied(self) -> Vector:
+        """Wavelet variance (J,) of the fitted model at the levels of the record's."""
+        wv = self.wavelet_variance
+        return freeze(self.model.wavelet_variance(wv.levels, wv.rate, wv.filter))
+
+    @cached_property
+    def decomposition(self) -> dict[str, Vector]:
+        """That of each term (J,), by label."""
+        wv = self.wavelet_variance
+        return self.model.decomposition(wv.levels, wv.rate, wv.filter)
 
     @property
     def standard_errors(self) -> dict[str, float]:

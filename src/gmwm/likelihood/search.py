@@ -48,7 +48,10 @@ Progress = Callable[[int, float], None]
 
 
 class Search:
-    """One search; `held` coordinates stay where they are, and it ends where less than `tolerance` is to be gained."""
+    """One search; `held` coordinates stay where they are, and it ends where less than `tolerance` is to be gained.
+
+    `revive`: whether terms that were given up are tried once more at the end.
+    """
 
     def __init__(
         self,
@@ -56,9 +59,11 @@ class Search:
         held: tuple[int, ...] = (),
         progress: Progress | None = None,
         tolerance: float = TOLERANCE,
+        revive: bool = True,
     ) -> None:
         self.problem = problem
         self.tolerance = tolerance
+        self.revive = revive
         self.held = frozenset(held)
         self.progress = progress
         self.count = 0
@@ -74,7 +79,7 @@ class Search:
             return None
         z, found = self._tidy(z, found)
         # A term that was given up may have a place once the others have found theirs.
-        for term in sorted(self.gone):
+        for term in sorted(self.gone) if self.revive else ():
             tried = self._back(z, found, term)
             if tried is not None:
                 z, found, converged = tried

@@ -73,7 +73,12 @@ def is_ramp(process: Process, rate: float) -> bool:
     if not one.has("state_space"):
         return False
     space = one.state_space(rate)
-    return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0)) and bool(np.any(space.m0))
+    return _certain(space) and bool(np.any(space.m0))
+
+
+def _certain(space: StateSpace) -> bool:
+    """Whether there is no chance in it, at these values."""
+    return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0))
 
 
 def assemble(model: Model, rate: float) -> System:
@@ -88,9 +93,9 @@ def assemble(model: Model, rate: float) -> System:
     for label, process in zip(model.terms, model.processes, strict=True):
         if not process.has("state_space"):
             raise process.missing("state_space")
-        if is_ramp(process, rate):
-            continue
         space = process.state_space(rate)
+        if _certain(space) and is_ramp(process, rate):
+            continue
         parts.append(Part(label, process, space, at, at + space.states))
         at += space.states
     joined = StateSpace.sum(part.space for part in parts)

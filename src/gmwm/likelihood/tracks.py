@@ -36,6 +36,8 @@ BIAS = "bias"
 """The label of the sum of all that wanders, the record's level among it: what a navigation filter estimates."""
 LEVEL = "level"
 """The label of the record's constant mean, where no walk takes it up."""
+RATES_ALIKE = 1e-3
+"""Relative difference up to which two rates count as one: time stamps of two recordings never give quite the same."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,7 +57,7 @@ class Tracks:
     mean, error : mapping of label to (N,) array
         Expected value and standard deviation given the data, in the unit of the record: of each term; of "level", the
         record's constant mean, where no walk takes it up; and of "bias", the sum of the level and of all terms that
-        wander. Infinite where the data do not determine it yet.
+        wander, which have a correlation time of more than a sample. Infinite where the data do not determine it yet.
     """
 
     kind: Kind
@@ -210,7 +212,7 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
     if isinstance(model, Fit | LikelihoodFit):
         known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
         given = data.rate if isinstance(data, Signal) else rate
-        if given is not None and not math.isclose(given, known, rel_tol=1e-6):
+        if given is not None and not math.isclose(given, known, rel_tol=RATES_ALIKE):
             raise OptionError(
                 f"the model was fitted at {known:g} Hz, the data have {given:g} Hz; its values are per sample: "
                 "fit it to data of this rate"
@@ -246,7 +248,7 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
         labels.append(part.label)
         states.append(seen)
         shares.append(own)
-        if part.process.correlation_time(problem.rate) != 0:
+        if wanders(part.process, problem.rate):
             bias += seen
             carried += own
     if any(r.label == LEVEL for r in regressors):
@@ -257,6 +259,12 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
         carried += own
     labels.append(BIAS)
     return labels, np.array([*states, bias]).reshape(len(labels), -1), np.array([*shares, carried])
+
+
+def wanders(process: Process, rate: float) -> bool:
+    """Whether a process is part of a bias: it is still much the same one sample later, T > Δt, and is no line."""
+    time = process.correlation_time(rate)
+    return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
 def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -21,7 +21,40 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.estimation.result import Fit
+    from gmwm.processes.model import Model
+    from gmwm.variance.result import WaveletVariance
+
+
+class Noted(Protocol):
+    """What is to be known of a fit."""
+
+    @property
+    def acts_as(self) -> Mapping[str, str]:
+        """Terms that act as another process."""
+
+
+class Fitted(Protocol):
+    """What can be drawn: a fit to a wavelet variance, or one by maximum likelihood."""
+
+    @property
+    def model(self) -> Model:
+        """With its estimates."""
+
+    @property
+    def wavelet_variance(self) -> WaveletVariance:
+        """The data."""
+
+    @property
+    def implied(self) -> Vector:
+        """The model's curve (J,)."""
+
+    @property
+    def decomposition(self) -> Mapping[str, Vector]:
+        """That of each term."""
+
+    @property
+    def diagnostics(self) -> Noted:
+        """What is to be known of it."""
 
 
 REMARK = (0.5, 0.93)
@@ -31,7 +64,7 @@ LINE = 28
 
 
 def fit_panel(
-    fit: Fit,
+    fit: Fitted,
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
@@ -65,7 +98,7 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
     return (Text("\n".join(lines), REMARK[0], REMARK[1] - 0.035 * (len(lines) - 1)),)
 
 
-def term_lines(fit: Fit, view: View, *, alone: bool = True) -> tuple[Line, ...]:
+def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
     """The wavelet variance of every term, thin, over the model and behind the data.
 
     Where the plot is alone, they are named with their key parameters, and those that were estimated as zero, which
@@ -108,7 +141,7 @@ def _say_what_is_not_seen(panel: Panel, terms: tuple[Line, ...]) -> Panel:
 
 
 def plot_fit(
-    fit: Fit,
+    fit: Fitted,
     *,
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
@@ -120,7 +153,7 @@ def plot_fit(
 
     Parameters
     ----------
-    fit : Fit
+    fit : Fit or LikelihoodFit
         What was fitted; levels that it left out are open circles.
     view : "wavelet" or "allan"
         ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).

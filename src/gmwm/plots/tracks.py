@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_vector
 from gmwm.errors import OptionError
-from gmwm.likelihood.tracks import BIAS, LEVEL, Kind, Tracks
+from gmwm.likelihood.tracks import BIAS, LEVEL, Kind, Tracks, wanders
 from gmwm.plots.axes import number_text, quiet
 from gmwm.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
@@ -173,7 +173,7 @@ def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
 def _title(tracks: Tracks, label: str, shown: View) -> str:
     if label == BIAS:
         terms = zip(tracks.model.terms, tracks.model.processes, strict=True)
-        parts = [term for term, process in terms if process.correlation_time(tracks.rate) != 0]
+        parts = [term for term, process in terms if wanders(process, tracks.rate)]
         return f"Bias: {model_text([LEVEL] * (LEVEL in tracks.mean) + parts)}"
     if label == LEVEL:
         return "Level of the record"

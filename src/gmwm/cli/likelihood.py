@@ -1,0 +1,129 @@
+"""The exact likelihood in commands: fits by it beside those of the wavelet variance, as numbers and in tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from gmwm.errors import MissingTheoryError
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+    from gmwm.inference.intervals import Interval
+    from gmwm.likelihood import LikelihoodFit, Residuals
+    from gmwm.processes.model import Model
+    from gmwm.signals import Signal
+
+LIKELIHOOD = ("--likelihood", "--ml")
+"""What the option is called wherever there is one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fit by maximum likelihood, its intervals or why there are none, and its residuals."""
+
+    fit: LikelihoodFit
+    level: float
+    intervals: Mapping[str, Interval]
+    reason: str | None
+    residuals: Residuals
+
+
+def require_states(model: Model, what: str) -> None:
+    """An error before any work where a term has no state-space form, for `what` the user typed."""
+    lacking = next((process for process in model.processes if not process.has("state_space")), None)
+    if lacking is not None:
+        raise MissingTheoryError(f"{what} takes a model with a state-space form: {lacking.missing('state_space')}")
+
+
+def likelihood_fits(fits: Mapping[str, Fit], signals: Mapping[str, Signal]) -> dict[str, LikelihoodFit]:
+    """Each fit carried on to the largest likelihood, several at once."""
+    from gmwm import fit_ml
+    from gmwm._threads import in_threads
+    from gmwm.cli.output import progress
+
+    with progress("maximum likelihood", len(fits)) as advance:
+
+        def carried_on(axis: str, start: Fit) -> LikelihoodFit:
+            said = f"maximum likelihood: {axis}"
+            return fit_ml(
+                start.model, signals[axis], start=start,
+                progress=lambda count, value: advance(f"{said}, evaluation {count}, {value:.2f}", 0),
+            )  # fmt: skip
+
+        return in_threads(carried_on, fits, done=lambda axis: advance(f"maximum likelihood: {axis}"))
+
+
+def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:
+    """Intervals and residuals of fits, several at once."""
+    from gmwm._threads import in_threads
+    from gmwm.cli.output import progress
+    from gmwm.likelihood.summary import intervals_if_known, own_residuals
+
+    def one(_: str, fit: LikelihoodFit) -> Judged:
+        intervals, reason = intervals_if_known(fit, level)
+        residuals = own_residuals(fit)
+        assert residuals is not None  # fitted here, so its record is there
+        return Judged(fit, level, intervals, reason, residuals)
+
+    what = "intervals of the likelihood"
+    with progress(what, len(fits)) as advance:
+        return in_threads(one, fits, done=lambda axis: advance(f"{what}: {axis}"))
+
+
+def as_dict(found: Judged) -> dict[str, Any]:
+    """A fit with its intervals and checks as plain numbers, lists and texts."""
+    from gmwm.likelihood.summary import inference
+
+    return {
+        **found.fit.to_dict(),
+        **inference(found.fit, found.level, found.intervals),
+        "residuals": found.residuals.to_dict(),
+    }
+
+
+def print_likelihoods(found: Mapping[str, Judged]) -> None:
+    """The summary of one fit, or a table for each sensor with its axes side by side."""
+    from gmwm.likelihood.summary import in_words
+
+    print()
+    if len(found) == 1:
+        one = next(iter(found.values()))
+        print(in_words(one.fit, one.level, one.intervals, one.residuals, one.reason))
+        return
+    first = next(iter(found.values()))
+    print(f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz")
+    sensors: dict[str, dict[str, Judged]] = {}
+    for name, one in found.items():
+        sensors.setdefault(name.rpartition("_")[0], {})[name] = one
+    for group in sensors.values():
+        _print_sensor(group)
+    print("\np of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.")
+    told = [
+        f"{name}: {note}"
+        for name, one in found.items()
+        for note in [*one.fit.diagnostics.notes(), *([one.reason] if one.reason else [])]
+    ]
+    if told:
+        print("\n".join(["", *told]))
+
+
+def _print_sensor(group: Mapping[str, Judged]) -> None:
+    from gmwm.cli.output import print_table, print_units
+    from gmwm.likelihood.summary import p_text, short_values
+
+    first = next(iter(group.values())).fit
+    values = [short_values(one.fit, one.intervals) for one in group.values()]
+    rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
+    last = len(rows) - 1
+    rows += [
+        ["log-likelihood", *(f"{one.fit.loglikelihood:.3f}" for one in group.values())],
+        ["AIC", *(f"{one.fit.aic:.2f}" for one in group.values())],
+        ["BIC", *(f"{one.fit.bic:.2f}" for one in group.values())],
+        ["Ljung-Box, p", *(p_text(one.residuals.ljung_box().p_value) for one in group.values())],
+        ["Jarque-Bera, p", *(p_text(one.residuals.normality().p_value) for one in group.values())],
+    ]
+    print()
+    print_table(["parameter", *group], rows, rules=[last])
+    print_units(first.units())

@@ -1,0 +1,123 @@
+"""gmwm residuals: what a model leaves unexplained of a recording, and whether that is white noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gmwm.cli.following import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.options import RESULT, Efficiency, Json, Robust, chosen_efficiency
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.likelihood import Residuals
+    from gmwm.signals import Signal
+
+EXAMPLES = (
+    "gmwm residuals static.csv --model 'GM + WN + RW'",
+    "gmwm residuals static.csv --model 'GM + WN' --axis gyro_y --likelihood --plot residuals.png",
+    "gmwm residuals static.csv --from-fits results/calibration.json --json",
+)
+
+
+@opens
+def residuals(
+    file: File,
+    opening: Opening,
+    model: ModelText = None,
+    from_fits: FromFits = None,
+    axis: Axes = None,
+    likelihood: ByLikelihood = False,
+    robust: Robust = False,
+    efficiency: Efficiency = None,
+    lags: Annotated[
+        int | None,
+        typer.Option(
+            help="Of the Ljung-Box test. Default: 10 log₁₀ of the number of samples.",
+            min=1,
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw one axis, its residuals over time, their quantiles and autocorrelation, to this .png, .pdf or "
+            ".svg file.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check a model by what it cannot predict: the standardised innovations of its Kalman filter.
+
+    Under the right model they are white, with mean 0 and standard deviation 1, and normal if all its noise is. The
+    Ljung-Box test asks whether they are white: a small p means that a process is missing or has wrong values. The
+    Jarque-Bera test asks whether they are normal: rounding to a coarse step, knocks and outliers are not, and a long
+    recording shows the least of it.
+    """
+    from gmwm.cli.output import print_json, print_written, progress, tell_cautions, told_warnings
+
+    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    with told_warnings() as told:
+        imu = load(file, opening)
+        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
+        if plot is not None and len(signals) > 1:
+            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+        tell_cautions(told, imu)
+        models = followed(way, signals, file, told)
+        found = _residuals(models, signals)
+        checks = {name: one.to_dict(lags) for name, one in found.items()}
+        if plot is not None:
+            with progress(f"drawing {plot.name}"):
+                next(iter(found.values())).plot(lags, path=plot)
+        written = [] if plot is None else [plot]
+        if json:
+            axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
+            print_json("residuals", {"file": str(file), "axes": axes, "written": list(map(str, written))}, told)
+            return
+        _print(models, checks)
+        print_written(written)
+
+
+def _residuals(models: Mapping[str, Followed], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
+    from gmwm.cli.parallel import over_axes
+    from gmwm.likelihood import residuals as residuals_of
+
+    def one(signal: Signal) -> Residuals:
+        given = models[signal.axis]
+        return residuals_of(given.model, signal, estimated=None if given.own else 0)
+
+    return over_axes(one, signals, "checking residuals")
+
+
+def _print(models: Mapping[str, Followed], checks: Mapping[str, Mapping[str, Any]]) -> None:
+    from gmwm.cli.output import print_table
+    from gmwm.likelihood.summary import p_text
+
+    first = next(iter(models.values()))
+    structures = {model.values.structure for model in models.values()}
+    several = len(structures) > 1
+    print(f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.source}")
+    rows = [
+        [
+            name, *([models[name].values.structure] if several else []), str(check["samples"]),
+            f"{check['mean']:+.4f}", f"{check['standard_deviation']:.4f}",
+            f"{check['ljung_box']['statistic']:.1f}", p_text(check["ljung_box"]["p_value"]),
+            f"{check['jarque_bera']['statistic']:.1f}", p_text(check["jarque_bera"]["p_value"]),
+        ]
+        for name, check in checks.items()
+    ]  # fmt: skip
+    heads = ["axis", *(["model"] if several else []), "samples", "mean", "sd", "Ljung-Box", "p", "Jarque-Bera", "p"]
+    print_table(heads, rows, texts=2 if several else 1)
+    lags = next(iter(checks.values()))["ljung_box"]["lags"]
+    print(
+        f"\nIf the model is right: mean 0, sd 1, and each p below 0.05 once in twenty axes.\nLjung-Box: whether they "
+        f"are white, over {lags} lags. Jarque-Bera: whether they are normal,\nwhich rounding to a coarse step, knocks "
+        "and outliers are not."
+    )

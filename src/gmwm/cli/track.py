@@ -1,0 +1,219 @@
+"""gmwm track: the hidden processes of a recording, its bias first of all, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gmwm.cli.following import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.options import (
+    RESULT,
+    Datasheet,
+    Efficiency,
+    Json,
+    Robust,
+    chosen_efficiency,
+    confidence_level,
+)
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm._arrays import Vector
+    from gmwm.likelihood import Tracks
+    from gmwm.signals import Signal
+
+EXAMPLES = (
+    "gmwm track static.csv --model 'GM + WN + RW' --axis gyro --output bias.csv",
+    "gmwm track static.csv --from-fits results/fits.json --axis gyro_y --plot bias.png",
+    "gmwm track static.csv --model 'WN + RW' --axis gyro_x --predict 10min",
+)
+
+HASTY = 10.0
+"""Samples of correlation time below which a term in the bias is told of."""
+
+
+@opens
+def track(
+    file: File,
+    opening: Opening,
+    model: ModelText = None,
+    from_fits: FromFits = None,
+    axis: Axes = None,
+    likelihood: ByLikelihood = False,
+    robust: Robust = False,
+    efficiency: Efficiency = None,
+    kind: Annotated[
+        Literal["smooth", "filter"],
+        typer.Option(
+            help="Each sample from the whole recording, or from what came up to it, as in real time.",
+            rich_help_panel=RESULT,
+        ),
+    ] = "smooth",
+    predict: Annotated[
+        str | None,
+        typer.Option(
+            help="What follows the recording, for 90s, 10min, 1h30m or seconds, in place of the recording itself.",
+            metavar="LENGTH",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Process to write and draw: bias, level, or a term of the model such as GM[1]; repeat it. Default: "
+            "all to --output, the bias to --plot.",
+            metavar="LABEL",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    confidence: Annotated[
+        float,
+        typer.Option(callback=confidence_level, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
+    ] = 0.95,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write time, data, and each process with its standard deviation, in SI units, to this .csv or "
+            ".parquet file; missing samples are NaN.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            help="Draw one axis, its data and its processes with their bands, to this .png, .pdf or .svg file.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    datasheet: Datasheet = False,
+    json: Json = False,
+) -> None:
+    """Follow the bias, and every hidden process of a model, through a recording.
+
+    The Kalman filter of the model gives each process at each sample with its standard deviation. The bias is the sum
+    of the constant level and all processes that wander: what is left when white and quantization noise are taken off.
+    Gaps are samples that are missing: the filter steps over them, and the band grows. The band counts the values of
+    the model as known.
+    """
+    from gmwm.cli.output import print_json, print_written, tell, tell_cautions, told_warnings
+    from gmwm.cli.tracks import as_dict, print_tracks
+    from gmwm.writers import table_path
+
+    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    length = None if predict is None else _length(predict, kind)
+    if output is not None:
+        table_path(output)
+        if output.exists() and output.resolve() == file.resolve():
+            raise OptionError(f"--output must be another file than FILE, got {output} for both")
+    with told_warnings() as told:
+        imu = load(file, opening)
+        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
+        if plot is not None and len(signals) > 1:
+            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+        tell_cautions(told, imu)
+        models = followed(way, signals, file, told)
+        tracks = _tracks(models, signals, kind, length)
+        if label:
+            _check_labels(tracks, label)
+        for name, found in tracks.items():
+            for note in _hasty(found):
+                tell(told, f"{name}: {note}")
+        written = []
+        if output is not None:
+            written.append(_write(tracks, label, output))
+        if plot is not None:
+            written.append(_draw(next(iter(tracks.values())), label, confidence, datasheet, plot))
+        if json:
+            axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
+            content = {"file": str(file), "confidence": confidence, "axes": axes, "written": list(map(str, written))}
+            print_json("track", content, told)
+            return
+        for k, (name, found) in enumerate(tracks.items()):
+            if k:
+                print()
+            print_tracks(name, models[name], found, confidence, datasheet)
+        print_written(written)
+
+
+def _length(text: str, kind: str) -> float:
+    from gmwm.cli.plan import parse_length
+
+    if kind != "smooth":
+        raise OptionError(f"--predict is made from the whole recording; leave --kind {kind} out")
+    return parse_length(text, "--predict")
+
+
+def _tracks(
+    models: Mapping[str, Followed],
+    signals: Mapping[str, Signal],
+    kind: Literal["smooth", "filter"],
+    ahead: float | None,
+) -> dict[str, Tracks]:
+    from gmwm.cli.parallel import over_axes
+    from gmwm.likelihood import filter_tracks, predict_tracks, smooth_tracks
+
+    def one(signal: Signal) -> Tracks:
+        given = models[signal.axis].model
+        if ahead is not None:
+            steps = round(ahead * signal.rate)
+            if steps < 1:
+                raise OptionError(f"--predict must be a sample or more, {1 / signal.rate:g} s; got {ahead:g} s")
+            return predict_tracks(given, signal, steps)
+        return smooth_tracks(given, signal) if kind == "smooth" else filter_tracks(given, signal)
+
+    return over_axes(one, signals, "following")
+
+
+def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
+    for name, found in tracks.items():
+        unknown = [label for label in labels if label not in found.labels]
+        if unknown:
+            raise OptionError(f"--label must be one of {', '.join(found.labels)} for {name}; got {unknown[0]!r}")
+
+
+def _hasty(found: Tracks) -> list[str]:
+    """Terms that count as bias and yet forget all within some samples: with them the bias is half the noise."""
+    notes = []
+    for term, process in zip(found.model.terms, found.model.processes, strict=True):
+        lasts = process.correlation_time(found.rate) or 0.0
+        if process.scale > 0 and 0 < lasts * found.rate < HASTY:
+            notes.append(
+                f"the bias holds {term}, which is correlated for {lasts:.2g} s only, {lasts * found.rate:.2g} samples: "
+                "it is noise to most filters; --label takes the other terms by themselves"
+            )
+    return notes
+
+
+def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> Path:
+    """Time, and of each axis the data, each process, and its standard deviation."""
+    from gmwm.cli.output import progress
+    from gmwm.writers import write_table
+
+    columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}
+    for name, found in tracks.items():
+        if found.kind != "predict":
+            columns[f"{name} [{found.unit}]"] = found.data
+        for label in labels or found.labels:
+            columns[f"{name} {label} [{found.unit}]"] = found.mean[label]
+            columns[f"{name} {label} sd [{found.unit}]"] = found.error[label]
+    with progress(f"writing {path.name}"):
+        write_table(columns, path)
+    return path
+
+
+def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> Path:
+    from gmwm.cli.output import progress
+
+    with progress(f"drawing {path.name}"):
+        found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)
+    return path

@@ -1,0 +1,117 @@
+"""gmwm fit --likelihood: the same numbers as gmwm.fit_ml, beside those of the wavelet fit."""
+
+import json
+import re
+
+import pytest
+
+import gmwm as library
+from gmwm.likelihood.summary import inference, intervals_if_known
+from gmwm.readers import read
+
+MODEL = "GM + WN"
+
+
+@pytest.fixture(scope="module")
+def carried(recording):
+    """A wavelet fit of an axis, and the fit by maximum likelihood that it leads to."""
+    signal = read(recording)["accel_x"]
+    start = library.fit(MODEL, signal)
+    return start, library.fit_ml(MODEL, signal, start=start)
+
+
+@pytest.mark.parametrize("option", ["--likelihood", "--ml"])
+def test_json_is_the_library_s(gmwm, recording, carried, option):
+    outcome = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", option, "--json")
+    assert outcome.code == 0
+    found = outcome.json["axes"]["accel_x"]
+    start, fit = carried
+    assert found["parameters"] == start.parameters
+    intervals, reason = intervals_if_known(fit, 0.95)
+    expected = {
+        **fit.to_dict(),
+        **inference(fit, 0.95, intervals),
+        "residuals": fit.residuals(fit.record.values).to_dict(),
+    }
+    assert reason is None
+    assert found["likelihood"] == json.loads(json.dumps(expected))
+    assert library.LikelihoodFit.from_dict(found["likelihood"]).parameters == fit.parameters
+
+
+def test_without_the_option_nothing_changes(gmwm, recording):
+    plain = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x")
+    both = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", "--ml")
+    assert "likelihood" not in plain.out
+    assert both.out.startswith(plain.out)
+    assert (
+        "likelihood" not in gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", "--json").json["axes"]["accel_x"]
+    )
+
+
+def test_one_axis_is_both_summaries(gmwm, recording, carried):
+    start, fit = carried
+    outcome = gmwm("fit", recording, "-m", MODEL, "--axis", "accel_x", "--ml", "--confidence", 0.9)
+    assert outcome.out == f"{start.summary(0.9)}\n\n{fit.summary(0.9)}\n"
+    assert re.search(r"residuals: white\? p = 0\.\d{3} \(Ljung-Box, \d+ lags\); normal\? p = 0\.\d{3}", outcome.out)
+
+
+def test_tables_of_several_axes(gmwm, recording):
+    outcome = gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro", "--ml")
+    imu = read(recording)
+    assert outcome.code == 0
+    _, _, second = outcome.out.partition("By maximum likelihood, 20000 samples at 100 Hz")
+    for axis in ("gyro_x", "gyro_y", "gyro_z"):
+        fit = library.fit_ml("WN + RW", imu[axis], start=library.fit("WN + RW", imu[axis]))
+        assert f"{fit.loglikelihood:.3f}" in second
+        assert f"{fit.aic:.2f}" in second
+        assert f"{fit.bic:.2f}" in second
+        for name, (low, high) in fit.confidence_intervals().items():
+            assert (f"{fit.parameters[name]:.2e}" if low > 0 else f"≤ {high:.2e}") in second
+    assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+def test_what_the_likelihood_does_not_show_is_told(gmwm, recording):
+    arguments = ("fit", recording, "-m", "WN + QN + RW", "--axis", "gyro_x,gyro_y", "--ml")
+    outcome = gmwm(*arguments, "--json")
+    gone = {axis: one["likelihood"]["not_supported"] for axis, one in outcome.json["axes"].items()}
+    assert any(gone.values())
+    words = gmwm(*arguments).out.partition("By maximum likelihood")[2]
+    for axis, terms in gone.items():
+        for term in terms:
+            note = f"{term} is not supported by these data: estimated as zero"
+            assert f"{axis}: {note}" in words
+            assert f"{axis}, by maximum likelihood: {note}" in outcome.json["warnings"]
+
+
+def test_gaps_are_missing_samples(gmwm, broken):
+    found = gmwm("fit", broken, "-m", "WN", "--ml", "--json").json["axes"]["gyro_x"]["likelihood"]
+    assert (found["samples"], found["missing"]) == (500, 1000)
+    assert found["residuals"]["samples"] == 500
+
+
+def test_fits_are_written_with_it(gmwm, recording, tmp_path):
+    assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x", "--ml", "--output", tmp_path).code == 0
+    content = json.loads((tmp_path / "fits.json").read_text(encoding="utf-8"))
+    fit = library.LikelihoodFit.from_dict(content["axes"]["gyro_x"]["likelihood"])
+    assert fit.axis == "gyro_x"
+    assert "by maximum likelihood" in fit.summary()
+
+
+def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
+    outcome = gmwm("fit", folder / "none.csv", "-m", "WN + FN", "--ml")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: --likelihood takes a model with a state-space form: FN has no state space")
+    assert outcome.err.count("\n") == 1
+
+
+def test_a_summary_without_the_record_says_what_is_missing(recording):
+    signal = read(recording)["gyro_x"]
+    with pytest.warns(library.FitWarning, match="QN is not supported"):
+        fit = library.fit_ml("WN + QN", signal, start="WN(sigma2=4e-7) + QN(q2=1e-9)")
+    read_again = library.LikelihoodFit.from_dict(fit.to_dict())
+    assert fit.confidence_intervals()["QN.q2"][0] == 0.0
+    assert "at most" in fit.summary()
+    words = read_again.summary()
+    assert "no intervals: the interval of QN.q2" in words
+    assert "residuals" not in words
+    assert f"{fit.parameters['WN.sigma2']:.3e}" in words
