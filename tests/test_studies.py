@@ -9,12 +9,14 @@ from validation import (
     study_coverage,
     study_efficiency,
     study_goodness,
+    study_likelihood,
     study_optimism,
     study_optimum,
     study_plan,
     study_recovery,
     study_starts,
     study_timeseries,
+    study_tracks,
     study_weak,
     study_weighting,
 )
@@ -186,3 +188,33 @@ def test_intervals_of_autoregressions_hold_the_truth():
         # 20 recordings: fewer than 16 would come by chance once in a thousand times.
         assert row["covered"] >= 0.8, row
         assert abs(row["median"] / row["truth"] - 1) < 0.05, row
+
+
+def test_tracks_say_how_far_off_they_are(tmp_path):
+    result = study_tracks.run(reduced=True)
+    assert study_tracks.table(result).count("\n|") == 2 + len(result["rows"]) == 8
+    for row in result["rows"]:
+        # Six records scatter more than they know of themselves.
+        assert abs(row["covered"] - 0.95) < 0.02 + 6 * row["covered_uncertain"], row
+        assert abs(row["error"] / row["said"] - 1) < 0.1, row
+        assert row["gap_covered"] > 0.85, row
+        assert row["gap_said"] > 1.3 * row["said"], row
+        assert abs(row["over_true"] - 1) < 0.05, row
+        assert row["rejected"] <= 0.5, row
+    errors = {(row["parameters"], row["kind"]): row["error"] for row in result["rows"]}
+    assert all(errors[name, "smooth"] < 0.85 * errors[name, "filter"] for name in study_tracks.PARAMETERS)
+    study_tracks.draw(result, tmp_path / "tracks.svg")
+    assert (tmp_path / "tracks.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_intervals_by_likelihood_hold_the_truth():
+    result = study_likelihood.run(reduced=True)
+    assert study_likelihood.table(result).count("\n|") == 9
+    for row in result["rows"]:
+        if row["parameter"] != study_likelihood.LEVEL:
+            # 20 recordings: fewer than 16 would come by chance once in a thousand times.
+            assert row["covered"] >= 0.8, row
+            assert abs(row["spread"] / row["standard_error"] - 1) < 0.5, row
+        assert abs(row["bias"]) < 4, row
+    for row in result["tests"]:
+        assert abs(row["deviance"] - row["parameters"]) < 4 * (2 * row["parameters"] / result["recordings"]) ** 0.5, row

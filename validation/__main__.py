@@ -5,10 +5,12 @@ A study is a module `study_<something>.py` in this folder with
 - `NAME`: its name, and that of its files (letters, digits and hyphens),
 - `SEED`: the integer from which everything random in it follows,
 - `run(reduced: bool) -> dict`: the result, with the numbers under "rows"; `reduced` is what the tests run,
-- `table(result: dict) -> str`: the result as Markdown.
+- `table(result: dict) -> str`: the result as Markdown,
+- and, where there is something to see, `draw(result: dict, path: Path)`, which writes its picture.
 
-Each study becomes `<NAME>.json` and `<NAME>.md` in docs/validation, both or neither. They hold no date and no
-timing: the same seed and the same versions give the same bytes.
+Each study becomes `<NAME>.json` and `<NAME>.md` in docs/validation, both or neither; where there is a picture, that is
+`<NAME>.svg`. They hold no date and no timing: the same seed and the same versions give the same bytes. The one
+exception is the comparison of methods, which tells how long each takes.
 """
 
 from __future__ import annotations
@@ -126,7 +128,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(record.markdown, flush=True)
         if directory is not None:
             record.write(directory)
-            print(f"wrote {directory / name}.json and .md\n", flush=True)
+            if draw := getattr(studies[name], "draw", None):
+                draw(json.loads(record.json), directory / f"{name}.svg")
+            print(f"wrote {directory / name}.json and .md{' and .svg' if draw else ''}\n", flush=True)
     if not studies:
         print("there are no studies yet: none of validation/study_*.py exists")
     return 0

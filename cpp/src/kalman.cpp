@@ -38,18 +38,29 @@ struct Run {
   std::vector<double> v;      // innovations of a block (k, block)
 };
 
-// v and the next means of one series by gains that stay: P states that do not mix.
-template <std::size_t P>
-GMWM_INLINE void settled_diagonal(const Machine<double>& m, const double* y, std::size_t n, double* mean, double* v) {
-  std::array<double, P> a, f, g, h;
-  for (std::size_t i = 0; i < P; ++i) a[i] = mean[i], f[i] = m.f[i], g[i] = m.G[i], h[i] = m.H[i];
-  for (std::size_t t = 0; t < n; ++t) {
-    double e = y[t];
-    for (std::size_t i = 0; i < P; ++i) e -= h[i] * a[i];
-    for (std::size_t i = 0; i < P; ++i) a[i] = f[i] * a[i] + g[i] * e;
-    v[t] = e;
+// v and the next means of K series by gains that stay: P states that do not mix. Series side by side share the waiting.
+template <std::size_t P, std::size_t K>
+GMWM_INLINE void settled_diagonal(Run& run, std::size_t t0, std::size_t n) {
+  const Machine<double>& m = run.machine;
+  std::array<double, P> f, g, h;
+  std::array<std::array<double, P>, K> a;
+  std::array<const double*, K> y;
+  std::array<double*, K> v;
+  for (std::size_t i = 0; i < P; ++i) f[i] = m.f[i], g[i] = m.G[i], h[i] = m.H[i];
+  for (std::size_t k = 0; k < K; ++k) {
+    y[k] = run.series.row(k) + t0;
+    v[k] = run.v.data() + k * block;
+    for (std::size_t i = 0; i < P; ++i) a[k][i] = run.means[k * P + i];
   }
-  for (std::size_t i = 0; i < P; ++i) mean[i] = a[i];
+  for (std::size_t t = 0; t < n; ++t)
+    for (std::size_t k = 0; k < K; ++k) {
+      double e = y[k][t];
+      for (std::size_t i = 0; i < P; ++i) e -= h[i] * a[k][i];
+      for (std::size_t i = 0; i < P; ++i) a[k][i] = f[i] * a[k][i] + g[i] * e;
+      v[k][t] = e;
+    }
+  for (std::size_t k = 0; k < K; ++k)
+    for (std::size_t i = 0; i < P; ++i) run.means[k * P + i] = a[k][i];
 }
 
 // v_t, and the means moved one step with a gain, or without one where nothing was seen.
@@ -65,45 +76,54 @@ GMWM_INLINE double moved(const Machine<double>& m, double y, bool seen, double* 
 }
 
 // The first samples, in which the gains still change: P states that do not mix, K series, n samples that are all there.
-// v (K, block) and 1/S of each sample. False if a sample has no variance.
+// v (K, block), 1/S and S of each sample. False if a sample has no variance. States are seen as they are, h_i x_i, and
+// what does not need 1/S is done while it is divided: F (P − M Mᵀ/S) Fᵀ + Q = (F P Fᵀ + Q) − (F M)(F M)ᵀ/S.
 template <std::size_t P, std::size_t K>
 GMWM_INLINE bool changing_diagonal(Run& run, std::size_t t0, std::size_t n, double* weights, double* variances) {
   Machine<double>& m = run.machine;
   std::array<double, P> f, h;
-  std::array<std::array<double, P>, P> C, Q;
+  std::array<std::array<double, P>, P> C, Q, ff;
   std::array<std::array<double, P>, K> a;
   std::array<const double*, K> y;
+  for (std::size_t i = 0; i < P; ++i) f[i] = m.f[i], h[i] = m.H[i];
   for (std::size_t i = 0; i < P; ++i) {
-    f[i] = m.f[i], h[i] = m.H[i];
-    for (std::size_t j = 0; j < P; ++j) C[i][j] = m.P[i * P + j], Q[i][j] = m.Q[i * P + j];
-    for (std::size_t k = 0; k < K; ++k) a[k][i] = run.means[k * P + i];
+    for (std::size_t j = 0; j < P; ++j) {
+      C[i][j] = h[i] * m.P[i * P + j] * h[j];
+      Q[i][j] = h[i] * m.Q[i * P + j] * h[j];
+      ff[i][j] = f[i] * f[j];
+    }
+    for (std::size_t k = 0; k < K; ++k) a[k][i] = h[i] * run.means[k * P + i];
   }
   for (std::size_t k = 0; k < K; ++k) y[k] = run.series.row(k) + t0;
   bool good = true;
   for (std::size_t t = 0; t < n; ++t) {
-    std::array<double, P> M;
+    std::array<double, P> M, fM;
+    std::array<std::array<double, P>, P> A, B;
     double S = m.R;
     for (std::size_t i = 0; i < P; ++i) {
       M[i] = 0;
-      for (std::size_t j = 0; j < P; ++j) M[i] += (i < j ? C[i][j] : C[j][i]) * h[j];
-      S += h[i] * M[i];
+      for (std::size_t j = 0; j < P; ++j) M[i] += i < j ? C[i][j] : C[j][i];
+      S += M[i];
+      fM[i] = f[i] * M[i];
     }
     good = good && S > 0;
     const double weight = 1 / S;
+    for (std::size_t i = 0; i < P; ++i)
+      for (std::size_t j = i; j < P; ++j) A[i][j] = ff[i][j] * C[i][j] + Q[i][j], B[i][j] = fM[i] * fM[j];
     for (std::size_t k = 0; k < K; ++k) {
       double e = y[k][t];
-      for (std::size_t i = 0; i < P; ++i) e -= h[i] * a[k][i];
-      for (std::size_t i = 0; i < P; ++i) a[k][i] = f[i] * (a[k][i] + M[i] * weight * e);
+      for (std::size_t i = 0; i < P; ++i) e -= a[k][i];
+      for (std::size_t i = 0; i < P; ++i) a[k][i] = f[i] * a[k][i] + fM[i] * (weight * e);
       run.v[k * block + t] = e;
     }
     for (std::size_t i = 0; i < P; ++i)
-      for (std::size_t j = i; j < P; ++j) C[i][j] = f[i] * (C[i][j] - M[i] * weight * M[j]) * f[j] + Q[i][j];
+      for (std::size_t j = i; j < P; ++j) C[i][j] = A[i][j] - B[i][j] * weight;
     weights[t] = weight;
     variances[t] = S;
   }
   for (std::size_t i = 0; i < P; ++i) {
-    for (std::size_t j = i; j < P; ++j) m.P[i * P + j] = m.P[j * P + i] = C[i][j];
-    for (std::size_t k = 0; k < K; ++k) run.means[k * P + i] = a[k][i];
+    for (std::size_t j = i; j < P; ++j) m.P[i * P + j] = m.P[j * P + i] = C[i][j] / (h[i] * h[j]);
+    for (std::size_t k = 0; k < K; ++k) run.means[k * P + i] = a[k][i] / h[i];
   }
   return good;
 }
@@ -112,7 +132,7 @@ GMWM_INLINE bool changing_diagonal(Run& run, std::size_t t0, std::size_t n, doub
 enum class Quick { none, good, singular };
 
 GMWM_INLINE Quick changing_block(Run& run, std::size_t t, std::size_t n, double* weights, double* variances) {
-  if (!run.machine.diagonal || run.series.count > 2) return Quick::none;
+  if (!run.machine.quick || run.series.count > 2) return Quick::none;
   bool good;
   switch (run.machine.p * 2 + run.series.count - 1) {
     case 2: good = changing_diagonal<1, 1>(run, t, n, weights, variances); break;
@@ -130,18 +150,21 @@ GMWM_INLINE Quick changing_block(Run& run, std::size_t t, std::size_t n, double*
 
 GMWM_INLINE void settled_block(Run& run, std::size_t t, std::size_t n) {
   const Machine<double>& m = run.machine;
-  for (std::size_t k = 0; k < run.series.count; ++k) {
-    const double* y = run.series.row(k) + t;
-    double *mean = run.means.data() + k * m.p, *v = run.v.data() + k * block;
-    switch (m.diagonal ? m.p : 0) {
-      case 1: settled_diagonal<1>(m, y, n, mean, v); break;
-      case 2: settled_diagonal<2>(m, y, n, mean, v); break;
-      case 3: settled_diagonal<3>(m, y, n, mean, v); break;
-      case 4: settled_diagonal<4>(m, y, n, mean, v); break;
-      case 5: settled_diagonal<5>(m, y, n, mean, v); break;
-      default:
-        for (std::size_t i = 0; i < n; ++i) v[i] = moved(m, y[i], true, mean, run.next.data());
-    }
+  const std::size_t count = run.series.count;
+  switch (m.diagonal && count <= 2 ? m.p * 2 + count - 1 : 0) {
+    case 2: return settled_diagonal<1, 1>(run, t, n);
+    case 3: return settled_diagonal<1, 2>(run, t, n);
+    case 4: return settled_diagonal<2, 1>(run, t, n);
+    case 5: return settled_diagonal<2, 2>(run, t, n);
+    case 6: return settled_diagonal<3, 1>(run, t, n);
+    case 7: return settled_diagonal<3, 2>(run, t, n);
+    case 8: return settled_diagonal<4, 1>(run, t, n);
+    case 9: return settled_diagonal<4, 2>(run, t, n);
+    default:
+      for (std::size_t k = 0; k < count; ++k)
+        for (std::size_t i = 0; i < n; ++i)
+          run.v[k * block + i] =
+              moved(m, run.series.row(k)[t + i], true, run.means.data() + k * m.p, run.next.data());
   }
 }
 

@@ -82,12 +82,14 @@ class Machine {
   std::vector<T> M, G;  // P Hᵀ, and the gain F P Hᵀ / S
   T R, S, inverse_S;
   bool diagonal, settled = false;
+  bool quick;  // diagonal, and each state is seen
 
   Machine(std::size_t states, std::vector<Place> where, std::vector<T> transition, std::vector<T> noise,
           std::vector<T> seen, std::vector<T> start, T observation)
       : p(states), places(std::move(where)), f(std::move(transition)), Q(std::move(noise)), H(std::move(seen)),
         P(std::move(start)), M(p), G(p), R(observation), S(0.0), inverse_S(0.0),
         diagonal(std::all_of(places.begin(), places.end(), [](const Place& at) { return at.row == at.column; })),
+        quick(diagonal && std::all_of(H.begin(), H.end(), [](const T& h) { return value_of(h) != 0; })),
         work_(p * p), before_(p * p) {}
 
   // S, M and G of the sample to come. False if it has no variance.
