@@ -347,3 +347,14 @@ def test_a_wavelet_fit_is_a_start():
     found = fit_ml("GM + WN", x, RATE, start=begun)
     assert found.diagnostics.started_at == pytest.approx(loglikelihood(begun.model, x, RATE), rel=1e-12)
     assert found.loglikelihood > found.diagnostics.started_at
+
+
+def test_errors_are_in_the_order_of_the_model():
+    model, x = drawn("GM(beta=1.0, sigma2=2.0) + GM(beta=40.0, sigma2=3.0) + WN(sigma2=0.5)")
+    found = fit_ml(model.structure, x, RATE, start=model)
+    assert list(found.names) == list(found.model.names) == list(found.standard_errors)
+    swapped = fit_ml(
+        model.structure, x, RATE, start="GM(beta=40.0, sigma2=3.0) + GM(beta=1.0, sigma2=2.0) + WN(sigma2=0.5)"
+    )
+    assert swapped.names == found.names
+    np.testing.assert_allclose(swapped.covariance, found.covariance, rtol=1e-3)

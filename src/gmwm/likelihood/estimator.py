@@ -211,6 +211,8 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     order = best.sorted(problem.rate)
     ordered = {id(p): t for t, p in zip(order.terms, order.processes, strict=True)}
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
+    labels = [_renamed(name, renamed) for name in names]
+    places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
     diagnostics = LikelihoodDiagnostics(
@@ -238,8 +240,8 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
         rate=problem.rate,
         unit=problem.record.unit,
         axis=problem.record.axis,
-        names=tuple(_renamed(name, renamed) for name in names),
-        covariance=covariance,
+        names=tuple(labels[k] for k in places),
+        covariance=covariance[np.ix_(places, places)],
         diagnostics=diagnostics,
         record=problem.record,
     )
