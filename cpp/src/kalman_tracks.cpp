@@ -253,6 +253,7 @@ class Tracker {
       }
     } else if (touched) {
       variance = unknown;
+      mean = std::numeric_limits<double>::quiet_NaN();
     }
     means_[g * n_ + t] = mean;
     variances_[g * n_ + t] = variance;

@@ -100,7 +100,7 @@ def test_fits_are_written_with_it(gmwm, recording, tmp_path):
 def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
     outcome = gmwm("fit", folder / "none.csv", "-m", "WN + FN", "--ml")
     assert (outcome.code, outcome.out) == (2, "")
-    assert outcome.err.startswith("error: --likelihood takes a model with a state-space form: FN has no state space")
+    assert outcome.err.startswith("error: --likelihood: FN has no finite state")
     assert outcome.err.count("\n") == 1
 
 

@@ -107,7 +107,7 @@ def test_plot(gmwm, recording, tmp_path):
 CASES = {
     "no model": (["{file}"], "give a model as --model, or --from-fits"),
     "both": (["{file}", "-m", "WN", "--from-fits", "{fits}"], "one of them"),
-    "no states": (["{file}", "-m", "WN + PL"], "--model takes a model with a state-space form: PL"),
+    "no states": (["{file}", "-m", "WN + PL"], "--model: PL has no finite state"),
     "no fits": (["{file}", "--from-fits", "{file}"], "is neither a fits.json"),
     "no such fits": (["{file}", "--from-fits", "{folder}/none.json"], "none.json"),
     "axis without a fit": (["{file}", "--from-fits", "{fits}", "--axis", "gyro_z"], "which {fits} holds; got gyro_z"),

@@ -152,7 +152,7 @@ def test_a_fast_term_in_the_bias_is_told(gmwm, recording):
 
 CASES = {
     "no model": (["{file}"], "give a model as --model, or --from-fits"),
-    "no states": (["{file}", "-m", "WN + FN"], "--model takes a model with a state-space form: FN"),
+    "no states": (["{file}", "-m", "WN + FN"], "--model: FN has no finite state"),
     "a filter ahead": (["{file}", "-m", MODEL, "--kind", "filter", "--predict", "1min"], "leave --kind filter out"),
     "no length": (["{file}", "-m", MODEL, "--predict", "soon"], "--predict takes a length as 90s"),
     "less than a sample": (["{file}", "-m", MODEL, "--predict", "0.001"], "--predict must be a sample or more, 0.01 s"),

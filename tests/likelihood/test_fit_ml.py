@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from gmwm import LikelihoodFit, fit, fit_ml, loglikelihood, parse_model
+from gmwm import Imu, LikelihoodFit, fit, fit_ml, loglikelihood, parse_model
 from gmwm.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
@@ -311,8 +311,8 @@ def good():
         ("WN", Signal(good(), RATE), {"rate": 50.0}, OptionError, "rate=50 contradicts the signal's 100 Hz"),
         ("WN", good(), {"mean": "none"}, OptionError, "mean must be a finite number"),
         ("WN", good(), {"mean": np.nan}, OptionError, "mean must be a finite number"),
-        ("FN", good(), {}, MissingTheoryError, "FN has no state space"),
-        ("FN + WN", good(), {"start": "FN(b2=1.0) + WN(sigma2=1.0)"}, MissingTheoryError, "FN has no state space"),
+        ("FN", good(), {}, MissingTheoryError, "FN has no finite state"),
+        ("FN + WN", good(), {"start": "FN(b2=1.0) + WN(sigma2=1.0)"}, MissingTheoryError, "FN has no finite state"),
         ("WN", good(), {"start": "RW(gamma2=1.0)"}, ModelError, "start must be the same model, WN"),
         ("WN + RW", good(), {"start": "WN(sigma2=1.0)"}, ModelError, "start must be the same model"),
         ("WN + RW", good(), {"start": "WN(sigma2=1.0) + RW"}, ModelError, "start must have a value for.*RW.gamma2"),
@@ -358,3 +358,27 @@ def test_errors_are_in_the_order_of_the_model():
     )
     assert swapped.names == found.names
     np.testing.assert_allclose(swapped.covariance, found.covariance, rtol=1e-3)
+
+
+@pytest.mark.parametrize("larger", ["2*GM + WN + RW", "2*GM + WN + QN + RW"])
+def test_a_larger_model_has_no_smaller_likelihood(larger):
+    # A process that is gone within a sample: to the wavelet variance it is white, and the other terms are at zero.
+    x = parse_model("GM(beta=150.0, sigma2=1.0) + RW(gamma2=1e-6)").simulate(5000, RATE, rng=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FitWarning)
+        small, large = fit_ml("GM + WN + RW", x, RATE), fit_ml(larger, x, RATE)
+    assert large.diagnostics.converged
+    assert large.loglikelihood > small.loglikelihood - 1e-6
+
+
+def test_terms_that_start_together_come_apart():
+    model, x = drawn("GM(beta=1.0, sigma2=2.0) + GM(beta=40.0, sigma2=3.0) + WN(sigma2=0.5)")
+    apart = fit_ml(model.structure, x, RATE, start=model)
+    together = fit_ml(model.structure, x, RATE, start="2*GM(beta=5.0, sigma2=2.0) + WN(sigma2=0.5)")
+    assert together.loglikelihood == pytest.approx(apart.loglikelihood, abs=1e-6)
+
+
+def test_a_recording_is_not_one_axis():
+    imu = Imu.from_arrays({"gyro_x": np.arange(20.0), "gyro_y": np.arange(20.0)}, RATE)
+    with pytest.raises(DataError, match=r"one axis, got a recording of gyro_x, gyro_y; pass imu\['gyro_x'\]"):
+        fit_ml("WN", imu)

@@ -282,5 +282,5 @@ def test_a_process_without_a_state_space_is_refused(name):
     process = every_class()[name]
     shape = process.at_coordinates(process.scan(1000, RATE).mean(axis=1)[None, :])[0]
     model = process.standard(shape)
-    with pytest.raises(MissingTheoryError, match="has no state space"):
+    with pytest.raises(MissingTheoryError, match="has no finite state"):
         loglikelihood(model, np.random.default_rng(1).standard_normal(50), RATE)

@@ -167,6 +167,7 @@ def test_nothing_is_known_before_the_first_sample():
     model, x = drawn("RW(gamma2=0.05) + WN(sigma2=1.0)", list(range(7)))
     tracks = model.filter(x, RATE)
     assert np.all(np.isinf(tracks.error["RW"][:7]))
+    assert np.all(np.isnan(tracks.mean["bias"][:7]))
     assert np.all(np.isfinite(tracks.error["RW"][7:]))
     assert tracks.error["RW"][7] == pytest.approx(1.0, rel=1e-12)
     low, high = tracks.band("RW")
@@ -236,3 +237,15 @@ def test_gaps_of_a_signal_are_missing_samples():
     np.testing.assert_allclose(got.mean["bias"], expected.mean["bias"], rtol=1e-12)
     np.testing.assert_allclose(got.error["bias"], expected.error["bias"], rtol=1e-12)
     np.testing.assert_allclose(got.times[[0, 230]], [5.0, 7.3], rtol=1e-12)
+
+
+def test_a_walk_that_is_zero_leaves_the_level_to_the_record():
+    x = 9.81 + parse_model("WN(sigma2=1.0)").simulate(500, RATE, rng=1)
+    tracks = parse_model("WN(sigma2=1.0) + RW(gamma2=0.0)").smooth(x, RATE)
+    np.testing.assert_allclose(tracks.mean["level"], x.mean(), rtol=1e-12)
+    np.testing.assert_array_equal(tracks.mean["RW"], 0.0)
+
+
+def test_predictions_have_an_end():
+    with pytest.raises(OptionError, match="steps must be at most 10000000"):
+        parse_model("WN(sigma2=1.0)").predict(np.arange(20.0), 10**11, RATE)

@@ -136,8 +136,8 @@ def test_titles_tell_the_tests(good, bad):
 
 
 def test_few_samples_have_no_test(noise):
-    panel = correlation_panel(of(noise[:10], estimated=6))
-    assert panel.title == "No Ljung-Box test: 6 parameters were estimated"
+    panel = correlation_panel(of(noise[:10], estimated=9))
+    assert panel.title == "No Ljung-Box test: 9 parameters were estimated"
     assert len(residuals_figure(of(noise[:8], estimated=6)).panels) == 3
 
 

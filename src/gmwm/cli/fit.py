@@ -155,7 +155,7 @@ def fit(
         for name, found in fits.items():
             for note in found.wavelet_variance.notes():
                 tell(told, f"{name}: {note}")
-        carried = judged(likelihood_fits(fits, signals), confidence) if likelihood else {}
+        carried = judged(likelihood_fits(fits, signals, parsed), confidence) if likelihood else {}
         if json:
             for name, found in fits.items():
                 for note in found.diagnostics.notes():

@@ -113,7 +113,7 @@ def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str
     )
     source = "fitted to the wavelet variance"
     if way.likelihood:
-        fits, source = likelihood_fits(fits, signals), "fitted by maximum likelihood"  # type: ignore[arg-type]
+        fits, source = likelihood_fits(fits, signals, way.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
     for axis, fit in fits.items():
         for note in fit.diagnostics.notes():
             tell(told, f"{axis}: {note}")

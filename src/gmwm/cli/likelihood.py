@@ -32,13 +32,20 @@ class Judged:
 
 def require_states(model: Model, what: str) -> None:
     """An error before any work where a term has no state-space form, for `what` the user typed."""
-    lacking = next((process for process in model.processes if not process.has("state_space")), None)
-    if lacking is not None:
-        raise MissingTheoryError(f"{what} takes a model with a state-space form: {lacking.missing('state_space')}")
+    from gmwm.likelihood.system import require_state
+
+    for process in model.processes:
+        try:
+            require_state(process)
+        except MissingTheoryError as error:
+            raise MissingTheoryError(f"{what}: {error}") from None
 
 
-def likelihood_fits(fits: Mapping[str, Fit], signals: Mapping[str, Signal]) -> dict[str, LikelihoodFit]:
-    """Each fit carried on to the largest likelihood, several at once."""
+def likelihood_fits(
+    fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None
+) -> dict[str, LikelihoodFit]:
+    """Each fit carried on to the largest likelihood, several at once; from the values of a model that has them all."""
+    own = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm._threads import in_threads
     from gmwm.cli.output import progress
@@ -48,7 +55,7 @@ def likelihood_fits(fits: Mapping[str, Fit], signals: Mapping[str, Signal]) -> d
         def carried_on(axis: str, start: Fit) -> LikelihoodFit:
             said = f"maximum likelihood: {axis}"
             return fit_ml(
-                start.model, signals[axis], start=start,
+                start.model, signals[axis], start=start if own is None else own,
                 progress=lambda count, value: advance(f"{said}, evaluation {count}, {value:.2f}", 0),
             )  # fmt: skip
 

@@ -183,10 +183,12 @@ def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
 
 def _hasty(found: Tracks) -> list[str]:
     """Terms that count as bias and yet forget all within some samples: with them the bias is half the noise."""
+    from gmwm.likelihood.tracks import wanders
+
     notes = []
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
         lasts = process.correlation_time(found.rate) or 0.0
-        if process.scale > 0 and 0 < lasts * found.rate < HASTY:
+        if process.scale > 0 and wanders(process, found.rate) and lasts * found.rate < HASTY:
             notes.append(
                 f"the bias holds {term}, which is correlated for {lasts:.2g} s only, {lasts * found.rate:.2g} samples: "
                 "it is noise to most filters; --label takes the other terms by themselves"

@@ -16,13 +16,11 @@ from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
 from gmwm.likelihood.search import Found, Search
+from gmwm.likelihood.system import require_state
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
 from gmwm.signals import Signal
-
-FAINT = 0.01
-"""Share of the rest at which a term starts that was estimated as zero before."""
 
 
 def loglikelihood(
@@ -137,9 +135,8 @@ def fit_ml(
     True
     """
     wanted, record, known = as_model(model), as_record(data, rate), as_mean(mean)
-    lacking = next((p for p in wanted.processes if not p.has("state_space")), None)
-    if lacking is not None:
-        raise lacking.missing("state_space")
+    for process in wanted.processes:
+        require_state(process)
     problem = Problem(_started(wanted, record, start), record, known)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
@@ -158,7 +155,7 @@ def _all_held(model: Model) -> Model:
 
 
 def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None) -> Model:
-    """The wanted model with values to start from, none of its terms at zero."""
+    """The wanted model with values to start from; terms at zero are looked for once the others have their place."""
     if start is None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FitWarning)
@@ -173,36 +170,16 @@ def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model |
         if given.fixed != wanted.fixed or any(given.parameters[n] != wanted.parameters[n] for n in wanted.fixed):
             free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed}
             given = wanted.with_values(free)
-    return _none_at_zero(given, record)
-
-
-def _none_at_zero(model: Model, record: Record) -> Model:
-    """Terms without a scale start at a small share of the rest: at zero no slope would lead away."""
-    gone = [
-        k
-        for k, p in enumerate(model.processes)
-        if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and p.has("wavelet_variance")
-    ]
-    if not gone:
-        return model
-    levels = max(int(math.log2(record.observed)), 1)
-    total = model.wavelet_variance(levels, record.rate)
-    if not np.all(total > 0):
-        total = np.full(levels, np.nanvar(record.values) / levels)
-    processes = list(model.processes)
-    for k in gone:
-        name = processes[k].scale_parameter().name
-        one = processes[k].with_values(**{name: processes[k].value_from(1.0)})
-        shape = one.wavelet_variance(levels, record.rate)
-        scale = FAINT * float(np.min(total[shape > 0] / shape[shape > 0]))
-        processes[k] = processes[k].with_values(**{name: processes[k].value_from(scale)})
-    return Model(tuple(processes))
+    return given
 
 
 def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     """What was found in the words of the model."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
+    # A walk that is zero takes up no level: the record's mean is one of its own then.
+    final = Problem(best, problem.record, problem.mean)
+    _, ends = final.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
     for label, k in drifts.items():
         process = best.processes[best.terms.index(label)]
@@ -213,7 +190,7 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
     labels = [_renamed(name, renamed) for name in names]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
-    constant = _level(problem, level)
+    constant = _level(final, ends)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
     diagnostics = LikelihoodDiagnostics(
         acts_as=_acts_as(problem, found, best, renamed),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm.errors import DataError, ModelError, OptionError
-from gmwm.signals import MINIMUM_SAMPLES, Signal
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 
 _ROOM = 10_000_000
 """Missing samples that gaps may add whatever the length of the record."""
@@ -96,6 +96,8 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
         if rate is not None and as_rate(rate) != data.rate:
             raise OptionError(f"rate={rate:g} contradicts the signal's {data.rate:g} Hz; leave rate out")
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
+    elif isinstance(data, Imu):
+        raise DataError(f"{name} must be one axis, got a recording of {', '.join(data)}; pass imu[{data.axes[0]!r}]")
     else:
         given = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0

@@ -16,6 +16,12 @@ LONGEST = 2.0
 TOLERANCE = 1e-9
 """Of the log-likelihood that may still be gained."""
 _ROUNDS = 200
+_WORTH = 0.01
+"""Log-likelihood that a term must promise to be tried again."""
+_PLACES = 12
+"""Along the range of a shape, where a term is looked for."""
+_BEYOND = 1.6
+"""Above the range in which wavelets see a shape: samples also see a process that is gone within one."""
 _FAINT = 0.05
 """Information on the logarithm of a scale below which its error is more than four times itself: is it there at all?"""
 _GONE = 1e-7
@@ -72,15 +78,15 @@ class Search:
 
     def run(self, start: Vector) -> Found | None:
         """The optimum that `start` leads to; None where the start has no likelihood."""
-        z = np.clip(start, *self.problem.bounds.T)
+        z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, found, converged = self._climb(z)
         if found is None:
             return None
         z, found = self._tidy(z, found)
-        # A term that was given up may have a place once the others have found theirs.
-        for term in sorted(self.gone) if self.revive else ():
-            tried = self._back(z, found, term)
+        # A term that is at zero may have a place once the others have found theirs, and then another one too.
+        for term in [*sorted(self.gone)] * 2 if self.revive else ():
+            tried = self._back(z, found, term) if term in self.gone else None
             if tried is not None:
                 z, found, converged = tried
         active = self._active(z)
@@ -116,6 +122,9 @@ class Search:
         damping, converged = 0.0, not active
         for _ in range(_ROUNDS if active else 0):
             step, gain = self._step(now, z, active, damping)
+            if gain < 0.0 and damping < 1e6:
+                damping = max(10.0 * damping, 1e-2)  # a direction that is hardly known spoilt the step
+                continue
             if gain <= max(self.tolerance, 8e-16 * abs(now.value)):
                 converged = gain >= 0.0
                 break
@@ -194,30 +203,67 @@ class Search:
             z[self.scales[term]] = -math.inf
         return z
 
+    def _apart(self, z: Vector) -> Vector:
+        """Terms of a kind that start at one place would stay together: there they are a single one."""
+        z = z.copy()
+        seen: list[tuple[type, Vector]] = []
+        for term, process in enumerate(self.problem.model.processes):
+            mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
+            if not mine or not np.all(np.isfinite(z[mine])) or self.held.intersection(mine):
+                continue
+            while any(kind is type(process) and np.allclose(at, z[mine], atol=1e-3) for kind, at in seen):
+                z[mine[0]] += 0.7
+            z[mine] = np.clip(z[mine], *self.problem.bounds[mine].T)
+            seen.append((type(process), z[mine].copy()))
+        return z
+
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """The optimum with a term that was given up, if the likelihood rises where it comes back."""
+        """The optimum with a term that is at zero, if the likelihood rises where it comes back.
+
+        It is looked at while it is so small that it changes nothing: its slope g and information I on the logarithm of
+        the scale say that g²/2I is to be gained. A shape of one parameter is tried all along its range.
+        """
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
-        model = now.model
-        others = model.wavelet_variance(self._levels(), self.problem.rate)
-        at = z.copy()
-        at[k] = 0.0
-        for i, c in enumerate(self.problem.coordinates):
-            if c.term == term and c.shape is not None and not math.isfinite(at[i]):
-                return None
-        shape = self.problem.at_point(at).processes[term].wavelet_variance(self._levels(), self.problem.rate)
-        at[k] = math.log(1e-4 * float(np.min(others[shape > 0] / shape[shape > 0])))
+        others = now.model.wavelet_variance(self._levels(), self.problem.rate)
+        most, best = _WORTH, None
+        for at in self._places(z, term):
+            at[k] = 0.0
+            shape = self.problem.at_point(at).processes[term].wavelet_variance(self._levels(), self.problem.rate)
+            at[k] = math.log(1e-4 * float(np.min(others[shape > 0] / shape[shape > 0])))
+            tried = self._evaluate(at, [k])
+            if tried is None or tried.information[0, 0] <= 0 or tried.gradient[0] <= 0:
+                continue
+            slope, information = float(tried.gradient[0]), float(tried.information[0, 0])
+            if slope * slope / (2.0 * information) > most:
+                most, best = slope * slope / (2.0 * information), at
+                # Where the parabola has its top: c/I of the scale itself.
+                best[k] += min(max(math.log(slope / information), 0.0), 9.0)
+        if best is None:
+            return None
         before = set(self.gone)
         self.gone.discard(term)
-        active = self._active(at)
-        tried = self._evaluate(at, active)
-        if tried is not None and tried.gradient[active.index(k)] > 1e-3:
-            at, found, converged = self._climb(at)
-            if found is not None and found.value > now.value + 1e-6 and term not in self.gone:
-                return at, found, converged
+        at, found, converged = self._climb(best)
+        if found is not None and found.value > now.value + 1e-6 and term not in self.gone:
+            return at, found, converged
         self.gone = before
         return None
+
+    def _places(self, z: Vector, term: int) -> list[Vector]:
+        """Where to look for a term: all along its shape if that has one parameter, else where it stands."""
+        mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
+        if len(mine) != 1:
+            return [z.copy()]
+        process = self.problem.model.processes[term]
+        low, high = type(process).scan(self.problem.record.values.size, self.problem.rate)[0]
+        high += _BEYOND
+        out = []
+        for share in (np.arange(_PLACES) + 0.5) / _PLACES:
+            at = z.copy()
+            at[mine[0]] = np.clip(low + share * (high - low), *self.problem.bounds[mine[0]])
+            out.append(at)
+        return out
 
     def _levels(self) -> int:
         return max(int(math.log2(self.problem.record.observed)), 1)

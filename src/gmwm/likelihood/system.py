@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.statespace import StateSpace, powers
@@ -67,6 +68,15 @@ class System:
         return self.F, self.Q, self.H, self.R, self.P0
 
 
+def require_state(process: Process) -> None:
+    """An error where a process has no state-space form, with the way out."""
+    if not process.has("state_space"):
+        raise MissingTheoryError(
+            f"{process.name} has no finite state, which the likelihood and the Kalman filter need; take two or three "
+            "Gauss-Markov terms in its place, or stay with the fit to the wavelet variance"
+        )
+
+
 def is_ramp(process: Process, rate: float) -> bool:
     """Whether a process has no chance in it, as a drift: its whole course is known but for its size."""
     one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
@@ -91,8 +101,7 @@ def assemble(model: Model, rate: float) -> System:
     """
     parts, at = [], 0
     for label, process in zip(model.terms, model.processes, strict=True):
-        if not process.has("state_space"):
-            raise process.missing("state_space")
+        require_state(process)
         space = process.state_space(rate)
         if _certain(space) and is_ramp(process, rate):
             continue
@@ -126,7 +135,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        for state in np.flatnonzero(space.diffuse):
+        for state in np.flatnonzero(space.diffuse) if process.scale > 0 else ():
             course = _course(space, int(state), samples)
             # The level of a walk is a constant, and so is the record's: one of them is enough.
             level = level and bool(np.any(course != course[0]))

@@ -36,6 +36,8 @@ BIAS = "bias"
 """The label of the sum of all that wanders, the record's level among it: what a navigation filter estimates."""
 LEVEL = "level"
 """The label of the record's constant mean, where no walk takes it up."""
+FARTHEST = 10_000_000
+"""Samples that are predicted at most."""
 RATES_ALIKE = 1e-3
 """Relative difference up to which two rates count as one: time stamps of two recordings never give quite the same."""
 
@@ -57,7 +59,8 @@ class Tracks:
     mean, error : mapping of label to (N,) array
         Expected value and standard deviation given the data, in the unit of the record: of each term; of "level", the
         record's constant mean, where no walk takes it up; and of "bias", the sum of the level and of all terms that
-        wander, which have a correlation time of more than a sample. Infinite where the data do not determine it yet.
+        wander, which have a correlation time of more than a sample. Where the data do not determine it
+        yet the error is infinite and the mean NaN.
     """
 
     kind: Kind
@@ -97,7 +100,9 @@ class Tracks:
         if not isinstance(level, int | float) or not 0 < level < 1:
             raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
         reach = NormalDist().inv_cdf((1 + level) / 2) * self.error[label]
-        return self.mean[label] - reach, self.mean[label] + reach
+        known = np.isfinite(reach)
+        centre = np.where(known, self.mean[label], 0.0)
+        return centre - reach, centre + reach
 
     def __repr__(self) -> str:
         return f"Tracks({self.kind}, {', '.join(self.labels)}: {len(self)} samples at {self.rate:g} Hz)"
@@ -179,6 +184,11 @@ def predict_tracks(
     """
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise OptionError(f"steps must be a whole number of samples, 1 or more; got {steps!r}")
+    if steps > FARTHEST:
+        raise OptionError(
+            f"steps must be at most {FARTHEST}, a track of which takes some hundred bytes each; got {steps}. For what "
+            "lies beyond, predict with the model in continuous time: model.continuous(rate).discrete(a slower rate)"
+        )
     return _tracks("predict", model, data, rate, mean, int(steps))
 
 

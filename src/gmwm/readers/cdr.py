@@ -25,7 +25,7 @@ Encoding = Literal["cdr", "ros1"]
 """How messages are serialised."""
 
 SIZES = {
-    "bool": "u1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
+    "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
     "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 """Types that are one number, and how NumPy names them."""
@@ -330,6 +330,8 @@ class Decoder:
             if kind == "time":
                 seconds, rest = table[f"{name}#0"].astype(np.int64), table[f"{name}#1"].astype(np.int64)
                 numbers[name] = seconds * 10**9 + rest
+            elif kind == "b1":  # any byte but 0 is true
+                numbers[name] = _wide(table[f"{name}#0"].view(np.uint8) != 0)
             else:
                 numbers[name] = _wide(table[f"{name}#0"])
         return numbers, fits
