@@ -8,6 +8,7 @@ void bind_kalman(nb::module_& m);
 void bind_cone(nb::module_& m);
 void bind_clusters(nb::module_& m);
 void bind_robust(nb::module_& m);
+void bind_sketch(nb::module_& m);
 void bind_pyramid(nb::module_& m);
 void bind_lags(nb::module_& m);
 void bind_paths(nb::module_& m);
@@ -21,6 +22,7 @@ NB_MODULE(_core, m) {
   bind_cone(m);
   bind_clusters(m);
   bind_robust(m);
+  bind_sketch(m);
   bind_pyramid(m);
   bind_lags(m);
   bind_paths(m);

@@ -6,7 +6,7 @@ over lags take the kinks one by one, and a Gauss rule for integers in each smoot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,33 +73,90 @@ def _entries(model: Model, setting: Setting, *, diagonal: bool) -> Vector:
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
     pairs = _Pairs(finer, coarser, half, setting.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = _lags(present, setting, diagonal=diagonal)
+    out = _over_lags(model, setting, pairs, *_lags(present, setting, diagonal=diagonal))
+    for place, stride in enumerate(setting.strides):
+        if stride > 1:
+            mine = (finer == place) & (coarser == place if diagonal else True)
+            out[mine] = _strided(model, setting, place, stride)[: np.count_nonzero(mine)]
+    return out
+
+
+def _strided(model: Model, setting: Setting, place: int, stride: int) -> Vector:
+    """V_jk of a level of which every s-th coefficient is taken, with itself and all coarser ones.
+
+    A coarser level takes every 2^d-th of these places. Seen from sample to s-th sample both are levels of a record of
+    N/s samples: lags between them are multiples of s, in all of them, so that the sums are those over lags of that
+    record with all of its coefficients. A level whose coefficients are all taken has with a strided one what it has
+    with all coefficients: the lags between them take every value alike.
+    """
+    levels = setting.levels[place:]
+    within = replace(
+        setting, levels=levels - int(np.log2(stride)), samples=setting.samples // stride,
+        rate=setting.rate / stride, strides=(), segments=(),
+    )  # fmt: skip
+    count = levels.size
+    coarser, finer = np.tril_indices(count)
+    first = np.flatnonzero(finer == 0)
+    present = [process for process in model.processes if process.scale > 0]
+    at, weight, starts = _lags(present, within, diagonal=False, decays_of=setting.rate, stride=stride)
+    ends = np.append(starts[1:], weight.size)
+    kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
+    sizes = (ends - starts)[first]
+    # At multiples of an even number of samples nothing alternates.
+    odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, setting.rate) else None
+    grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
+    counts = setting.counts.astype(np.float64)
+    counts[place:] = within.counts
+    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, setting.levels - 1), counts)
+    begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    return _over_lags(model, setting, pairs, grid, weight[kept], begins, stride)
+
+
+def _over_lags(
+    model: Model,
+    setting: Setting,
+    pairs: _Pairs,
+    at: LagGrid,
+    weight: Vector,
+    starts: NDArray[np.int64],
+    stride: int = 1,
+) -> Vector:
+    """V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride` samples."""
+    present = [process for process in model.processes if process.scale > 0]
     covariance = _coefficient_covariance(present, at, setting.rate)
-    scale = 4 * pairs.outer(half)
+    scale = 4 * pairs.outer(pairs.half)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
-    total = np.zeros(finer.size)
+    total = np.zeros(pairs.finer.size)
     if slope:
-        total += slope**2 * pairs.outer(half) / scale * np.add.reduceat(weight * covariance, starts)
+        total += slope**2 * pairs.outer(pairs.half) / scale * np.add.reduceat(weight * covariance, starts)
     squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
     if setting.efficiency is not None:
         robust = _robust_sum(present, pairs, setting, covariance, weight, starts)
-        squares = np.where(setting.few[finer] | setting.few[coarser], squares, robust)
+        squares = np.where(setting.few[pairs.finer] | setting.few[pairs.coarser], squares, robust)
     elif cumulant := sum(process.error_cumulant for process in present):
         # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.
-        squares += cumulant * _excess(pairs, setting.samples) / scale**2
+        squares += cumulant * _excess(pairs, setting.samples) / stride / scale**2
     total += squares
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
-def _lags(present: list[Process], setting: Setting, *, diagonal: bool) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Nodes of all pairs, their weights, and where each pair starts."""
-    decays = [decay for process in present for decay in process.decays(setting.rate)]
+def _lags(
+    present: list[Process], setting: Setting, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
+) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """Nodes of all pairs, their weights, and where each pair starts; decays per `stride` samples at a rate."""
+    rate = setting.rate if decays_of is None else decays_of
+    # Steps of several samples do not alternate: strides are even.
+    decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
     starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
         setting.levels, setting.samples, min(sizes, default=0.0), max(sizes, default=0.0),
         any(decay < 0 for decay in decays), diagonal,
     )  # fmt: skip
     return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
+
+
+def _alternates(present: list[Process], rate: float) -> bool:
+    return any(decay < 0 for process in present for decay in process.decays(rate))
 
 
 def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:

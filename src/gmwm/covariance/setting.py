@@ -32,6 +32,8 @@ class Setting:
         Of a robust estimate; None of a classical one.
     segments : tuple of int
         Lengths of the stretches that are measured together; () for a record without a gap.
+    strides : tuple of int
+        Of each level, at every how many samples a coefficient was taken; () where all were.
     pooled : (J,) int array or None
         Of one stretch among several: how many coefficients they all have together.
 
@@ -48,6 +50,7 @@ class Setting:
     transform: Transform = "modwt"
     efficiency: float | None = None
     segments: tuple[int, ...] = ()
+    strides: tuple[int, ...] = ()
     pooled: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
@@ -57,7 +60,9 @@ class Setting:
     @classmethod
     def of(cls, wv: WaveletVariance) -> Setting:
         """The setting in which `wv` was measured."""
-        return cls(wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments)
+        return cls(
+            wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments, wv.strides
+        )
 
     @property
     def lengths(self) -> tuple[int, ...]:
@@ -71,7 +76,7 @@ class Setting:
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Number M_j of coefficients behind each estimate (J,), of all stretches."""
+        """Number M_j of coefficients of each level (J,), of all stretches, taken or not."""
         return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
 
     @property
@@ -90,7 +95,10 @@ class Setting:
         reach = int(np.count_nonzero(own > 0))
         if reach == 0:
             return None
-        return replace(self, levels=self.levels[:reach], samples=length, segments=(), pooled=counts[:reach])
+        return replace(
+            self, levels=self.levels[:reach], samples=length, segments=(), strides=self.strides[:reach],
+            pooled=counts[:reach],
+        )  # fmt: skip
 
     @property
     def running_sum(self) -> bool:

@@ -1,5 +1,6 @@
 """Measuring: variances of a signal at many scales, with limits."""
 
+from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.allan import allan_variance
 from gmwm.variance.avlr import AllanRegression, avlr
 from gmwm.variance.clusters import ClusterVariance
@@ -12,6 +13,7 @@ from gmwm.variance.transform import dwt, modwt
 __all__ = [
     "AllanRegression",
     "ClusterVariance",
+    "WaveletAccumulator",
     "WaveletVariance",
     "allan_variance",
     "avlr",

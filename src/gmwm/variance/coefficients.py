@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -26,8 +27,36 @@ class Coefficients(Protocol):
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
         """How many |W| are at most `low`, and those from there up to `high`."""
 
+    def median(self, k: int) -> float:
+        """The median of |W|."""
+
     def resolution(self, k: int) -> float:
         """The size up to which a coefficient is rounding, not signal."""
+
+
+SAMPLE = 2048
+"""Coefficients of a level on which its root, and its median, is first looked for."""
+
+
+def selected_median(source: Coefficients, k: int) -> float:
+    """The exact median of |W|: of all coefficients, only those near that of a sample are kept and sorted."""
+    count = int(source.counts[k])
+    sample = np.sort(source.sample(k, SAMPLE))
+    if sample.size < count:
+        around = 3 * math.isqrt(sample.size)
+        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
+        below, kept = source.between(k, low, high)
+        first, last = (count - 1) // 2 - below, count // 2 - below
+        if first >= 0 and last < kept.size:
+            middle = np.partition(kept, (first, last))
+            return float(middle[first] + middle[last]) / 2
+        sample = source.sample(k, count)
+    return float(np.median(sample))
+
+
+def haar_resolution(peak: float, level: int) -> float:
+    """|W| up to which a coefficient of `level` is rounding of a running sum whose largest value is `peak`."""
+    return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
 class HaarCoefficients:
@@ -50,9 +79,13 @@ class HaarCoefficients:
         """From the kernel."""
         return _core.haar_between(self.sum, k + 1, low, high)
 
+    def median(self, k: int) -> float:
+        """By selection."""
+        return selected_median(self, k)
+
     def resolution(self, k: int) -> float:
         """What rounding of the running sum makes of a coefficient that is zero."""
-        return float(np.finfo(float).eps * self._peak * (4 + 2 ** ((k + 1) / 2)) / 2 ** (k + 1))
+        return haar_resolution(self._peak, k + 1)
 
 
 class PlainCoefficients:
@@ -85,6 +118,10 @@ class PlainCoefficients:
         """By comparison."""
         size = np.abs(self.levels[k])
         return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
+
+    def median(self, k: int) -> float:
+        """By selection."""
+        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """As given."""
@@ -125,6 +162,10 @@ class PooledCoefficients:
         """Of all stretches."""
         found = [source.between(k, low, high) for source in self._reaching(k)]
         return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
+
+    def median(self, k: int) -> float:
+        """By selection."""
+        return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
         """That of the coarsest stretch."""

@@ -51,6 +51,8 @@ class WaveletVariance:
         Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
     diagnostics : mapping
         What is to be known of single levels; of a robust estimate see `wavelet_variance`.
+    strides : tuple of int
+        Of each level, at every how many samples a coefficient was taken; () where all were, see `WaveletAccumulator`.
     slope : float or None
         Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
     """
@@ -72,6 +74,7 @@ class WaveletVariance:
     slope: float | None = None
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     segments: tuple[int, ...] = ()
+    strides: tuple[int, ...] = ()
 
     plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
         "gmwm.plots.variance:plot_wavelet_variance",
@@ -102,7 +105,9 @@ class WaveletVariance:
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
         else:
-            eta = degrees_of_freedom(self.counts, self.levels, self.transform)
+            # A coefficient at every τ/64-th sample tells what all of them do.
+            counts = self.counts * np.array(self.strides, dtype=np.int64) if self.strides else self.counts
+            eta = degrees_of_freedom(counts, self.levels, self.transform)
         return eta * (1.0 if self.efficiency is None else self.efficiency)
 
     @property
@@ -204,6 +209,7 @@ class WaveletVariance:
             "rate": self.rate,
             "samples": self.samples,
             "segments": list(self.segments),
+            "strides": list(self.strides),
             "unit": self.unit,
             "axis": self.axis,
             "confidence": self.confidence,
@@ -224,7 +230,8 @@ class WaveletVariance:
             fields[name] = np.asarray(fields[name], dtype=kind)
         for name in ("variance", "lower", "upper"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
-        fields["segments"] = tuple(int(length) for length in fields.get("segments", ()))
+        for name in ("segments", "strides"):
+            fields[name] = tuple(int(number) for number in fields.get(name, ()))
         return cls(**fields)
 
     def notes(self) -> list[str]:

@@ -18,10 +18,8 @@ from numpy.typing import ArrayLike
 from gmwm import _core
 from gmwm._arrays import Vector, as_vector
 from gmwm.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweight, newton, root_beyond, scan
-from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients
+from gmwm.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
 
-SAMPLE = 2048
-"""Coefficients of a level on which its root is first looked for."""
 PART = 8
 """A level of which one tile in so many tells more than the sample takes a step on these before the passes."""
 PASSES = 8
@@ -276,20 +274,4 @@ def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> No
     if _mad_is_zero(level):
         level.start, level.outcome = 0.0, "zero"
     else:
-        level.start, level.outcome = (_median(source, k) / NORMAL_QUARTILE) ** 2, "mad"
-
-
-def _median(source: Coefficients, k: int) -> float:
-    """The exact median of |W|: of all coefficients, only those near that of a sample are kept and sorted."""
-    count = int(source.counts[k])
-    sample = np.sort(source.sample(k, SAMPLE))
-    if sample.size < count:
-        around = 3 * math.isqrt(sample.size)
-        low, high = float(sample[sample.size // 2 - around]), float(sample[sample.size // 2 + around])
-        below, kept = source.between(k, low, high)
-        first, last = (count - 1) // 2 - below, count // 2 - below
-        if first >= 0 and last < kept.size:
-            middle = np.partition(kept, (first, last))
-            return float(middle[first] + middle[last]) / 2
-        sample = source.sample(k, count)
-    return float(np.median(sample))
+        level.start, level.outcome = (source.median(k) / NORMAL_QUARTILE) ** 2, "mad"

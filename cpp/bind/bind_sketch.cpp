@@ -1,0 +1,75 @@
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "gmwm/haar.hpp"
+#include "gmwm/sketch.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<nb::numpy, std::int64_t, nb::ndim<1>>;
+using Counts = std::tuple<std::uint64_t, std::uint64_t, std::size_t, Output, Output>;
+
+std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
+
+Output to_numpy(const std::vector<std::uint64_t>& values) {
+  auto kept = std::make_unique<std::vector<std::int64_t>>(values.begin(), values.end());
+  std::int64_t* data = kept->data();
+  const std::size_t n = kept->size();
+  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<std::vector<std::int64_t>*>(p); });
+  kept.release();
+  return Output(data, {n}, owner);
+}
+
+Counts to_python(const gmwm::SketchCounts& found) {
+  return {found.zeros, found.beyond, found.first, to_numpy(found.counts), to_numpy(found.sums)};
+}
+
+Counts sketch_values(const Input& values) {
+  gmwm::SketchCounts found;
+  {
+    const nb::gil_scoped_release release;
+    found = gmwm::sketch_values(view(values));
+  }
+  return to_python(found);
+}
+
+Counts haar_sketch(const Input& running_sum, std::size_t level, std::size_t begin, std::size_t end) {
+  const std::size_t n = running_sum.shape(0);
+  if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))
+    throw std::invalid_argument("level must be from 1 to log2 of the number of samples, got " + std::to_string(level) +
+                                " for a running sum of " + std::to_string(n) + " values");
+  if (begin > end || end > n - 1)
+    throw std::invalid_argument("begin and end must satisfy 0 <= begin <= end <= " + std::to_string(n - 1) + ", got " +
+                                std::to_string(begin) + " and " + std::to_string(end));
+  gmwm::SketchCounts found;
+  {
+    const nb::gil_scoped_release release;
+    found = gmwm::haar_sketch(view(running_sum), level, begin, end);
+  }
+  return to_python(found);
+}
+
+}  // namespace
+
+void bind_sketch(nb::module_& m) {
+  m.def("sketch_values", &sketch_values, "values"_a.noconvert(),
+        "Counts of |value| in bins of 1/128 octave: zeros, infinite ones, the first octave, and of whole octaves from "
+        "there on the counts and the sums of what lies below each bin's leading bits, in 2^-24 of its width.");
+  m.def("haar_sketch", &haar_sketch, "running_sum"_a.noconvert(), "level"_a, "begin"_a, "end"_a,
+        "The same of the Haar coefficients W_{j,t} of one level over begin <= t < end and t >= 2^j - 1.");
+}

@@ -1,0 +1,175 @@
+"""Block sums of a stretch of samples, from which the coefficients of large scales come: 64 steps to a scale.
+
+Block k of a step s holds the samples k s … (k + 1) s − 1, counted from the beginning of the whole record: so that two
+stretches, one after the other, cut the same blocks as the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.variance.coefficients import haar_resolution
+from gmwm.variance.sketch import Sketch
+
+STEPS = 64
+"""Of a scale: its coefficients are taken at every τ/64-th sample."""
+_KEPT = STEPS - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """One step's blocks in a stretch of samples, and the sum of squares of their coefficients.
+
+    Attributes
+    ----------
+    step : int
+        Samples in a block, τ/64.
+    first, last : int
+        Number of the first complete block, and one beyond the last; last < first where no multiple of the step lies
+        inside the stretch or at its ends.
+    before, after : float
+        Sum of the samples before the first block, and after the last; of all samples where no multiple is inside.
+    heads, tails : arrays
+        The first and the last 63 blocks.
+    squares, count : float, int
+        Σ (sum of 32 blocks − sum of the 32 before)², and over how many places.
+    total, moment : float
+        Σ b_k and Σ (k − first) b_k of all complete blocks.
+    sketch, resolution : Sketch or None, float
+        Of the coefficients W, where a robust variance is wanted, and up to which size they are rounding.
+    """
+
+    step: int
+    first: int
+    last: int
+    before: float
+    after: float = 0.0
+    heads: Vector = field(default_factory=lambda: np.empty(0))
+    tails: Vector = field(default_factory=lambda: np.empty(0))
+    squares: float = 0.0
+    count: int = 0
+    total: float = 0.0
+    moment: float = 0.0
+    sketch: Sketch | None = None
+    resolution: float = 0.0
+
+    @property
+    def open(self) -> bool:
+        """Whether no multiple of the step lies inside."""
+        return self.last < self.first
+
+    def followed_by(self, later: Blocks) -> Blocks:
+        """The blocks of this stretch and the one that follows it, together."""
+        if later.open:
+            if self.open:
+                return replace(self, before=self.before + later.before)
+            return replace(self, after=self.after + later.before)
+        if self.open:
+            return replace(later, before=self.before + later.before)
+        # Where the cut is no multiple itself, the rest before it and the rest after it are a block.
+        middle = [] if self.last == later.first else [self.after + later.before]
+        joint = np.concatenate([self.tails, middle, later.heads])
+        squares, count, sketch, resolution = measured(joint, self.step, self.sketch is not None)
+        if sketch is not None and self.sketch is not None and later.sketch is not None:
+            sketch = self.sketch.merge(later.sketch).merge(sketch)
+        heads, tails = self.heads, later.tails
+        if heads.size < _KEPT:
+            heads = np.concatenate([heads, middle, later.heads])[:_KEPT]
+        if tails.size < _KEPT:
+            tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
+        return Blocks(
+            self.step, self.first, later.last, self.before, later.after, heads, tails,
+            self.squares + later.squares + squares, self.count + later.count + count,
+            self.total + sum(middle) + later.total,
+            self.moment + sum(middle) * (self.last - self.first) + later.moment
+            + later.total * (later.first - self.first),
+            sketch, max(self.resolution, later.resolution, resolution),
+        )  # fmt: skip
+
+    @property
+    def rise(self) -> float | None:
+        """Rise of the blocks' means in a sample, by least squares; None of less than two blocks."""
+        n = self.last - self.first
+        if n < 2:
+            return None
+        about = self.moment - 0.5 * (n - 1) * self.total
+        return about / (n * (n * n - 1.0) / 12.0) / self.step**2
+
+    def numbers(self) -> list[float]:
+        """All of it but the blocks themselves, to be stored."""
+        return [
+            self.first, self.last, self.before, self.after, self.squares, self.count, self.total, self.moment,
+            self.heads.size,
+        ]  # fmt: skip
+
+    @classmethod
+    def restored(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
+        """What was stored."""
+        first, last, before, after, squares, count, total, moment, _ = numbers
+        return cls(
+            step, int(first), int(last), before, after, heads.copy(), tails.copy(), squares, int(count), total, moment
+        )
+
+    def raised(self, offset: float, start: int, stop: int) -> Blocks:
+        """The same of a stretch from `start` to `stop` whose samples are larger by `offset`."""
+        if self.open:
+            return replace(self, before=self.before + offset * (stop - start))
+        s, n = self.step, self.last - self.first
+        return replace(
+            self,
+            before=self.before + offset * (self.first * s - start),
+            after=self.after + offset * (stop - self.last * s),
+            heads=self.heads + offset * s,
+            tails=self.tails + offset * s,
+            total=self.total + offset * s * n,
+            moment=self.moment + offset * s * (n * (n - 1) / 2),
+        )
+
+
+def measured(blocks: Vector, step: int, robust: bool) -> tuple[float, int, Sketch | None, float]:
+    """Σ (sum of 32 blocks − sum of the 32 before)² over all places, how many there are, their sketch, resolution."""
+    count = blocks.size - STEPS + 1
+    if count < 1:
+        return 0.0, 0, Sketch() if robust else None, 0.0
+    half = STEPS // 2
+    sums = np.concatenate([[0.0], np.cumsum(blocks - blocks.mean())])
+    w = sums[STEPS:] - 2.0 * sums[half:-half] + sums[:-STEPS]
+    if not robust:
+        return float(w @ w), count, None, 0.0
+    level = (STEPS * step).bit_length() - 1
+    # As of a running sum of single samples, of which only each step's last value is there.
+    resolution = haar_resolution(float(np.abs(sums).max()), level)
+    return float(w @ w), count, Sketch.of(np.ldexp(w, -level)), resolution
+
+
+def blocks_of(values: Vector, start: int, steps: list[int], robust: bool = False) -> list[Blocks]:
+    """The blocks of a stretch of samples from `start` on, of each step; each is a power of two times the first."""
+    base, stop = steps[0], start + values.size
+    first, last = -(-start // base), stop // base
+    if first > last:
+        total = float(values.sum())
+        none = Sketch() if robust else None
+        return [Blocks(step, -(-start // step), stop // step, total, sketch=none) for step in steps]
+    begin, end = first * base - start, last * base - start
+    inside = values[begin:end].reshape(-1, base).sum(axis=1)
+    # Sum of all samples before each multiple of the first step.
+    sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
+    total = float(sums[-1]) + float(values[end:].sum())
+    return [_of(step, start, stop, sums[(-first) % (step // base) :: step // base], total, robust) for step in steps]
+
+
+def _of(step: int, start: int, stop: int, marks: Vector, total: float, robust: bool) -> Blocks:
+    """The blocks between `marks`, the sums of all samples before each multiple of the step."""
+    first, last = -(-start // step), stop // step
+    if first > last:
+        return Blocks(step, first, last, total, sketch=Sketch() if robust else None)
+    blocks = np.diff(marks)
+    squares, count, sketch, resolution = measured(blocks, step, robust)
+    return Blocks(
+        step, first, last, float(marks[0]), total - float(marks[-1]), blocks[:_KEPT].copy(), blocks[-_KEPT:].copy(),
+        squares, count, float(blocks.sum()), float(np.arange(blocks.size) @ blocks),
+        sketch, resolution,
+    )  # fmt: skip
