@@ -60,6 +60,7 @@ LATE_METHODS = {
     "gmwm.processes.model.Model.predict": "gmwm.likelihood.tracks:predict_tracks",
     "gmwm.processes.model.Model.residuals": "gmwm.likelihood.residuals:residuals",
     "gmwm.processes.model.Model.smooth": "gmwm.likelihood.tracks:smooth_tracks",
+    "gmwm.readers.chunks.Stream.wavelet_variance": "gmwm.streaming.driver:stream_variance",
     "gmwm.selection.ranking.Comparison.plot": "gmwm.plots.ranking:plot_candidates",
     "gmwm.selection.ranking.Ranking.plot": "gmwm.plots.ranking:plot_ranking",
     "gmwm.signals.Imu.between": "gmwm.cuts:cut",

@@ -69,6 +69,7 @@ from gmwm.processes import Process as Process
 from gmwm.processes import fixed as fixed
 from gmwm.processes import parse_model as parse_model
 from gmwm.readers import read as read
+from gmwm.readers import stream as stream
 from gmwm.reports import report as report
 from gmwm.reports import report_data as report_data
 from gmwm.selection import Candidate as Candidate
@@ -86,6 +87,7 @@ from gmwm.simulation import write_components as write_components
 from gmwm.statespace import StateSpace as StateSpace
 from gmwm.variance import AllanRegression as AllanRegression
 from gmwm.variance import ClusterVariance as ClusterVariance
+from gmwm.variance import WaveletAccumulator as WaveletAccumulator
 from gmwm.variance import WaveletVariance as WaveletVariance
 from gmwm.variance import allan_variance as allan_variance
 from gmwm.variance import avlr as avlr

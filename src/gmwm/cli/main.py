@@ -23,6 +23,7 @@ from gmwm.cli import (
     select,
     simulate,
     track,
+    watch,
     wv,
 )
 from gmwm.cli.errors import OneLineErrors, one_line
@@ -53,6 +54,7 @@ for _command, _examples in (
     (select.select, select.EXAMPLES),
     (track.track, track.EXAMPLES),
     (residuals.residuals, residuals.EXAMPLES),
+    (watch.watch, watch.EXAMPLES),
     (agree.agree, agree.EXAMPLES),
     (export.export, export.EXAMPLES),
     (plan.plan, plan.EXAMPLES),

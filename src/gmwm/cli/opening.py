@@ -296,12 +296,21 @@ def require_whole(imu: Imu) -> None:
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
     """The signals that --axis names, all by default."""
+    return {axis: imu[axis] for axis in chosen_names(imu.axes, wanted)}
+
+
+def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    """The axes among the known ones that --axis names, all by default.
+
+    >>> chosen_names(["gyro_x", "gyro_y", "accel_x"], ["gyro"])
+    ['gyro_x', 'gyro_y']
+    """
     if not wanted:
-        return imu.signals
+        return list(known)
     axes: list[str] = []
     for name in (part.strip() for text in wanted for part in text.split(",")):
-        triad = [axis for axis in imu.axes if axis.startswith(f"{name}_")]
-        if name not in imu.axes and not triad:
-            raise OptionError(f"--axis must be one of {', '.join(imu.axes)}; got {name!r}")
+        triad = [axis for axis in known if axis.startswith(f"{name}_")]
+        if name not in known and not triad:
+            raise OptionError(f"--axis must be one of {', '.join(known)}; got {name!r}")
         axes += triad or [name]
-    return {axis: imu[axis] for axis in imu.axes if axis in axes}
+    return [axis for axis in known if axis in axes]

@@ -74,6 +74,18 @@ def print_table(
 
     Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
     """
+    print(table_text(columns, rows, title=title, texts=texts, rules=rules))
+
+
+def table_text(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    *,
+    title: str = "",
+    texts: int = 1,
+    rules: Sequence[int] = (),
+) -> str:
+    """The lines of such a table."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -94,7 +106,7 @@ def print_table(
     with console.capture() as captured:
         console.print(table)
     lines = (line.rstrip() for line in captured.get().splitlines())
-    print("\n".join(lines).strip("\n"))
+    return "\n".join(lines).strip("\n")
 
 
 def print_units(units: Mapping[str, str]) -> None:

@@ -20,6 +20,10 @@ from gmwm.readers import ulog as ulog
 from gmwm.readers import waypoint as waypoint
 from gmwm.readers import xsens as xsens
 from gmwm.readers.base import Channel, Chunk, Layout, Reader, find_reader, register, registered
+from gmwm.readers.chunks import Piece, Stream, stream
 from gmwm.readers.recording import read
 
-__all__ = ["Channel", "Chunk", "Layout", "Reader", "find_reader", "read", "register", "registered"]
+__all__ = [
+    "Channel", "Chunk", "Layout", "Piece", "Reader", "Stream", "find_reader", "read", "register", "registered",
+    "stream",
+]  # fmt: skip

@@ -118,11 +118,11 @@ def read(
     factors, integrals = checked_scale(scale), checked_increments(increments)
     file = existing_file(path)
     reader = find_reader(file, format)
-    layout = _one_layout(reader, file, topic)
+    layout = one_layout(reader, file, topic)
     choice = choose(layout, columns, file)
-    _require_time(layout, choice, declared_rate, file)
+    require_time(layout, choice, declared_rate, file)
     raw = _numbers(reader, file, layout, choice)
-    time, time_notes = _timing(layout, choice, declared_units, raw, declared_rate)
+    time, time_notes = timing_of(layout, choice, declared_units, raw, declared_rate)
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
     scale_notes = multiply(layout, choice, factors, integrals, raw, time.base.rate)
@@ -155,7 +155,7 @@ def read(
     return imu.longest() if gaps == "longest" else imu
 
 
-def _one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
+def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     """The recording that is read: the one asked for, or the only one that is inertial."""
     layouts = reader.layouts(path)
     if topic is not None:
@@ -203,7 +203,7 @@ def _apart(layouts: Sequence[Layout]) -> str:
     return ""
 
 
-def _require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
+def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
     """There must be stamps or a rate, and the stamps must be numbers."""
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
@@ -229,35 +229,56 @@ def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict
         for role, k in choice.columns.items():
             parts[role].append(chunk[k])
     raw: dict[str, NDArray[Any]] = {}
-    for role, k in choice.columns.items():
+    for role in choice.columns:
         pieces = parts.pop(role)
         column = np.concatenate(pieces) if pieces else np.empty(0)
         # Only stamps profit from staying integers.
         raw[role] = column if role == "time" else column.astype(np.float64, copy=False)
-        _require_usable(raw[role], role, layout.channels[k].name or f"number {k}", path)
+        _require_usable(raw[role], role, column_words(layout, choice, role, path))
     return raw
 
 
-def _require_usable(column: NDArray[Any], role: str, name: str, path: Path) -> None:
-    what = f"{path}: {role}" + ("" if name == role else f" (column {name!r})")
-    if column.size < MINIMUM_SAMPLES:
-        raise DataError(f"{what} has {counted(column.size, 'sample')}, at least {MINIMUM_SAMPLES} are needed")
+def _require_usable(column: NDArray[Any], role: str, what: str) -> None:
+    require_samples(column.size, what)
+    require_finite_rows(column, what)
+    if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):
+        raise constant(what, role, float(column[0]), column.size)
+
+
+def require_finite_rows(column: NDArray[Any], what: str, row: int = 0) -> None:
+    """An error where a number is NaN or infinite, with its row; so many rows came before the column's first."""
     with np.errstate(over="ignore", invalid="ignore"):
         suspect = not np.isfinite(np.sum(column))  # one fast pass decides the usual case
     if suspect and (bad := ~np.isfinite(column)).any():
-        row, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
+        first, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
         raise DataError(
-            f"{what} is {column[row]} in row {row + 1} ({counted(count, 'such row')}); remove these rows, their time "
-            "stamps show the gap, or cut the recording there"
-        )
-    if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):
-        raise DataError(
-            f"{what} is constant ({column[0]:g} in all {column.size} samples); is the sensor connected? "
-            f'Leave it out with columns={{"{role}": None}}'
+            f"{what} is {column[first]} in row {row + first + 1} ({counted(count, 'such row')}); remove these rows, "
+            "their time stamps show the gap, or cut the recording there"
         )
 
 
-def _timing(
+def require_samples(samples: int, what: str) -> None:
+    """An error where a column is too short for anything."""
+    if samples < MINIMUM_SAMPLES:
+        raise DataError(f"{what} has {counted(samples, 'sample')}, at least {MINIMUM_SAMPLES} are needed")
+
+
+def constant(what: str, role: str, value: float, samples: int) -> DataError:
+    """The error of an axis that says nothing."""
+    return DataError(
+        f"{what} is constant ({value:g} in all {samples} samples); is the sensor connected? "
+        f'Leave it out with columns={{"{role}": None}}'
+    )
+
+
+def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
+    """What a column is called in messages: its file, what it is, and its name in the file."""
+    k = choice.columns[role]
+    name = layout.channels[k].name or f"number {k}"
+    return f"{path}: {role}" + ("" if name == role else f" (column {name!r})")
+
+
+def timing_of(
     layout: Layout,
     choice: Choice,
     units: Mapping[str, str],

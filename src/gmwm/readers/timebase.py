@@ -23,6 +23,9 @@ from gmwm.signals import TimeBase
 GAP = 1.5
 """An interval longer than this many sampling intervals is a gap, if the stamps behind it stay behind."""
 
+FARTHEST = 512
+"""Stamps on either side of a long interval that say whether it is a gap, at the most."""
+
 _WINDOW = 64  # intervals over which the nominal one is averaged: rounding of single stamps fades
 _PLAUSIBLE = (0.1, 1e5)  # Hz, for a unit that nobody named
 _USUAL = 1e4  # Hz, the highest rate that is believed where a lower one is possible
@@ -104,7 +107,7 @@ def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stam
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     """The one unit that makes sense of the stamps, or an error that shows what each would mean."""
-    interval = _nominal(ticks)
+    interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}
     if rate is not None:
         agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= 0.05]
@@ -143,11 +146,11 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
         If the stamps do not move forward, are not in order, change their rate, or contradict the declared one.
     """
     ticks, per_second = stamps.ticks, stamps.per_second
-    nominal = _nominal(ticks, None if rate is None else per_second / rate)
+    nominal = nominal_interval(ticks, None if rate is None else per_second / rate)
     require_order(ticks, nominal, stamps.origin, per_second)
     require_one_rate(ticks, stamps.origin, per_second)
     steps = np.diff(ticks)
-    segments = _segments(ticks, steps, nominal)
+    segments = segments_of(ticks, steps, nominal, burst_of(steps, nominal))
     interval, remark = _interval(stamps, steps, segments)
     found = per_second / interval
     notes = [remark] if remark else []
@@ -162,7 +165,7 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
     gaps = tuple((int(b) + 1, float(steps[b]) / per_second) for b in breaks if steps[b] > 0)
     duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
     base = TimeBase(found, True, starts[0], jitter / per_second, gaps, duplicates, backward)
-    return Timing(base, segments, starts, tuple(notes), tuple(_troubles(base, ticks.size)))
+    return Timing(base, segments, starts, tuple(notes), tuple(troubles_of(base, ticks.size)))
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:
@@ -176,7 +179,7 @@ def beside_stated(found: Timing, stated: float) -> Timing:
     return replace(found, troubles=(*found.troubles, trouble))
 
 
-def _nominal(ticks: Vector, declared: float | None = None) -> float:
+def nominal_interval(ticks: Vector, declared: float | None = None) -> float:
     """The sampling interval before gaps are known, in ticks: robust to gaps, to rounding and to bursts.
 
     The median of averages over many intervals; the median interval itself where long gaps come so often
@@ -212,14 +215,26 @@ def _average(ticks: Vector, window: int) -> float:
     return float(np.mean(averages[quarter : averages.size - quarter])) if averages.size else 0.0
 
 
-def _segments(ticks: Vector, steps: Vector, nominal: float) -> tuple[tuple[int, int], ...]:
+def burst_of(steps: Vector, nominal: float) -> float:
+    """How many samples are stamped together, roughly; 1 where none are.
+
+    Samples stamped in bursts follow one another at once, then a long interval: a gap is longer than that.
+    """
+    ahead = steps > GAP * nominal
+    bursts = bool(ahead.any()) and float(np.median(steps[steps >= 0])) < 0.5 * nominal
+    return float(np.median(steps[ahead])) / nominal if bursts else 1.0
+
+
+def reach_of(burst: float, stamps: int) -> int:
+    """How many of so many stamps on either side say whether a long interval is a gap."""
+    return int(min(max(8, 2 * np.round(burst)), FARTHEST, max(1, stamps // 4)))
+
+
+def segments_of(ticks: Vector, steps: Vector, nominal: float, burst: float) -> tuple[tuple[int, int], ...]:
     """Ranges without a gap: cut where stamps step back, and where they jump ahead and stay there."""
     backward = np.flatnonzero(steps < 0)
     ahead = np.flatnonzero(steps > GAP * nominal)
     if ahead.size:
-        # Samples stamped in bursts follow one another at once, then a long interval: a gap is longer than that.
-        bursts = float(np.median(steps[steps >= 0])) < 0.5 * nominal
-        burst = float(np.median(steps[ahead])) / nominal if bursts else 1.0
         ahead = ahead[steps[ahead] > GAP * burst * nominal]
         walls = np.concatenate(([-1], backward, [steps.size]))
         ahead = ahead[_stays_ahead(ticks, ahead, nominal, walls, burst)]
@@ -237,7 +252,7 @@ def _stays_ahead(
     likewise: medians on both sides, over twice the length of a burst, do not move. A lost sample moves them,
     or a lost burst where there are bursts.
     """
-    width = int(min(max(8, 2 * np.round(burst)), 512, max(1, ticks.size // 4)))
+    width = reach_of(burst, ticks.size)
     wall = np.searchsorted(walls, ahead)
     low, high = walls[wall - 1] + 1, walls[np.minimum(wall, walls.size - 1)]
     result = np.empty(ahead.size, dtype=bool)
@@ -306,7 +321,7 @@ def _declared(rate: float, found: float, unit: str) -> Iterator[str]:
         yield f"rate {rate:g} Hz as declared; the time stamps say {found:.6g} Hz"
 
 
-def _troubles(base: TimeBase, samples: int) -> Iterator[str]:
+def troubles_of(base: TimeBase, samples: int) -> Iterator[str]:
     """What is wrong with the stamps, in plain words."""
     if base.backward:
         yield f"time stamps that step backward: {base.backward}; the recording is split there"

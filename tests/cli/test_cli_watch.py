@@ -1,0 +1,172 @@
+"""gmwm watch: what it shows of a text that grows, and how it ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import gmwm as library
+from gmwm.cli.main import app
+from gmwm.readers import growing
+
+HEAD = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
+
+
+def rows(begin=0, end=4000, seed=1):
+    x = 1e-3 * np.random.default_rng(seed).normal(size=(end, 2))
+    return [f"{k * 0.01:.2f},{x[k, 0]:.9e},{x[k, 1]:.9e}\n" for k in range(begin, end)]
+
+
+@pytest.fixture(autouse=True)
+def fast(monkeypatch):
+    monkeypatch.setattr(growing, "POLL", 0.005)
+
+
+def piped(text, *options):
+    """The watch of a text on standard input."""
+    return CliRunner().invoke(app, ["watch", "-", *options], input=text, prog_name="gmwm")
+
+
+def test_standard_input_to_its_end(tmp_path):
+    text = HEAD + "".join(rows())
+    found = piped(text, "--model", "WN", "--json")
+    assert found.exit_code == 0
+    content = json.loads(found.stdout)
+    (tmp_path / "a.csv").write_text(text)
+    imu = library.read(tmp_path / "a.csv")
+    assert list(content["axes"]) == ["gyro_x", "gyro_y"]
+    for axis, one in content["axes"].items():
+        curve = library.wavelet_variance(imu[axis])
+        assert np.allclose(one["wavelet_variance"]["variance"], curve.variance, rtol=1e-11, atol=0)
+        fit = library.fit("WN", curve)
+        assert one["fit"]["parameters"]["WN.sigma2"] == pytest.approx(fit.parameters["WN.sigma2"], rel=1e-9)
+        relative = fit.standard_errors["WN.sigma2"] / fit.parameters["WN.sigma2"]
+        assert one["relative_errors"]["WN.sigma2"] == pytest.approx(relative, rel=1e-6)
+        # A record of N samples knows σ² of white noise to a bit more than √(2/N).
+        assert 1.0 < one["relative_errors"]["WN.sigma2"] / np.sqrt(2 / 4000) < 1.6
+        assert one["needed"]["WN.sigma2"] < 40.0
+
+
+def test_the_table_at_the_end():
+    found = piped(HEAD + "".join(rows()), "--axis", "gyro_y", "--model", "WN + RW", "--accuracy", "5%", "--datasheet")
+    assert found.exit_code == 0
+    assert "4000 samples at 100 Hz: 40 s" in found.stdout
+    assert "Allan deviation (deg/h)" in found.stdout
+    assert "gyro_x" not in found.stdout
+    white = next(line for line in found.stdout.splitlines() if line.strip().startswith("WN.sigma2"))
+    walk = next(line for line in found.stdout.splitlines() if line.strip().startswith("RW.gamma2"))
+    assert " yes " in white
+    assert " yes " not in walk
+
+
+def test_a_file_that_grows_is_told_line_by_line(tmp_path, gmwm):
+    """A writer that leaves lines half written, and then nothing more."""
+    path = tmp_path / "log.csv"
+    text = HEAD + "".join(rows())
+    path.write_text(text[:30_000])
+
+    def write():
+        with path.open("a") as file:
+            for k in range(30_000, len(text), 7001):
+                file.write(text[k : k + 7001])
+                file.flush()
+                time.sleep(0.03)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    found = gmwm("watch", path, "--every", "0.1s", "--idle", "1.5s", "--axis", "gyro_x")
+    writer.join()
+    assert found.code == 0
+    told = [line for line in found.out.splitlines() if " samples | gyro_x: " in line]
+    counts = [int(line.split(" samples")[0].rsplit(" ", 1)[1]) for line in told]
+    assert counts == sorted(set(counts))
+    assert len(counts) > 1
+    assert "4000 samples at 100 Hz" in found.out
+
+
+def test_what_ends_it_is_said(tmp_path, gmwm):
+    path = tmp_path / "log.csv"
+    path.write_text(HEAD + "".join(rows()) + "40.00,0.0")
+    found = gmwm("watch", path, "--idle", "0.2s")
+    assert "the last line has no line end: it was left out" in found.err
+    assert "4000 samples" in found.out
+    cut = threading.Timer(0.8, lambda: path.write_text("time\n"))
+    cut.start()
+    found = gmwm("watch", path, "--idle", "20s")
+    assert "was cut to 5 bytes while it was watched" in found.err
+    assert "4000 samples" in found.out
+    assert found.code == 0
+
+
+def test_a_bad_line_ends_it_with_what_came_before(tmp_path, gmwm):
+    path = tmp_path / "log.csv"
+    path.write_text(HEAD + "".join(rows()))
+
+    def spoil():
+        with path.open("a") as file:
+            file.write("40.00,a,b\n")
+
+    threading.Timer(0.8, spoil).start()
+    found = gmwm("watch", path, "--idle", "20s")
+    assert found.code == 2
+    assert "line 4002: column 'gyro_x [rad/s]' holds 'a'" in found.err
+    assert "Allan deviation" in found.out
+    early = piped(HEAD + "".join(rows(0, 300)) + "3.00,a,b\n")
+    assert early.exit_code == 2
+    assert "line 302: column" in early.stderr
+    assert early.stdout == ""
+
+
+def test_what_is_wrong_before_anything_came(tmp_path, gmwm):
+    assert "does not exist" in gmwm("watch", tmp_path / "none.csv").err
+    assert "is no file" in gmwm("watch", tmp_path).err
+    assert "--every" in gmwm("watch", "-", "--every", "0s").err
+    assert "accuracy must be" in gmwm("watch", "-", "--accuracy", "2").err
+    assert piped("").exit_code == 2
+    assert "holds no whole line" in piped("").stderr
+    assert "--axis must be one of gyro_x, gyro_y" in piped(HEAD + "".join(rows()), "--axis", "accel").stderr
+    assert "--units" in piped((HEAD + "".join(rows())).replace("[rad/s]", "")).stderr
+
+
+def test_a_model_too_large_for_what_came_is_said_and_the_curve_shown():
+    found = piped(HEAD + "".join(rows(0, 20)), "--model", "2*GM + WN + RW")
+    assert found.exit_code == 0
+    assert "not fitted" in found.stdout
+    assert "Allan deviation" in found.stdout
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of this kind are not sent there")
+def test_ctrl_c_ends_it_with_the_table(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(HEAD + "".join(rows()))
+    command = [sys.executable, "-m", "gmwm", "watch", str(path), "--every", "0.2s"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        first = run.stdout.readline()
+        assert " samples | gyro_x: " in first
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=60)
+    assert run.returncode == 0, err
+    assert "4000 samples at 100 Hz" in out
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of this kind are not sent there")
+def test_ctrl_c_ends_it_while_standard_input_waits():
+    command = [sys.executable, "-m", "gmwm", "watch", "-", "--every", "0.2s"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as run:
+        run.stdin.write(HEAD + "".join(rows()))
+        run.stdin.flush()
+        assert " samples | gyro_x: " in run.stdout.readline()
+        run.send_signal(signal.SIGINT)
+        table, err = run.stdout.read(), run.stderr.read()
+        assert run.wait(timeout=60) == 0, err
+    assert err == ""
+    assert " samples at 100 Hz" in table
+    assert "Allan deviation" in table

@@ -1,0 +1,277 @@
+"""`stream` gives what `read` gives, a piece at a time."""
+
+import os
+import subprocess
+import sys
+import tracemalloc
+import warnings
+
+import numpy as np
+import polars as pl
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
+from gmwm.readers import arrays, chunks, parquet, stream, text
+
+ROWS = 20_000
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    """Blocks and heads so small that a file of some thousand rows has many of them."""
+    monkeypatch.setattr(chunks, "HEAD", 3000)
+    monkeypatch.setattr(chunks.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
+    monkeypatch.setattr(parquet, "ROWS", 1500)
+    monkeypatch.setattr(arrays, "ROWS", 1500)
+
+
+def columns(seed=1, rows=ROWS):
+    rng = np.random.default_rng(seed)
+    out = {f"gyro_{a}": rng.normal(scale=0.05, size=rows) for a in "xyz"}
+    return out | {f"accel_{a}": rng.normal(scale=0.01, size=rows) + (a == "z") for a in "xyz"}
+
+
+def stamps(kind, rng, rows=ROWS):
+    """Stamps of 100 Hz, each kind with what makes segments hard to find."""
+    k = np.arange(rows, dtype=np.int64)
+    if kind == "gaps":
+        k = k + np.searchsorted(np.array([2000, 2004, 2999, 3000, 9000, 15_000, rows - 3]), k, side="right") * 7
+    if kind == "one lost":
+        k = k + (k >= 7777)
+    if kind == "set back":
+        return np.round(np.where(k < 12_345, k, k - 5000) * 0.01, 4)
+    if kind == "nanoseconds":
+        return 1_600_000_000_000_000_000 + (k + 40 * (k > 5000)) * 10_000_000
+    if kind == "jitter":
+        return (k + 500 * (k > 8000)) * 0.01 + rng.normal(scale=0.0012, size=rows)
+    if kind == "late":
+        return k * 0.01 + np.where(rng.uniform(size=rows) < 0.01, 0.009, 0.0)
+    if kind == "bursts":
+        lost = 40 * (k >= 6000)
+        return ((k // 10) * 10 + lost) * 0.01 + (k % 10) * 1e-4
+    return k * 0.01
+
+
+def written(path, table):
+    frame = pl.DataFrame(table)
+    if path.suffix == ".csv":
+        frame.write_csv(path)
+    elif path.suffix == ".parquet":
+        frame.write_parquet(path, row_group_size=4000)
+    else:
+        record = np.zeros(frame.height, dtype=[(name, frame[name].to_numpy().dtype) for name in frame.columns])
+        for name in frame.columns:
+            record[name] = frame[name].to_numpy()
+        np.save(path, record)
+    return path
+
+
+def same(path, *, chunk=777, apart=2e-4, **options):
+    """Whether pieces together are the recording as `read` has it; the pieces."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        imu = gmwm.read(path, **options)
+        source = stream(path, chunk=chunk, **options)
+        found = list(source)
+    assert source.axes == imu.axes
+    assert source.rate == pytest.approx(imu.rate, rel=apart)
+    assert all(0 < len(piece) <= chunk for piece in found)
+    assert [piece.first for piece in found] == [0, *np.cumsum([len(p) for p in found])[:-1]]
+    for axis in imu.axes:
+        assert np.array_equal(np.concatenate([piece[axis] for piece in found]), imu[axis].values)
+    firsts = [p.first for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment]
+    assert firsts == [first for first, _ in imu.segments]
+    signal = imu[imu.axes[0]]
+    times = [p.start for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment]
+    assert times == list(signal.starts)
+    assert [p.segment for p in found] == sorted(p.segment for p in found)
+    return imu, found
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
+@pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
+def test_pieces_are_what_is_read(tmp_path, suffix, kind):
+    time = stamps(kind, np.random.default_rng(3))
+    name = "timestamp_ns" if kind == "nanoseconds" else "time_s"
+    path = written(tmp_path / f"a{suffix}", {name: time} | columns())
+    options = {"units": {"gyro": "deg/s", "accel": "g"}}
+    # Of bursts, the first rows hold a fraction of one more than they should.
+    imu, _ = same(path, apart=3e-3 if kind == "bursts" else 2e-4, **options)
+    assert len(imu.segments) == {
+        "gaps": 8,
+        "one lost": 2,
+        "set back": 2,
+        "nanoseconds": 2,
+        "jitter": 2,
+        "bursts": 2,
+    }.get(kind, 1)
+
+
+def test_gap_in_the_first_rows_is_found_too(tmp_path):
+    path = written(tmp_path / "a.csv", {"time": stamps("gaps", None)} | columns())
+    imu, _ = same(path, units={"gyro": "rad/s"}, chunk=10**6)
+    assert imu.segments[0] == (0, 2000)
+
+
+@pytest.mark.parametrize("rows", [8, 9, 31, 64, 2999, 3000, 3001])
+def test_short_files(tmp_path, rows):
+    path = written(tmp_path / "a.csv", {"time": np.arange(rows) * 0.01} | columns(rows=rows))
+    same(path, units={"gyro": "rad/s"}, chunk=5)
+
+
+def test_without_stamps_with_factors_and_increments(tmp_path):
+    path = written(tmp_path / "a.parquet", columns())
+    units = {"gyro": "deg/s", "accel": "mg"}
+    scale = {"gyro": 1 / 131, "accel_x": 6.1e-5}
+    same(path, rate=125.0, units=units, scale=scale, increments=["accel"])
+    numbered = tmp_path / "b.csv"
+    np.savetxt(numbered, np.column_stack(list(columns().values())[:2]), delimiter=",")
+    same(numbered, rate=50.0, units={"gyro": "deg/s"}, columns=["gyro_x", "gyro_y"])
+
+
+def test_bare_records(tmp_path):
+    imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=4000, seed=2)
+    path = tmp_path / "a.imr"
+    gmwm.write(imu, tmp_path / "a.csv")
+    same(tmp_path / "a.csv")
+    records = np.zeros((4000, 7))
+    records[:, 0] = np.arange(4000) * 0.01
+    records[:, 1:] = np.column_stack([imu[axis].values for axis in imu.axes])
+    path = tmp_path / "a.npy"
+    np.save(path, records)
+    same(path, columns=["time", *imu.axes], units={"gyro": "rad/s", "accel": "m/s2", "time": "s"})
+
+
+def test_temperature_is_left_out(tmp_path):
+    path = written(tmp_path / "a.csv", {"time": stamps("even", None), "temperature": np.arange(ROWS) * 1.0} | columns())
+    _, found = same(path, units={"gyro": "deg/s"})
+    assert "temperature" not in found[0].values
+
+
+def test_it_can_be_read_again(tmp_path):
+    path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
+    source = stream(path, units={"gyro": "deg/s", "accel": "g"})
+    assert "gyro_x" in repr(source)
+    assert any("gyro: deg/s" in note for note in source.notes)
+    sums = [sum(float(piece["gyro_x"].sum()) for piece in source) for _ in range(2)]
+    assert sums[0] == sums[1] != 0
+
+
+def drained(path, **options):
+    return [len(piece) for piece in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
+
+
+def test_bad_numbers_behind_the_first_rows_are_refused_with_their_row(tmp_path):
+    table = {"time": stamps("even", None)} | columns()
+    table["gyro_y"][17_000] = np.nan
+    with pytest.raises(DataError, match="gyro_y is nan in row 17001"):
+        drained(written(tmp_path / "a.parquet", table))
+    path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
+    path.write_text(path.read_text() + "200.01,1,2\n")
+    with pytest.raises(ReadError, match="line 20002: 3 values, expected 7"):
+        drained(path)
+
+
+def test_an_axis_that_is_constant_to_the_end_is_refused(tmp_path):
+    table = {"time": stamps("even", None)} | columns()
+    table["gyro_y"][:] = 0.25
+    path = written(tmp_path / "a.csv", table)
+    with pytest.raises(DataError) as mine:
+        drained(path)
+    with pytest.raises(DataError) as theirs:
+        gmwm.read(path, units={"gyro": "deg/s"})
+    assert str(mine.value) == str(theirs.value)
+    table["gyro_y"][-1] = 0.5
+    assert sum(drained(written(path, table))) == ROWS
+
+
+def test_a_rate_that_changes_behind_the_first_rows(tmp_path):
+    k = np.arange(ROWS)
+    for change in (9000, 9100):
+        time = np.where(k < change, k * 0.01, change * 0.01 + (k - change) * 0.02)
+        with pytest.raises(ReadError, match="rate changes from 100 Hz to"):
+            drained(written(tmp_path / "a.parquet", {"time": time} | columns()))
+
+
+def test_a_clock_that_slowly_leaves_the_rate_is_told(tmp_path):
+    k = np.arange(ROWS)
+    time = np.where(k < 5000, k * 0.01, 50 + (k - 5000) * 0.01003)
+    path = written(tmp_path / "a.parquet", {"time": time} | columns())
+    with pytest.warns(TimeBaseWarning, match="the first 3000 rows, the stamps of all say 99.7"):
+        drained(path)
+
+
+def test_repeated_stamps_are_counted_over_all_blocks(tmp_path):
+    time = stamps("even", None)
+    time[[2500, 12_000]] = time[[2499, 11_999]]
+    path = written(tmp_path / "a.parquet", {"time": time} | columns())
+    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+        drained(path)
+    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+        gmwm.read(path, units={"gyro": "deg/s", "accel": "g"})
+
+
+def test_stamps_in_no_order(tmp_path):
+    time = stamps("even", None)
+    time[10_000:12_000] = np.random.default_rng(1).permutation(time[10_000:12_000])
+    with pytest.raises(ReadError, match=r"not in order.*rows counted from row"):
+        drained(written(tmp_path / "a.parquet", {"time": time} | columns()))
+
+
+def test_options_are_checked_at_the_door(tmp_path):
+    path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
+    for chunk in (0, 1.5, True, "many"):
+        with pytest.raises(OptionError, match="chunk must be a whole number"):
+            stream(path, chunk=chunk)
+    with pytest.raises(UnitError, match="gyro_x"):
+        stream(path)
+    with pytest.raises(OptionError, match="increments names accel_y"):
+        stream(path, units={"gyro": "deg/s"}, columns={"gyro_x": "gyro_x"}, increments=["accel_y"])
+    with pytest.raises(ReadError, match="does not exist"):
+        stream(tmp_path / "none.csv")
+    with pytest.raises(ReadError, match="contradicts the time stamps"):
+        stream(path, rate=50.0, units={"gyro": "deg/s"})
+
+
+def test_memory_does_not_grow_with_an_array_on_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr(arrays, "ROWS", 20_000)
+    peaks = []
+    for rows in (40_000, 800_000):
+        path = tmp_path / f"{rows}.npy"
+        np.save(path, np.random.default_rng(1).normal(size=(rows, 3)))
+        source = stream(path, 100.0, ["gyro_x", "gyro_y", "gyro_z"], {"gyro": "deg/s"}, chunk=20_000)
+        tracemalloc.start()
+        assert sum(len(piece) for piece in source) == rows
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0] < 800_000 * 8
+
+
+PEAK = """
+import resource, sys, gmwm
+before = None
+for path in sys.argv[1:]:
+    for piece in gmwm.stream(path, units={"gyro": "deg/s"}):
+        pass
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="peak memory is counted in other units elsewhere")
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_memory_does_not_grow_with_a_table(tmp_path, suffix):
+    """What the process needs at most for a file and then for one three times as long (kB)."""
+    paths, most = [], 1_200_000 if suffix == ".csv" else 2_500_000
+    for rows in (most, 3 * most):
+        noise = np.round(np.random.default_rng(1).normal(size=rows), 2)
+        frame = pl.DataFrame({"time": np.arange(rows) * 0.01, "gyro_x": noise, "gyro_y": noise[::-1], "gyro_z": noise})
+        paths.append(tmp_path / f"{rows}{suffix}")
+        frame.write_csv(paths[-1]) if suffix == ".csv" else frame.write_parquet(paths[-1], row_group_size=200_000)
+    environment = os.environ | {"POLARS_MAX_THREADS": "1"}
+    run = subprocess.run(
+        [sys.executable, "-c", PEAK, *map(str, paths)], capture_output=True, text=True, check=True, env=environment
+    )
+    short, long = (int(line) for line in run.stdout.split())
+    assert long - short < 0.4 * (2 * most * 4 * 8 / 1024)
