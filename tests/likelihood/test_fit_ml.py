@@ -382,3 +382,21 @@ def test_a_recording_is_not_one_axis():
     imu = Imu.from_arrays({"gyro_x": np.arange(20.0), "gyro_y": np.arange(20.0)}, RATE)
     with pytest.raises(DataError, match=r"one axis, got a recording of gyro_x, gyro_y; pass imu\['gyro_x'\]"):
         fit_ml("WN", imu)
+
+
+def test_a_known_mean_leaves_a_walk_its_level_wherever_it_starts():
+    x = 9.81 + parse_model("WN(sigma2=1.0) + RW(gamma2=1e-3)").simulate(3000, RATE, rng=1)
+    zero, there = (
+        fit_ml("WN + RW", x, RATE, mean=0.0, start=f"WN(sigma2=1.0) + RW(gamma2={walk})") for walk in (0.0, 1e-3)
+    )
+    assert zero.loglikelihood == pytest.approx(there.loglikelihood, abs=1e-6)
+    assert zero.parameters["RW.gamma2"] == pytest.approx(there.parameters["RW.gamma2"], rel=1e-3)
+
+
+def test_a_walk_at_zero_leaves_the_mean_to_the_record():
+    x = 9.81 + parse_model("WN(sigma2=1.0)").simulate(3000, RATE, rng=3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FitWarning)
+        found = fit_ml("WN + RW", x, RATE)
+    assert found.diagnostics.not_supported == ("RW",)
+    assert found.level == pytest.approx(x.mean(), rel=1e-9)

@@ -16,7 +16,7 @@ from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
 from gmwm.likelihood.search import Found, Search
-from gmwm.likelihood.system import require_state
+from gmwm.likelihood.system import LEVEL, require_state
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
@@ -177,9 +177,6 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     """What was found in the words of the model."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
-    # A walk that is zero takes up no level: the record's mean is one of its own then.
-    final = Problem(best, problem.record, problem.mean)
-    _, ends = final.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
     for label, k in drifts.items():
         process = best.processes[best.terms.index(label)]
@@ -190,7 +187,7 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     renamed = {t: ordered[id(p)] for t, p in zip(best.terms, best.processes, strict=True)}
     labels = [_renamed(name, renamed) for name in names]
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
-    constant = _level(final, ends)
+    constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
     diagnostics = LikelihoodDiagnostics(
         acts_as=_acts_as(problem, found, best, renamed),
@@ -229,12 +226,18 @@ def _renamed(name: str, terms: dict[str, str]) -> str:
     return f"{terms[term]}.{parameter}"
 
 
-def _level(problem: Problem, level: Level) -> tuple[float | None, float | None]:
-    """The record's mean and its standard error, where it is a parameter of its own and not the level of a walk."""
-    if "level" not in level.labels:
-        return None, None
-    k = level.labels.index("level")
-    return float(level.values[k]) + problem.centre, math.sqrt(max(float(level.covariance[k, k]), 0.0))
+def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
+    """The record's mean and its standard error, where it is a parameter of its own and not the level of a walk.
+
+    A walk that is zero has left it to the record.
+    """
+    if problem.mean is None:
+        zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
+        for k, regressor in enumerate(problem.regressors):
+            if regressor.flat and regressor.label in {LEVEL, *zero}:
+                error = math.sqrt(max(float(level.covariance[k, k]), 0.0))
+                return float(level.values[k]) + problem.centre, error
+    return None, None
 
 
 def _acts_as(problem: Problem, found: Found, best: Model, renamed: dict[str, str]) -> dict[str, str]:
@@ -268,7 +271,7 @@ def _covariance(problem: Problem, found: Found, best: Model, level: Level) -> tu
                 rows.append(row[active])
     covariance = np.zeros((len(names), len(names)))
     if rows:
-        evaluation = found.evaluation if _same(found, active, problem) else problem.evaluate(found.z, active)
+        evaluation = found.evaluation if _same(found, active) else problem.evaluate(found.z, active)
         assert evaluation is not None
         inverse = inverted(evaluation.information)
         by = np.array(rows)
@@ -289,7 +292,7 @@ def _covariance(problem: Problem, found: Found, best: Model, level: Level) -> tu
     return names, covariance
 
 
-def _same(found: Found, active: list[int], problem: Problem) -> bool:
+def _same(found: Found, active: list[int]) -> bool:
     """Whether the last evaluation was by just these coordinates."""
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 

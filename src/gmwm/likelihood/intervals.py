@@ -95,16 +95,6 @@ def _domain(parameter: Parameter) -> Interval:
     return (0.0, math.inf) if parameter.domain == "positive" else (-math.inf, math.inf)
 
 
-def _start_of_search(problem: Problem, fit: LikelihoodFit, k: int, z: Vector) -> float:
-    """A share of the whole that does not show."""
-    levels = max(int(math.log2(fit.samples)), 1)
-    at = z.copy()
-    at[k] = 0.0
-    shape = problem.at_point(at).processes[problem.coordinates[k].term].wavelet_variance(levels, fit.rate)
-    total = fit.model.wavelet_variance(levels, fit.rate)
-    return 1e-3 * float(np.min(total[shape > 0] / shape[shape > 0]))
-
-
 class _Profile:
     """The likelihood as a function of one parameter, all others at their best."""
 
@@ -127,12 +117,9 @@ class _Profile:
 
     def interval(self, name: str, parameter: Parameter) -> Interval:
         """Where the root of the deviance reaches z on either side."""
-        if parameter.scale_power is not None:
-            k = next(k for k, c in enumerate(self.problem.coordinates) if self._is(k, name) and c.shape is None)
-        else:
-            row = self._row(name)
-            assert row is not None
-            k = int(np.flatnonzero(row)[0])
+        row = self._row(name)
+        assert row is not None
+        k = int(np.flatnonzero(row)[0])
         low = self._end(k, name, -1)
         high = self._end(k, name, 1)
         least, most = _domain(parameter)
@@ -206,7 +193,7 @@ class _Profile:
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
         """The scale at which the profile has fallen by z²/2, of a term that is zero at the top."""
         at = best.copy()
-        at[k] = math.log(_start_of_search(self.problem, self.fit, k, best))
+        at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         found = self.problem.evaluate(at, [k])
         if found is None:
             return None

@@ -160,6 +160,14 @@ class Problem:
                 out.append((-_FAR, _FAR))
         return np.array(out).reshape(-1, 2)
 
+    def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
+        """The coordinate k, a scale, at which its term is nowhere more than a share of a model's wavelet variance."""
+        levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
+        at[k] = 0.0
+        own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
+        whole = model.wavelet_variance(levels, self.rate)
+        return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
+
     def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
         """What the process says of the ends of a single shape."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)

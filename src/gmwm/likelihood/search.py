@@ -226,12 +226,9 @@ class Search:
         k = self.scales.get(term)
         if k is None or k in self.held:
             return None
-        others = now.model.wavelet_variance(self._levels(), self.problem.rate)
         most, best = _WORTH, None
         for at in self._places(z, term):
-            at[k] = 0.0
-            shape = self.problem.at_point(at).processes[term].wavelet_variance(self._levels(), self.problem.rate)
-            at[k] = math.log(1e-4 * float(np.min(others[shape > 0] / shape[shape > 0])))
+            at[k] = self.problem.faint(at, k, now.model, 1e-4)
             tried = self._evaluate(at, [k])
             if tried is None or tried.information[0, 0] <= 0 or tried.gradient[0] <= 0:
                 continue
@@ -264,9 +261,6 @@ class Search:
             at[mine[0]] = np.clip(low + share * (high - low), *self.problem.bounds[mine[0]])
             out.append(at)
         return out
-
-    def _levels(self) -> int:
-        return max(int(math.log2(self.problem.record.observed)), 1)
 
 
 def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:

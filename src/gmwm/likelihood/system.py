@@ -18,6 +18,8 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.statespace import StateSpace, powers
 
+LEVEL = "level"
+"""The label of the record's constant mean, where no walk takes it up."""
 STEP = 0.02
 """Of a coordinate, in which matrices are differentiated by differences of order 6."""
 
@@ -30,7 +32,7 @@ class Regressor:
     ----------
     course : (N,) array
     label : str
-        "level" or the label of the term it belongs to.
+        LEVEL, or the label of the term it belongs to.
     flat : bool
         Whether its size is integrated out (a level of no interest) rather than estimated (a drift).
     """
@@ -135,13 +137,15 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        for state in np.flatnonzero(space.diffuse) if process.scale > 0 else ():
+        # One that is held at zero takes up no level; one that is sought may come to need it.
+        wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
+        for state in np.flatnonzero(space.diffuse) if wanders else ():
             course = _course(space, int(state), samples)
             # The level of a walk is a constant, and so is the record's: one of them is enough.
             level = level and bool(np.any(course != course[0]))
             found.append(Regressor(course, label, flat=True))
     if level:
-        found.append(Regressor(np.ones(samples), "level", flat=True))
+        found.append(Regressor(np.ones(samples), LEVEL, flat=True))
     return [*found, *ramps]
 
 

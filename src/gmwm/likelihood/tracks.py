@@ -19,7 +19,7 @@ from gmwm.estimation import Fit
 from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodFit
-from gmwm.likelihood.system import System, assemble
+from gmwm.likelihood.system import LEVEL, System, assemble
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
@@ -34,8 +34,6 @@ Modelled = Fit | LikelihoodFit | Model | Process | str
 
 BIAS = "bias"
 """The label of the sum of all that wanders, the record's level among it: what a navigation filter estimates."""
-LEVEL = "level"
-"""The label of the record's constant mean, where no walk takes it up."""
 FARTHEST = 10_000_000
 """Samples that are predicted at most."""
 RATES_ALIKE = 1e-3

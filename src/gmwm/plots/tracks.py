@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_vector
 from gmwm.errors import OptionError
-from gmwm.likelihood.tracks import BIAS, LEVEL, Kind, Tracks, wanders
+from gmwm.likelihood.system import LEVEL
+from gmwm.likelihood.tracks import BIAS, Kind, Tracks, wanders
 from gmwm.plots.axes import number_text, quiet
 from gmwm.plots.curves import ABOVE, BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke
