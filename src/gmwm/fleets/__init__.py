@@ -1,0 +1,1 @@
+"""Many units of one type: each calibrated, and what they tell together."""
