@@ -9,8 +9,8 @@ import pytest
 
 import gmwm
 from gmwm.errors import OptionError
-from gmwm.inspection import inspect, lsb
-from gmwm.knocks import find_steps
+from gmwm.inspection import inspect
+from gmwm.inspection.resolution import lsb
 from gmwm.signals import Imu, Signal, TimeBase
 
 RATE = 100.0
@@ -221,7 +221,7 @@ def test_a_step_is_found_with_its_time_axis_and_size(scale):
 def test_noise_has_no_steps(model):
     for samples in (3400, 20_000):
         for path in gmwm.Model.parse(model).simulate(samples, RATE, 1, 50):
-            assert find_steps(Imu.from_arrays({"gyro_x": path}, RATE), {"gyro_x": None}) == ()
+            assert look({"gyro_x": path}).steps == ()
 
 
 @pytest.mark.parametrize("constant", [50, 400, 5000])

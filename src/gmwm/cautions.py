@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from gmwm._words import OVERRULED, counted
-from gmwm.signals import Imu, TimeBase
-from gmwm.units import SI_UNIT, STANDARD_GRAVITY
+from gmwm.signals import TimeBase
+from gmwm.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from gmwm.inspection import AxisInspection
-    from gmwm.knocks import Knock, Step
+    from gmwm.inspection.knocks import Knock, Step
 
 MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
@@ -37,13 +36,13 @@ _DECLARED = "the unit was declared against the file"
 _LEVEL = "long scales take for a random walk"
 
 
-def about_time(imu: Imu, base: TimeBase) -> list[str]:
-    """What the time base means for the answer."""
+def about_time(segments: int, base: TimeBase) -> list[str]:
+    """What the time base, and the number of stretches without a gap, mean for the answer."""
     said = []
-    if len(imu.segments) > 1:
-        lost = sum(duration - 1 / imu.rate for _, duration in base.gaps)
+    if segments > 1:
+        lost = sum(duration - 1 / base.rate for _, duration in base.gaps)
         said.append(
-            f"{len(imu.segments)} segments with {span(lost)} missing between them: wavelet variances take the "
+            f"{segments} segments with {span(lost)} missing between them: wavelet variances take the "
             f"coefficients of all together, none across a gap; {LONGEST}"
         )
     if base.duplicates:
@@ -110,18 +109,15 @@ def about_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> l
     return said
 
 
-def about_units(imu: Imu, pieces: Sequence[tuple[int, int]]) -> list[str]:
-    """Gyroscopes so noisy that their unit is in doubt: deg/s taken for rad/s makes 57 times the noise."""
-    found = {}
-    for axis in imu:
-        if imu[axis].unit != SI_UNIT["gyro"]:
-            continue
-        # The median over pieces, so that a knock or a motion is not taken for the noise.
-        steps = [np.diff(imu[axis].values[a:b]) for a, b in pieces]
-        variances = [float(np.mean(step**2)) / 2 for step in steps if step.size]
-        density = float(np.degrees(np.sqrt(np.median(variances) / imu.rate))) if variances else 0.0
-        if density > _NOISY:
-            found[axis] = density
+def about_units(densities: Mapping[str, float]) -> list[str]:
+    """Gyroscopes so noisy that their unit is in doubt: deg/s taken for rad/s makes 57 times the noise.
+
+    Parameters
+    ----------
+    densities : mapping of axis to float
+        Their noise density (rad/s/√Hz).
+    """
+    found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
     if not found:
         return []
     return [

@@ -112,10 +112,7 @@ class Signal:
         >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3)), starts=(0.0, 5.0)).times()
         array([0. , 0.1, 5. ])
         """
-        index = np.arange(len(self)) if indices is None else np.asarray(indices, dtype=np.int64)
-        firsts = np.array([first for first, _ in self.segments])
-        segment = np.searchsorted(firsts, index, side="right") - 1
-        return np.asarray(np.array(self.starts)[segment] + (index - firsts[segment]) / self.rate)
+        return times_of(np.arange(len(self)) if indices is None else indices, self.rate, self.segments, self.starts)
 
     def whole(self) -> Vector:
         """The values of a signal without gaps.
@@ -151,6 +148,15 @@ class Signal:
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
+
+
+def times_of(
+    indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]
+) -> Vector:
+    """When the samples with these indices were taken (s), by the segments they lie in and when those begin (s)."""
+    index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
+    segment = np.searchsorted(firsts, index, side="right") - 1
+    return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
 
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:

@@ -13,7 +13,7 @@ import gmwm
 from gmwm._words import OVERRULED
 from gmwm.cautions import about_declared, about_steps, about_values
 from gmwm.errors import OptionError
-from gmwm.knocks import Step
+from gmwm.inspection.knocks import Step
 from gmwm.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.plots.fit import fit_panel

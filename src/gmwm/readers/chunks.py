@@ -34,6 +34,7 @@ from gmwm.readers.recording import (
 from gmwm.readers.running import RunningClock, Settled
 from gmwm.readers.scales import checked_units, resolve, time_unit
 from gmwm.readers.timebase import Timing, as_stamps, troubles_of
+from gmwm.signals import TimeBase
 
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
@@ -115,6 +116,8 @@ class Stream:
         Samples per second (Hz).
     axes : tuple of str
         Names of the axes, gyroscopes first.
+    time_base : TimeBase
+        What the time stamps say: those of all rows once they were read to the end, of the first ones before.
     notes : tuple of str
         What was understood, in plain words.
     """
@@ -126,10 +129,14 @@ class Stream:
 
     def __init__(self, source: str, found: Understood, chunks: Callable[[], Iterator[Chunk]], size: int) -> None:
         self.source, self.rate, self.axes, self.notes = source, found.rate, found.choice.axes, found.notes
+        self.time_base = found.timing.base
         self._found, self._chunks, self._size = found, chunks, size
 
     def __iter__(self) -> Iterator[Piece]:
-        return pieces(self._found, self._chunks(), self._size, self.source)
+        return pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+
+    def _ended(self, base: TimeBase) -> None:
+        self.time_base = base
 
     def __repr__(self) -> str:
         return f"Stream({', '.join(self.axes)} at {self.rate:g} Hz, from {self.source})"
@@ -267,8 +274,14 @@ def tell(found: Understood, path: object) -> None:
             warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
 
 
-def pieces(found: Understood, chunks: Iterable[Chunk], size: int, path: object) -> Iterator[Piece]:
-    """The pieces that chunks of a file make, of `size` samples at the most.
+def pieces(
+    found: Understood,
+    chunks: Iterable[Chunk],
+    size: int,
+    path: object,
+    ended: Callable[[TimeBase], None] = lambda base: None,
+) -> Iterator[Piece]:
+    """The pieces that chunks of a file make, of `size` samples at the most; `ended` is told what all stamps say.
 
     Raises
     ------
@@ -305,6 +318,8 @@ def pieces(found: Understood, chunks: Iterable[Chunk], size: int, path: object) 
                 start = begun[1] + (k - begun[0]) / found.rate
                 yield Piece({axis: v[part] for axis, v in ready.items()}, k, segment, start)
     alike.require_different(came)
+    if clock is not None:
+        ended(clock.base())
     for sentence in clock.troubles() if clock is not None else ():
         warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)
 

@@ -84,12 +84,15 @@ class RunningClock:
         """What is settled by there being no more rows."""
         return self._settle(self.rows)
 
-    def troubles(self) -> Iterator[str]:
-        """What is wrong with the stamps, in plain words."""
+    def base(self) -> TimeBase:
+        """What the stamps so far say."""
         jitter = np.sqrt(self._squares / self._inside) / self._per_second if self._inside else 0.0
         start = self._origin / self._per_second
-        base = TimeBase(self._rate, True, start, float(jitter), tuple(self._gaps), self._duplicates, self._backward)
-        yield from troubles_of(base, self.rows)
+        return TimeBase(self._rate, True, start, float(jitter), tuple(self._gaps), self._duplicates, self._backward)
+
+    def troubles(self) -> Iterator[str]:
+        """What is wrong with the stamps, in plain words."""
+        yield from troubles_of(self.base(), self.rows)
         if self.rows > self._head_rows and self._span > 0:
             found = self._per_second * self._inside / self._span
             if abs(found / self._rate - 1) > _APART:

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.signals import Imu, Signal
+from gmwm.inspection.extent import Extent
 
-_BLOCK = 1000  # samples over which a local median is taken: knocks are shorter, drift is slower
+BLOCK = 1000
+"""Samples over which a local median is taken: knocks are shorter, drift is slower."""
+FEWEST = 64
+"""Samples without a gap that tell what is usual."""
 _KNOCK = 8.0  # local standard deviations; Gaussian noise reaches them once in 10^15 samples
 _BURST = 1.0  # seconds between outliers of the same knock
 _LEVELS = 256  # medians of as many blocks of a recording are compared for steps
 _SHORTEST = 100  # samples in such a block
-_FEWEST = 32  # differences that show what is usual among them
+_DIFFERENCES = 32  # that show what is usual among them
 _STEP = 8.0  # standard deviations of these differences
 _ISOLATED = 4.0  # a ramp changes twice as much over two blocks as over one beside them; a step changes there alone
+
+Indices = NDArray[np.int64]
+Outliers = tuple[Indices, Vector]
+"""Their numbers in the recording, and how far out they lie, in local standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -65,54 +72,39 @@ class Step:
     times: float
 
 
-def find_knocks(imu: Imu, steps: Mapping[str, float | None]) -> tuple[tuple[Knock, ...], dict[str, NDArray[np.int64]]]:
-    """Bursts of outliers over all axes, and the indices of the outliers of each axis.
-
-    Parameters
-    ----------
-    imu : Imu
-        The recording.
-    steps : mapping of axis to float or None
-        Quantisation step of each axis: no axis is taken to be quieter than half of it.
-    """
-    outliers, found = {}, []
-    for k, axis in enumerate(imu):
-        index, deviation = _outliers(imu[axis], steps[axis] or 0.0)
-        outliers[axis] = index
-        found.append((index, deviation, np.full(index.size, k)))
-    index, deviation, axis_number = (np.concatenate(column) for column in zip(*found, strict=True))
+def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:
+    """Bursts of the outliers of all axes together."""
+    axes = tuple(outliers)
+    index, deviation = (np.concatenate(column) for column in zip(*outliers.values(), strict=True))
+    axis_number = np.repeat(np.arange(len(axes)), [found.size for found, _ in outliers.values()])
     if index.size == 0:
-        return (), outliers
+        return ()
     order = np.argsort(index, kind="stable")
     index, deviation, axis_number = index[order], deviation[order], axis_number[order]
-    times = imu[imu.axes[0]].times(index)
-    seams = np.searchsorted([first for first, _ in imu.segments], index, side="right")
+    times = extent.times(index)
+    seams = np.searchsorted([first for first, _ in extent.segments], index, side="right")
     begins = np.flatnonzero((np.diff(times) > _BURST) | (np.diff(seams) != 0)) + 1
     knocks = []
     for a, b in zip([0, *begins.tolist()], [*begins.tolist(), index.size], strict=True):
-        axes = tuple(imu.axes[k] for k in np.unique(axis_number[a:b]))
-        knocks.append(Knock(float(times[a]), float(times[b - 1] - times[a]), axes, float(np.max(deviation[a:b]))))
-    return tuple(knocks), outliers
+        shown = tuple(axes[k] for k in np.unique(axis_number[a:b]))
+        knocks.append(Knock(float(times[a]), float(times[b - 1] - times[a]), shown, float(np.max(deviation[a:b]))))
+    return tuple(knocks)
 
 
-def _outliers(signal: Signal, step: float) -> tuple[NDArray[np.int64], Vector]:
-    """Indices and sizes of the samples far from the local median, in local standard deviations."""
-    indices, sizes = [np.empty(0, dtype=np.int64)], [np.empty(0)]
-    for first, last in signal.segments:
-        length = min(_BLOCK, last - first)
-        if length < 64:  # too few to tell what is usual
-            continue
-        whole = last - (last - first) % length
-        # Blocks from the first sample on; the remainder is seen in a block that ends with the last one.
-        for a, b, new in ((first, whole, first), (last - length, last, whole)):
-            blocks = signal.values[a:b].reshape(-1, length)
-            distance = np.abs(blocks - np.median(blocks, axis=1, keepdims=True))
-            spread = _usual_spread(blocks, distance, step)
-            at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
-            at = at[a + at >= new]
-            indices.append(a + at)
-            sizes.append(distance.ravel()[at] / spread.ravel()[at // length])
-    return np.concatenate(indices), np.concatenate(sizes)
+def outliers_of(blocks: Vector, resolution: float) -> Outliers:
+    """Numbers, in the flat array, and sizes of the samples far from the median of their block.
+
+    Parameters
+    ----------
+    blocks : (k, n) array
+        Blocks of samples in a row.
+    resolution : float
+        Quantisation step: the axis is not taken to be quieter than half of it.
+    """
+    distance = np.abs(blocks - np.median(blocks, axis=1, keepdims=True))
+    spread = _usual_spread(blocks, distance, resolution)
+    at = np.flatnonzero((distance > _KNOCK * spread) & (spread > 0))
+    return at, distance.ravel()[at] / spread.ravel()[at // blocks.shape[1]]
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
@@ -126,7 +118,18 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
     return np.asarray(np.maximum(spread, 0.5 * step))
 
 
-def find_steps(imu: Imu, resolutions: Mapping[str, float | None]) -> tuple[Step, ...]:
+def level_length(samples: int) -> int:
+    """Samples in the blocks whose levels are compared for steps."""
+    return max(samples // _LEVELS, _SHORTEST)
+
+
+def steps_of(
+    axis: str,
+    levels: Sequence[tuple[int, Vector]],
+    extent: Extent,
+    resolution: float,
+    values: Callable[[int, int], Vector],
+) -> list[Step]:
     """Abrupt changes of level within segments, in the order of time.
 
     The medians m_i of blocks, 256 of them, 100 samples each at least, show the level and no knock. m_{i+2} − m_i has
@@ -137,26 +140,20 @@ def find_steps(imu: Imu, resolutions: Mapping[str, float | None]) -> tuple[Step,
 
     Parameters
     ----------
-    imu : Imu
-        The recording; one of fewer than 3400 samples is not looked at.
-    resolutions : mapping of axis to float or None
-        Quantisation step of each axis: half of it is the least that a level is taken to change by.
+    axis : str
+    levels : sequence of (first, (m,) array)
+        Of each segment of five blocks or more, its first sample and the medians m_i.
+    extent : Extent
+        Of the recording; one of fewer than 3400 samples has too few blocks.
+    resolution : float
+        Quantisation step: half of it is the least that a level is taken to change by.
+    values : callable
+        The samples from a first to before a last one, to tell when just it was.
     """
-    length = max(len(imu) // _LEVELS, _SHORTEST)
-    found = [step for axis in imu for step in _steps(imu[axis], length, resolutions[axis] or 0.0)]
-    return tuple(sorted(found, key=lambda step: (step.time, step.axis)))
-
-
-def _steps(signal: Signal, length: int, resolution: float) -> list[Step]:
-    """The steps of one axis."""
-    levels = [
-        (first, np.median(signal.values[first : last - (last - first) % length].reshape(-1, length), axis=1))
-        for first, last in signal.segments
-        if last - first >= 5 * length
-    ]
+    length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
     everything = np.concatenate([np.empty(0), *changes])
-    if everything.size < _FEWEST:
+    if everything.size < _DIFFERENCES:
         return []
     usual = float(np.median(everything))
     spread = max(float(np.median(np.abs(everything - usual))) / 0.67449, 0.5 * resolution)
@@ -171,9 +168,10 @@ def _steps(signal: Signal, length: int, resolution: float) -> list[Step]:
         # Neighbouring blocks show one and the same step.
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
             i = int(group[np.argmax(size[group])])
-            place = _corner(signal.values[first + i * length : first + (i + 3) * length], level[i], level[i + 2])
-            time = float(signal.times([first + i * length + place])[0])
-            found.append(Step(time, signal.axis, float(change[i]), float(size[i] / spread)))
+            begin = first + i * length
+            place = _corner(values(begin, begin + 3 * length), level[i], level[i + 2])
+            time = float(extent.times([begin + place])[0])
+            found.append(Step(time, axis, float(change[i]), float(size[i] / spread)))
     return found
 
 

@@ -1,0 +1,73 @@
+"""Where a recording's samples are: what must be known of it before they are looked at one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector
+from gmwm.signals import Signal, times_of
+
+_PIECES = 64
+"""Of a recording, whose means and spreads are compared."""
+
+Range = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Segments of a recording and when they begin.
+
+    Attributes
+    ----------
+    rate : float
+        Samples per second (Hz).
+    segments : tuple of (first, last)
+        Index ranges without a gap.
+    starts : tuple of float
+        Time of the first sample of each (s).
+    """
+
+    rate: float
+    segments: tuple[Range, ...]
+    starts: tuple[float, ...]
+
+    @classmethod
+    def of(cls, signal: Signal) -> Extent:
+        """That of a signal in memory."""
+        return cls(signal.rate, signal.segments, signal.starts)
+
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return self.segments[-1][1]
+
+    def times(self, indices: ArrayLike) -> Vector:
+        """When the samples with these indices were taken (s)."""
+        return times_of(indices, self.rate, self.segments, self.starts)
+
+    def pieces(self) -> list[Range]:
+        """About 64 index ranges of like length, whose means and spreads are therefore comparable.
+
+        They cross no gap, but where segments are shorter than half a piece: those are taken together with the
+        short ones beside them, and left out if that is not enough.
+        """
+        length = max(self.samples // _PIECES, 1)
+        stretches: list[Range] = []
+        joined = False  # whether the last stretch is of short segments and may still grow
+        for first, last in self.segments:
+            short = 2 * (last - first) < length
+            if short and joined and stretches[-1][1] - stretches[-1][0] < length:
+                stretches[-1] = (stretches[-1][0], last)
+            else:
+                stretches.append((first, last))
+            joined = short
+        long = [(a, b) for a, b in stretches if 2 * (b - a) >= length]
+        pieces = []
+        for first, last in long:
+            count = min(max((last - first) // length, 1), _PIECES)
+            edges = [first + (last - first) * k // count for k in range(count + 1)]
+            pieces += list(pairwise(edges))
+        return pieces
