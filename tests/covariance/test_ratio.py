@@ -11,6 +11,7 @@ from scipy.stats import pearson3, skew
 
 import gmwm
 from gmwm.covariance import Setting, filtered, ratio_variances, variances
+from gmwm.covariance.gaussian import covariance
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.covariance.robust import hermite_weights, ratio_skewness
 from gmwm.inference.paths import simulated_variances
@@ -104,3 +105,21 @@ def test_a_median_scatters_more_and_a_drift_alone_has_a_bound() -> None:
     bound = ratio_errors(robust, tested, "DR(omega=1.0)")
     assert np.all(bound > plain)
     assert np.all(bound < 3 * plain)
+
+
+@pytest.mark.parametrize("text", ["WN(sigma2=1.0)", "GM(beta=0.5, sigma2=1.0) + WN(sigma2=1.0) + RW(gamma2=1e-8)"])
+def test_levels_of_which_not_all_coefficients_are_taken_have_the_same_errors(text: str) -> None:
+    model = gmwm.parse_model(text)
+    x = model.simulate(200_000, RATE, 1)
+    live = gmwm.WaveletAccumulator(RATE, exact=6, robust=True)
+    live.update(x)
+    pair = live.result(), live.result(robust=True)
+    whole, some = gmwm.contamination(x, RATE), gmwm.contamination(pair)
+    assert max(pair[0].strides) > 1
+    np.testing.assert_array_equal(some.tested, whole.tested)
+    np.testing.assert_allclose(some.standard_errors[some.tested], whole.standard_errors[some.tested], rtol=0.02)
+    # A level that is left out leaves the strides of the others theirs.
+    all_levels = Setting.of(pair[0])
+    fewer = all_levels.only(all_levels.levels > 3)
+    assert fewer.strides == all_levels.strides[3:]
+    np.testing.assert_allclose(covariance(model, fewer), covariance(model, all_levels)[3:, 3:], rtol=1e-9)

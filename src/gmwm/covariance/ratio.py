@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,11 +41,11 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
         there = robust.variance > 0
         # By a power of two, which changes no digit, so that fourth powers stay in range.
         unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
-        setting = replace(whole, levels=robust.levels[there])
+        setting = whole.only(there)
         _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], setting)
     else:
         noise = as_model(model)
-    square = ratio_variances(noise, replace(whole, levels=robust.levels[tested]))
+    square = ratio_variances(noise, whole.only(tested))
     assert robust.efficiency is not None
     beyond = 2 / robust.efficiency - 2
     # Where the curve is that of a drift alone, or of no noise that there is: as if one coefficient in 2^j told more.

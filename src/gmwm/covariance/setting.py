@@ -89,6 +89,11 @@ class Setting:
         """At which levels there are too few coefficients, all stretches together, to tell an outlier (J,)."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
 
+    def only(self, which: NDArray[np.bool_]) -> Setting:
+        """That of some of the levels."""
+        strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
+        return replace(self, levels=self.levels[which], strides=strides)
+
     def stretch(self, length: int, counts: NDArray[np.int64]) -> Setting | None:
         """That of one stretch by itself, with the levels it has and the `counts` of all; None if it has no level."""
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
