@@ -52,15 +52,18 @@ std::tuple<double, double> biweight_sums(const Input& values, double limit) {
 }
 
 std::tuple<Output, Output, Output> haar_biweight_sums(const Input& running_sum, const Input& limits,
-                                                      std::size_t every) {
+                                                      std::size_t every, std::size_t begin) {
   const std::size_t levels = limits.shape(0);
   checked_count(running_sum, levels);
   if (every < 1) throw std::invalid_argument("every must be at least 1, got 0");
+  if (begin >= running_sum.shape(0))
+    throw std::invalid_argument("begin must be less than " + std::to_string(running_sum.shape(0)) + ", got " +
+                                std::to_string(begin));
   Values cubed(levels), fourth(levels), count(levels);
   {
     const nb::gil_scoped_release release;
     std::vector<gmwm::BiweightSums> sums(levels);
-    gmwm::haar_biweight_sums(view(running_sum), view(limits), every, sums);
+    gmwm::haar_biweight_sums(view(running_sum), view(limits), every, sums, begin);
     for (std::size_t k = 0; k < levels; ++k) {
       cubed[k] = sums[k].cubed;
       fourth[k] = sums[k].fourth;
@@ -96,8 +99,9 @@ void bind_robust(nb::module_& m) {
   m.def("biweight_sums", &biweight_sums, "values"_a.noconvert(), "limit"_a,
         "Sums of v q^3 and of v q^4 over the values, v = min(value^2 / limit, 1), q = 1 - v.");
   m.def("haar_biweight_sums", &haar_biweight_sums, "running_sum"_a.noconvert(), "limits"_a.noconvert(), "every"_a,
+        "begin"_a = 0,
         "Those sums over the Haar coefficients of each level with its own limit (0 leaves it out), and their number; "
-        "one tile of 4096 samples in `every` is read.");
+        "one tile of 4096 samples in `every` is read, and of it what ends at sample `begin` or after.");
   m.def("haar_sample", &haar_sample, "running_sum"_a.noconvert(), "level"_a, "size"_a,
         "|W_{j,t}| at `size` places spread over the level; all of them, in order, where there are no more.");
   m.def("haar_between", &haar_between, "running_sum"_a.noconvert(), "level"_a, "low"_a, "high"_a,

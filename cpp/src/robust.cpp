@@ -52,14 +52,14 @@ BiweightSums biweight_sums(std::span<const double> values, double limit) {
 }
 
 void haar_biweight_sums(std::span<const double> sum, std::span<const double> limits, std::size_t every,
-                        std::span<BiweightSums> sums) {
+                        std::span<BiweightSums> sums, std::size_t begin) {
   const std::size_t levels = limits.size();
   std::array<double, max_level> scaled{}, cubed{}, fourth{}, count{};
   // Of a level left out with an infinite limit, neither sum comes to a NaN.
   for (std::size_t k = 0; k < levels; ++k)
     scaled[k] = limits[k] > 0.0 ? std::ldexp(limits[k], 2 * static_cast<int>(k + 1))
                                 : std::numeric_limits<double>::infinity();
-  for (std::size_t i = 1, next; i < sum.size(); i = next) {
+  for (std::size_t i = begin + 1, next; i < sum.size(); i = next) {
     next = std::min(tile::end(i), sum.size());
     if (i / tile::size % every != 0) continue;
     const std::size_t active = tile::active(i, levels);

@@ -111,6 +111,21 @@ void every_other_tile_is_read() {
   same(sums[0], definition(chosen, 0.5), 1e-10);
 }
 
+void what_ends_before_the_beginning_is_left_out() {
+  const Values x = white(9000), sum = running_sum(x);
+  for (const std::size_t begin : {0u, 1u, 31u, 1000u, 4095u, 4096u, 8999u}) {
+    const Values limits(9, 0.3);
+    std::vector<gmwm::BiweightSums> sums(9);
+    gmwm::haar_biweight_sums(sum, limits, 1, sums, begin);
+    for (std::size_t k = 0; k < 9; ++k) {
+      Values w = sizes(x, k + 1);
+      const std::size_t first = (std::size_t{2} << k) - 1;
+      if (begin > first) w.erase(w.begin(), w.begin() + static_cast<std::ptrdiff_t>(begin - first));
+      same(sums[k], definition(w, 0.3), 1e-10);
+    }
+  }
+}
+
 void outliers_add_nothing() {
   Values x = white(1000);
   const gmwm::BiweightSums clean = gmwm::biweight_sums(x, 1.0);
@@ -190,6 +205,7 @@ int main() {
   levels_are_their_definition();
   levels_are_left_out();
   every_other_tile_is_read();
+  what_ends_before_the_beginning_is_left_out();
   outliers_add_nothing();
   samples_are_coefficients();
   between_counts_and_keeps();

@@ -14,7 +14,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import DataError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase
 
-_ROUNDING = 1e-6
+ROUNDING = 1e-6
 """Samples: a time that is that of a sample but for rounding."""
 
 
@@ -56,16 +56,11 @@ def cut(
     >>> part.segments, part["gyro_x"].starts
     (((0, 30), (30, 70)), (2.0, 6.0))
     """
-    kept = _kept(start, stop, skip)
+    kept = kept_stretches(start, stop, skip)
     first = next(iter(imu.signals.values()))
     pieces = _pieces(first, kept)
     end = _begins(first)[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
-    if max((last - begin for begin, last, _ in pieces), default=0) < MINIMUM_SAMPLES:
-        asked = " and ".join(f"{a:g} s to {b:g} s" if b < math.inf else f"{a:g} s on" for a, b in kept) or "nothing"
-        raise DataError(
-            f"nothing is left between start=, stop= and skip= that has {MINIMUM_SAMPLES} samples or more without a "
-            f"gap: the recording lasts {end:.6g} s, wanted is {asked}"
-        )
+    require_some(max((last - begin for begin, last, _ in pieces), default=0), kept, end)
     if [(begin, last) for begin, last, _ in pieces] == list(first.segments):
         return imu
     sizes = [last - begin for begin, last, _ in pieces]
@@ -80,17 +75,19 @@ def cut(
         axis: Signal(of(signal.values), signal.rate, signal.unit, axis, starts[0], segments, starts)
         for axis, signal in imu.signals.items()
     }
-    note = f"cut: {sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + _words(kept)
+    note = f"cut: {sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)
     return replace(
         imu,
         signals=signals,
         notes=(*imu.notes, note),
-        time_base=imu.time_base and _base(imu.time_base, starts, sizes),
+        time_base=imu.time_base and cut_base(imu.time_base, starts, sizes),
         temperature=None if imu.temperature is None else of(imu.temperature),
     )
 
 
-def _kept(start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def kept_stretches(
+    start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """Stretches of time that are kept, in order."""
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
@@ -105,6 +102,16 @@ def _kept(start: float | None, stop: float | None, skip: Sequence[tuple[float, f
     if begin < end:
         kept.append((begin, end))
     return kept
+
+
+def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
+    """An error if the longest segment of what is kept of a recording, that lasts until `end` (s), is too short."""
+    if longest < MINIMUM_SAMPLES:
+        asked = " and ".join(f"{a:g} s to {b:g} s" if b < math.inf else f"{a:g} s on" for a, b in kept) or "nothing"
+        raise DataError(
+            f"nothing is left between start=, stop= and skip= that has {MINIMUM_SAMPLES} samples or more without a "
+            f"gap: the recording lasts {end:.6g} s, wanted is {asked}"
+        )
 
 
 def _checked(pair: tuple[float, float]) -> tuple[float, float]:
@@ -122,7 +129,8 @@ def _seconds(time: object, name: str) -> float:
     return float(time)
 
 
-def _words(kept: Sequence[tuple[float, float]]) -> str:
+def stretch_words(kept: Sequence[tuple[float, float]]) -> str:
+    """Such stretches in words."""
     return " and ".join(f"from {a:g} s" + (f" to {b:g} s" if b < math.inf else "") for a, b in kept[:5]) + (
         " …" if len(kept) > 5 else ""
     )
@@ -148,7 +156,7 @@ def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[i
         seam = True
         for stretch in kept:
             a, b = (
-                first + int(np.ceil(np.clip((edge - begin) * signal.rate - _ROUNDING, 0, last - first)))
+                first + int(np.ceil(np.clip((edge - begin) * signal.rate - ROUNDING, 0, last - first)))
                 for edge in stretch
             )
             if a < b and not seam and pieces[-1][1] == a:
@@ -159,7 +167,7 @@ def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[i
     return pieces
 
 
-def _base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int]) -> TimeBase:
+def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int]) -> TimeBase:
     """The time base with the gaps that there are now."""
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))

@@ -85,7 +85,8 @@ def same(path, *, chunk=777, apart=2e-4, **options):
     assert firsts == [first for first, _ in imu.segments]
     signal = imu[imu.axes[0]]
     times = [p.start for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment]
-    assert times == list(signal.starts)
+    cut = {"start", "stop", "skip"} & set(options)
+    assert times == pytest.approx(list(signal.starts), rel=1e-13 if cut else 0, abs=0)
     assert [p.segment for p in found] == sorted(p.segment for p in found)
     return imu, found
 
@@ -275,3 +276,40 @@ def test_memory_does_not_grow_with_a_table(tmp_path, suffix):
     )
     short, long = (int(line) for line in run.stdout.split())
     assert long - short < 0.4 * (2 * most * 4 * 8 / 1024)
+
+
+@pytest.mark.parametrize("kind", ["even", "gaps", "set back"])
+@pytest.mark.parametrize(
+    "cut",
+    [
+        {"start": 10.0},
+        {"start": 0.005, "stop": 71.234},
+        {"skip": [(20.0, 30.0), (25.5, 31.001), (90.0, 91.0)]},
+        {"start": 3.0, "stop": 100.0, "skip": [(0.0, 4.0), (50.0, 50.001)]},
+    ],
+)
+@pytest.mark.parametrize("chunk", [777, 100_000])
+def test_parts_between_times(tmp_path, kind, cut, chunk):
+    path = written(tmp_path / "a.csv", {"time": stamps(kind, np.random.default_rng(3))} | columns())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        rate = gmwm.read(path, units={"gyro": "rad/s"}).rate
+    imu, found = same(path, units={"gyro": "rad/s"}, rate=rate, chunk=chunk, apart=1e-12, **cut)
+    assert len(imu) == sum(map(len, found))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        source = stream(path, units={"gyro": "rad/s"}, rate=rate, **cut)
+        for _ in range(2):
+            list(source)
+            assert [gap for gap, _ in source.time_base.gaps] == [gap for gap, _ in imu.time_base.gaps]
+        assert any("cut: kept from" in note for note in source.notes)
+        with pytest.raises(OptionError, match="is not divided; write what is kept to a file of its own"):
+            source.parts(2)
+
+
+def test_nothing_left_between_times(tmp_path):
+    path = written(tmp_path / "a.csv", {"time": np.arange(3000) * 0.01} | columns(rows=3000))
+    for cut in ({"start": 40.0}, {"stop": 0.05}, {"skip": [(0.0, 99.0)]}):
+        source = stream(path, units={"gyro": "rad/s", "accel": "g"}, **cut)
+        with pytest.raises(DataError, match="nothing is left between start=, stop= and skip="):
+            list(source)

@@ -14,7 +14,8 @@ import gmwm
 from gmwm import _core
 from gmwm.variance.coefficients import HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.robust import haar_robust_variances, robust_variance, robust_variances
-from gmwm.variance.sketch import BEYOND, OCTAVE, Sketch, SketchCoefficients, Sketches
+from gmwm.variance.sketch import BEYOND, OCTAVE, Sketch, Sketches
+from gmwm.variance.sketched import SketchCoefficients
 
 deterministic = settings(derandomize=True, deadline=None, max_examples=25)
 seeds = st.integers(0, 2**31)
@@ -164,7 +165,7 @@ def test_levels_of_a_record_in_parts():
     second = Sketches.of_haar(whole, 6, 2500)
     joint = first.merge(second)
     expected = haar_robust_variances(x, 6).variance
-    np.testing.assert_allclose(robust_variances(joint.coefficients(6)).variance, expected, rtol=1e-5)
+    np.testing.assert_allclose(robust_variances(SketchCoefficients.of(joint, 6)).variance, expected, rtol=1e-5)
     np.testing.assert_array_equal(joint.resolutions, np.maximum(first.resolutions, second.resolutions))
     deep = joint.merge(Sketches.at(9, Sketch.of(white(50)), 0.5))
     assert [len(sketch) for sketch in deep.levels] == [5000 - 2**j + 1 for j in range(1, 7)] + [0, 0, 50]

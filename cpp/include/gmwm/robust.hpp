@@ -24,9 +24,9 @@ BiweightSums biweight_sums(std::span<const double> values, double limit);
 
 // Over the Haar coefficients of levels 1 … limits.size(), each with its own limit; a level whose limit is 0 is left
 // out, its sums are 0. Of the tiles of 4096 samples only one in `every` is read: 1 reads everything. Sizes of limits
-// and sums are the same.
+// and sums are the same. Coefficients W_{j,t} with t < begin are left out.
 void haar_biweight_sums(std::span<const double> sum, std::span<const double> limits, std::size_t every,
-                        std::span<BiweightSums> sums);
+                        std::span<BiweightSums> sums, std::size_t begin = 0);
 
 // |W_{j,t}| at out.size() places t, spread over the level evenly but without a period: a signal's own period must
 // not be taken for its size. All of them, in order, where out.size() is their number N - 2^j + 1.

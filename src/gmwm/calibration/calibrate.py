@@ -7,13 +7,14 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from gmwm._threads import in_threads
 from gmwm.calibration.recording import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.streamed import measured_and_seen
 from gmwm.calibration.tables import sensor_of
 from gmwm.calibration.words import WANTED, cautions
 from gmwm.datasheets import datasheet
@@ -23,9 +24,10 @@ from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.plan import SEEN, relative_errors
-from gmwm.inspection import inspect
+from gmwm.inspection import Inspection, inspect
 from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.readers.chunks import Stream
 from gmwm.selection import select
 from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT, find_unit
@@ -42,11 +44,25 @@ LONGER = 10
 
 Progress = Callable[[int, int, str], None]
 """Called with the number of steps done, that of all, and what was done."""
-Measured = Signal | WaveletVariance
+
+
+class Pair(NamedTuple):
+    """The classical and the robust curve of one axis."""
+
+    classical: WaveletVariance
+    robust: WaveletVariance
+
+    @property
+    def unit(self) -> str:
+        """That of the axis."""
+        return self.classical.unit
+
+
+Measured = Signal | WaveletVariance | Pair
 
 
 def calibrate(
-    data: Imu | Signal | Mapping[str, Measured],
+    data: Imu | Signal | Stream | Mapping[str, Measured],
     within: ModelLike = WITHIN,
     *,
     robust: Literal["auto"] | bool = "auto",
@@ -68,8 +84,8 @@ def calibrate(
 
     Parameters
     ----------
-    data : Imu, Signal, or mapping of axis to Signal or WaveletVariance
-        A recording at rest, as `gmwm.read` gives it.
+    data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
+        A recording at rest, as `gmwm.read` gives it; or as `gmwm.stream` does, which is read twice, in bounded memory.
     within : Model, Process or str
         The largest model; all its parts are compared.
     robust : "auto", False or True
@@ -86,7 +102,7 @@ def calibrate(
     threads : int, optional
         Axes at a time; as many as there are processors by default.
     progress : function of (done, all, text), optional
-        Called after each step, from one thread at a time.
+        Called after each step, from one thread at a time; while a stream is read also within a step.
 
     Returns
     -------
@@ -111,11 +127,11 @@ def calibrate(
     """
     general = as_model(within, "within")
     settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
-    _check(settings, threads)
-    items = _chosen(data, axes)
-    looked = inspect(data) if isinstance(data, Imu) else None
+    check_settings(settings, threads)
+    chosen = _chosen(data, axes)
+    told = _Told(len(chosen) * len(STAGES), progress)
+    items, looked = _looked_at(data, chosen, settings, threads, told)
     warned = () if looked is None else cautions(looked.warnings, robust)
-    told = _Told(len(items) * len(STAGES), progress)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
@@ -135,13 +151,13 @@ def calibrate(
     if not done:
         axis, error = next(iter(failed.items()))
         raise type(error)(f"no axis can be calibrated; {axis}: {error}") from error
-    source = data.source if isinstance(data, Imu) else ""
+    source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
     recording = None if looked is None else Recording.of(looked)
     return Calibration(done, reasons, settings, source, warned, recording)
 
 
-def _check(settings: Settings, threads: int | None) -> None:
+def check_settings(settings: Settings, threads: int | None = None) -> None:
     """What the pieces do not see before the work has begun."""
     if settings.robust not in ("auto", False, True):
         raise OptionError(f"robust must be 'auto', False or True, got {settings.robust!r}")
@@ -157,10 +173,28 @@ def _check(settings: Settings, threads: int | None) -> None:
         raise OptionError(f"threads must be a whole number from 1, got {threads!r}")
 
 
-def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: str | Sequence[str] | None) -> dict[str, Measured]:
-    """What is to be calibrated, by axis."""
+def _looked_at(
+    data: Any, chosen: Mapping[str, Measured | None], settings: Settings, threads: int | None, told: _Told
+) -> tuple[dict[str, Measured], Inspection | None]:
+    """What is to be calibrated, measured already if it comes from a stream; and what a recording looks like."""
+    if isinstance(data, Stream):
+        curves, looked = measured_and_seen(
+            data, tuple(chosen), efficiency=settings.efficiency, threads=threads, done=told.read
+        )
+        return {axis: Pair(*pair) for axis, pair in curves.items()}, looked
+    items = {axis: item for axis, item in chosen.items() if item is not None}
+    return items, inspect(data) if isinstance(data, Imu) else None
+
+
+def _chosen(
+    data: Imu | Signal | Stream | Mapping[str, Measured], axes: str | Sequence[str] | None
+) -> dict[str, Measured | None]:
+    """What is to be calibrated, by axis; None of one that is still to be read."""
+    items: dict[str, Measured | None]
     if isinstance(data, Signal):
-        items: dict[str, Measured] = {data.axis or "signal": data}
+        items = {data.axis or "signal": data}
+    elif isinstance(data, Stream):
+        items = dict.fromkeys(data.axes)
     elif isinstance(data, Imu):
         items = dict(data.signals)
     elif isinstance(data, Mapping) and data:
@@ -170,11 +204,11 @@ def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: str | Sequence[st
         if isinstance(data, np.ndarray | list | tuple):
             hint = "; say the rate and the unit of an array: calibrate(gmwm.Signal(x, rate, 'rad/s'))"
         raise OptionError(
-            f"data must be an Imu, a Signal, or a mapping of axis to Signal or WaveletVariance, got "
+            f"data must be an Imu, a Signal, a Stream, or a mapping of axis to Signal or WaveletVariance, got "
             f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}{hint}"
         )
     for axis, item in items.items():
-        if not isinstance(item, Signal | WaveletVariance):
+        if not isinstance(item, Measured | None):
             raise OptionError(
                 f"{axis} must be a Signal or a WaveletVariance, got {type(item).__name__}; an array becomes one by "
                 "gmwm.Signal(x, rate, 'rad/s')"
@@ -185,7 +219,8 @@ def _chosen(data: Imu | Signal | Mapping[str, Measured], axes: str | Sequence[st
         raise OptionError(f"axes must be some of {', '.join(items)}; got {unknown[0] if unknown else 'none'}")
     chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
     for axis, item in chosen.items():
-        _check_unit(axis, item.unit)
+        if item is not None:
+            _check_unit(axis, item.unit)
     return chosen
 
 
@@ -217,6 +252,11 @@ class _Told:
         """End this thread's work where it is to stop."""
         if self.stopped.is_set():
             raise KeyboardInterrupt
+
+    def read(self, text: str) -> None:
+        """So much was read, before the first step."""
+        if self.progress is not None:
+            self.progress(self.done, self.steps, text)
 
     def step(self, axis: str, stage: str) -> None:
         """One step of an axis is done."""
@@ -274,8 +314,11 @@ class _Axis:
                     "robust=True, but its wavelet variance is classical; pass the signal, or robust='auto' or False"
                 )
             return self.item, None
-        classical = wavelet_variance(self.item)
-        robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
+        if isinstance(self.item, Pair):
+            classical, robust = self.item
+        else:
+            classical = wavelet_variance(self.item)
+            robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
         chosen = verdict.contaminated if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict

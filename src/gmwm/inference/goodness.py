@@ -177,7 +177,7 @@ def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
     """The first `count` levels of a wavelet variance."""
     cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-    return replace(wv, **cut)
+    return replace(wv, **cut, strides=wv.strides[:count])
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:

@@ -63,7 +63,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
             survey.take(piece)
         looks = survey.looks()
         for piece in recording:
-            looks.take(piece.values)
+            looks.take(piece)
         return looks.found()
     if not isinstance(recording, Imu):
         raise OptionError(
@@ -78,7 +78,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
         {axis: step_of(sample.values()) for axis, sample in samples.items()},
         lambda axis, first, last: recording[axis].values[first:last],
     )  # fmt: skip
-    looks.take({axis: recording[axis].values for axis in recording})
+    looks.take(Piece({axis: recording[axis].values for axis in recording}, 0, 0, 0.0))
     return looks.found(recording.temperature)
 
 
@@ -161,9 +161,16 @@ class Looks:
         self._units, self._resolutions, self._values = units, resolutions, values
         self._looks = {axis: Look(extent, resolutions[axis] or 0.0) for axis in units}
 
-    def take(self, values: Mapping[str, Vector]) -> None:
-        """The samples that follow, of all axes."""
-        in_threads(lambda axis, look: look.take(values[axis]), self._looks)
+    @property
+    def samples(self) -> int:
+        """How many there are."""
+        return self._extent.samples
+
+    def take(self, piece: Piece) -> None:
+        """The samples that follow, of all axes; what a file has got since it was surveyed is left out."""
+        room = self._extent.samples - piece.first
+        if room > 0:
+            in_threads(lambda axis, look: look.take(piece[axis][:room]), self._looks)
 
     def found(self, temperature: Vector | None = None) -> Inspection:
         """What was seen, once all samples were."""

@@ -19,11 +19,12 @@ from gmwm.readers import text as text
 from gmwm.readers import ulog as ulog
 from gmwm.readers import waypoint as waypoint
 from gmwm.readers import xsens as xsens
-from gmwm.readers.base import Channel, Chunk, Layout, Reader, find_reader, register, registered
+from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, find_reader, register, registered
 from gmwm.readers.chunks import Piece, Stream, stream
+from gmwm.readers.parts import Part
 from gmwm.readers.recording import read
 
 __all__ = [
-    "Channel", "Chunk", "Layout", "Piece", "Reader", "Stream", "find_reader", "read", "register", "registered",
-    "stream",
+    "Channel", "Chunk", "Layout", "Mark", "Part", "Piece", "Reader", "Stream", "find_reader", "read", "register",
+    "registered", "stream",
 ]  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout
+from gmwm.readers.base import Channel, Chunk, Layout, Mark
 from gmwm.readers.headers import recognise
 from gmwm.signals import AXES
 
@@ -139,11 +139,17 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     )
 
 
-def chunks_of(layout: Layout, wanted: Sequence[int], path: object) -> Iterator[Chunk]:
+def marks_of(layout: Layout) -> tuple[Mark, ...]:
+    """Where the chunks of arrays begin that can be read from any row on, and their end."""
+    total = _length(layout)
+    return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
+
+
+def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Chunk]:
     """The numbers of the wanted columns, `ROWS` at a time; integers stay int64, all else becomes float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
-    total = columns[0][0].shape[0]
-    for start in range(0, total, ROWS):
+    total = _length(layout)
+    for start in range(first, total, ROWS):
         stop = min(start + ROWS, total)
         read: dict[int, NDArray[Any]] = {}
         chunk = {}
@@ -154,6 +160,11 @@ def chunks_of(layout: Layout, wanted: Sequence[int], path: object) -> Iterator[C
             values = read[id(array)]
             chunk[k] = _plain(values if values.ndim == 1 else values[:, column], array.name, path)
         yield chunk
+
+
+def _length(layout: Layout) -> int:
+    columns: tuple[tuple[Array, int], ...] = layout.state
+    return columns[0][0].shape[0]
 
 
 def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:

@@ -96,6 +96,22 @@ class Layout:
         return any(channel.name or channel.axis for channel in self.channels)
 
 
+@dataclass(frozen=True)
+class Mark:
+    """Where a chunk of a recording begins: a file can be read from there on.
+
+    Parameters
+    ----------
+    row : int
+        Number of its first row, from 0; of the mark at the end how many rows there are.
+    place : object
+        What the reader itself needs to find it.
+    """
+
+    row: int
+    place: Any = None
+
+
 class Reader(ABC):
     """A format: who it is, which files are its own, and how their numbers come out."""
 
@@ -126,6 +142,18 @@ class Reader(ABC):
         ReadError
             At a cell that is missing or is no number, with its line.
         """
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Where the chunks begin, and a last mark at the end; none for a format that is only read from its begin."""
+        return ()
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """The chunks from a mark on, those that `chunks` gives; by default what comes before is read and dropped."""
+        row = 0
+        for chunk in self.chunks(path, layout, wanted):
+            if row >= mark.row:
+                yield chunk
+            row += next(iter(chunk.values())).size
 
 
 R = TypeVar("R", bound=type[Reader])

@@ -9,31 +9,33 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Vector, as_rate
+from gmwm._arrays import as_rate
 from gmwm._late import LateMethod
+from gmwm.cuts import kept_stretches, stretch_words
 from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
-from gmwm.readers.base import Chunk, Layout, existing_file, find_reader
+from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose
 from gmwm.readers.factors import checked_increments, checked_scale, multiply
+from gmwm.readers.pieces import Assembly, Understood
+from gmwm.readers.pieces import Piece as Piece
 from gmwm.readers.recording import (
     column_words,
-    constant,
     one_layout,
     require_finite_rows,
     require_samples,
     require_time,
     timing_of,
 )
-from gmwm.readers.running import RunningClock, Settled
+from gmwm.readers.running import Pace
 from gmwm.readers.scales import checked_units, resolve, time_unit
-from gmwm.readers.timebase import Timing, as_stamps, troubles_of
+from gmwm.readers.timebase import as_stamps, troubles_of
+from gmwm.readers.trimming import Kept, trimmed
 from gmwm.signals import TimeBase
 
 HEAD = 1 << 18
@@ -41,68 +43,18 @@ HEAD = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """Consecutive samples of a recording without a gap between them.
+class Origin:
+    """Where the rows of a recording come from: file, reader, columns, and the topic that was asked for."""
 
-    Attributes
-    ----------
-    values : mapping of axis name to (n,) array, in rad/s or m/s²
-    first : int
-        Number of the first of them in the recording, from 0.
-    segment : int
-        Number of the segment that they are of, from 0: another one than that of the piece before where there was a gap.
-    start : float
-        Time of the first of them (s), on the recording's own clock.
-    """
+    path: Path
+    reader: Reader
+    layout: Layout
+    wanted: tuple[int, ...]
+    topic: str | None
 
-    values: Mapping[str, Vector]
-    first: int
-    segment: int
-    start: float
-
-    def __len__(self) -> int:
-        return int(next(iter(self.values.values())).size)
-
-    def __getitem__(self, axis: str) -> Vector:
-        return self.values[axis]
-
-
-@dataclass(frozen=True, eq=False)
-class Understood:
-    """What the first rows of a recording say of all of it.
-
-    Attributes
-    ----------
-    choice : Choice
-        The columns that are read, temperature not among them.
-    words : mapping
-        What each column is called in messages.
-    factors : mapping of axis to factors
-        What the numbers of the file are multiplied by, one after the other.
-    timing : Timing
-        Rate and segments of the first rows.
-    stamps : (n,) array or None
-        The stamps of the first rows, as they stand in the file.
-    unit : str
-        Their unit.
-    notes, inferred, doubts : tuple of str
-        What was understood, what of it was told from the numbers, and what speaks against it.
-    """
-
-    choice: Choice
-    words: Mapping[str, str]
-    factors: Mapping[str, tuple[float, ...]]
-    timing: Timing
-    stamps: NDArray[Any] | None
-    unit: str
-    notes: tuple[str, ...]
-    inferred: tuple[str, ...]
-    doubts: tuple[str, ...]
-
-    @property
-    def rate(self) -> float:
-        """Samples per second (Hz)."""
-        return self.timing.base.rate
+    def chunks(self) -> Iterator[Chunk]:
+        """All rows."""
+        return self.reader.chunks(self.path, self.layout, self.wanted)
 
 
 class Stream:
@@ -124,16 +76,34 @@ class Stream:
 
     wavelet_variance: ClassVar[LateMethod[..., Any]] = LateMethod(
         "gmwm.streaming.driver:stream_variance",
-        "The wavelet variance of each axis in one pass, as wavelet_variance(levels=…, exact=…, confidence=…).",
+        "The wavelet variance of each axis, as wavelet_variance(levels=…, exact=…, robust=…, confidence=…).",
     )
 
-    def __init__(self, source: str, found: Understood, chunks: Callable[[], Iterator[Chunk]], size: int) -> None:
+    parts: ClassVar[LateMethod[..., Any]] = LateMethod(
+        "gmwm.readers.parts:parts_of",
+        "The recording as parts(count) that follow one another, each to be read by itself, on another machine too.",
+    )
+
+    def __init__(
+        self,
+        source: str,
+        found: Understood,
+        chunks: Callable[[], Iterator[Chunk]],
+        size: int,
+        origin: Origin | None = None,
+        kept: Kept | None = None,
+    ) -> None:
         self.source, self.rate, self.axes, self.notes = source, found.rate, found.choice.axes, found.notes
         self.time_base = found.timing.base
-        self._found, self._chunks, self._size = found, chunks, size
+        self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
+        if kept is not None:
+            self.notes = (*self.notes, f"cut: kept {stretch_words(kept)}")
 
     def __iter__(self) -> Iterator[Piece]:
-        return pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+        everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+        if self._kept is None:
+            return everything
+        return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
 
     def _ended(self, base: TimeBase) -> None:
         self.time_base = base
@@ -153,6 +123,9 @@ def stream(
     scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (),
     topic: str | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    skip: Sequence[tuple[float, float]] = (),
 ) -> Stream:
     """A static recording from a file, in rad/s and m/s², a piece at a time: for files larger than memory.
 
@@ -164,8 +137,8 @@ def stream(
 
     Parameters
     ----------
-    path, rate, columns, units, format, scale, increments, topic
-        As of `read`.
+    path, rate, columns, units, format, scale, increments, topic, start, stop, skip
+        As of `read`; behind `stop` nothing is read.
     chunk : int
         Samples in a piece, at the most.
 
@@ -202,6 +175,7 @@ def stream(
     declared_rate = None if rate is None else as_rate(rate)
     declared_units = checked_units(units)
     factors, integrals = checked_scale(scale), checked_increments(increments)
+    kept = kept_stretches(start, stop, skip) if start is not None or stop is not None or skip else None
     file = existing_file(path)
     reader = find_reader(file, format)
     layout = one_layout(reader, file, topic)
@@ -211,7 +185,8 @@ def stream(
     head = first_rows(reader.chunks(file, layout, wanted), choice)
     found = understand(layout, choice, head, file, declared_rate, declared_units, factors, integrals)
     tell(found, file)
-    return Stream(str(path), found, lambda: reader.chunks(file, layout, wanted), int(chunk))
+    origin = Origin(file, reader, layout, tuple(wanted), topic)
+    return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
 
 
 def streamed(choice: Choice) -> Choice:
@@ -246,11 +221,10 @@ def understand(
         require_samples(column.size, words[role])
         require_finite_rows(column, words[role])
     time, time_notes = timing_of(layout, choice, units, head, rate)
-    stamps = head.get("time")
-    unit = ""
+    stamps, pace = head.get("time"), None
     if stamps is not None:
-        unit = time_unit(layout, choice, units)[0]
-        unit = unit or as_stamps(stamps, "", rate)[0].unit
+        unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
+        pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
     scale_notes = multiply(layout, choice, factors, integrals, ones, time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
@@ -264,7 +238,7 @@ def understand(
     # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
     stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
     doubts = (*scales.doubts, *sorted(stated))
-    return Understood(choice, words, found, time, stamps, unit, notes, scales.inferred, doubts)
+    return Understood(choice, words, found, time, pace, notes, scales.inferred, doubts)
 
 
 def tell(found: Understood, path: object) -> None:
@@ -288,75 +262,13 @@ def pieces(
     ReadError, DataError
         At what `read` refuses, when it is reached.
     """
-    clock = None if found.stamps is None else RunningClock(found.stamps, found.unit, found.timing)
-    columns, axes = found.choice.columns, found.choice.axes
-    alike = _Alike(found)
-    waiting: dict[str, Vector] = {axis: np.empty(0) for axis in axes}  # rows whose segment is not known yet
-    came, segment, begun = 0, 0, (0, 0.0)
-    for chunk in _and_end(chunks):
-        if chunk is not None:
-            for role, k in columns.items():
-                require_finite_rows(chunk[k], found.words[role], came)
-            values = {axis: _in_si(chunk[columns[axis]], found.factors[axis]) for axis in axes}
-            came += values[axes[0]].size
-            alike.take({axis: chunk[columns[axis]] for axis in axes})
-            ready = {axis: _joined(waiting[axis], v) for axis, v in values.items()}
-        else:
-            ready = waiting
-        first = came - ready[axes[0]].size
-        if clock is None:
-            settled = Settled(came, (0,) if first == 0 else (), (0.0,) if first == 0 else ())
-        else:
-            settled = clock.end() if chunk is None else clock.take(chunk[columns["time"]])
-        stop, times = settled.stop, dict(zip(settled.firsts, settled.starts, strict=True))
-        waiting = {axis: v[stop - first :] for axis, v in ready.items()}
-        for a, b in pairwise(sorted({first, *times, stop})):
-            if a in times:
-                segment, begun = segment + (a > 0), (a, times[a])
-            for k in range(a, b, size):
-                part = slice(k - first, min(k + size, b) - first)
-                start = begun[1] + (k - begun[0]) / found.rate
-                yield Piece({axis: v[part] for axis, v in ready.items()}, k, segment, start)
-    alike.require_different(came)
-    if clock is not None:
-        ended(clock.base())
-    for sentence in clock.troubles() if clock is not None else ():
+    assembly = Assembly(found, size)
+    for chunk in chunks:
+        yield from assembly.take(chunk)
+    yield from assembly.end()
+    tally = assembly.tally()
+    troubles = tally.troubles(found)
+    if found.pace is not None:
+        ended(tally.time_base(found))
+    for sentence in troubles:
         warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)
-
-
-def _and_end(chunks: Iterable[Chunk]) -> Iterator[Chunk | None]:
-    yield from chunks
-    yield None
-
-
-def _joined(before: Vector, after: Vector) -> Vector:
-    return np.concatenate([before, after]) if before.size else after
-
-
-def _in_si(numbers: NDArray[Any], factors: Sequence[float]) -> Vector:
-    values: Vector = np.asarray(numbers).astype(np.float64, copy=False)
-    for factor in factors:
-        values = values * factor
-    return values
-
-
-class _Alike:
-    """Whether an axis has ever had another value than its first."""
-
-    def __init__(self, found: Understood) -> None:
-        self._words = found.words
-        self._constant: dict[str, float | None] = dict.fromkeys(found.choice.axes)
-
-    def take(self, numbers: Mapping[str, NDArray[Any]]) -> None:
-        for axis in list(self._constant):
-            column, known = numbers[axis], self._constant[axis]
-            value = float(column[0]) if known is None and column.size else known
-            if column.size and (column[-1] != value or bool(np.any(column != value))):
-                del self._constant[axis]
-            else:
-                self._constant[axis] = value
-
-    def require_different(self, samples: int) -> None:
-        for axis, value in self._constant.items():
-            if value is not None:
-                raise constant(self._words[axis], axis, value, samples)

@@ -23,10 +23,11 @@ from gmwm.readers.arrays import (
     first_line,
     is_rate,
     layouts_of,
+    marks_of,
     part_of,
     split_path,
 )
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
 from gmwm.readers.sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -53,6 +54,14 @@ class Hdf5Reader(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
         """Rows of the data sets."""
         return chunks_of(layout, wanted, path)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Any row."""
+        return marks_of(layout)
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Rows from one on."""
+        return chunks_of(layout, wanted, path, mark.row)
 
 
 def arrays_in(path: Path) -> list[Array]:

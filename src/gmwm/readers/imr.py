@@ -15,8 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import Chunk, Layout, Reader, register
-from gmwm.readers.waypoint import record_channels, record_chunks, require_times, whole_records
+from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
 from gmwm.records import record
 
 _SIGNATURE = b"$IMURAW\0"
@@ -64,6 +64,14 @@ class ImrReader(Reader):
         """Counts and times as they stand in the file."""
         header: _Header = layout.state
         return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Any record."""
+        return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Records from one on."""
+        return record_chunks(path, record("i4", layout.state.order), _HEADER_BYTES, wanted, mark.row)
 
 
 def _header(path: Path) -> _Header:

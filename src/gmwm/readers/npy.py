@@ -13,8 +13,8 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from gmwm.errors import GmwmError, ReadError
-from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, part_of
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
+from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
 from gmwm.readers.sources import ZIP, MemberSource, open_archive, require_ratio
 
 _MAGIC = b"\x93NUMPY"
@@ -48,6 +48,14 @@ class NpyReader(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
         """Rows of the mapped file."""
         return chunks_of(layout, wanted, path)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Any row."""
+        return marks_of(layout)
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Rows from one on."""
+        return chunks_of(layout, wanted, path, mark.row)
 
 
 @register

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, register
 
 if TYPE_CHECKING:
     import polars as pl
@@ -53,11 +53,22 @@ class ParquetReader(Reader):
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
         """Slices of the wanted columns; integers stay int64, all else becomes float64."""
+        return self.chunks_from(path, layout, wanted, Mark(0))
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """The slices, by the number of rows that the file states."""
+        import polars as pl
+
+        rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
+        return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Slices from a row on."""
         import polars as pl
 
         names = [layout.channels[k].name for k in wanted]
         scan = pl.scan_parquet(path).select(names)
-        row = 0
+        row = mark.row
         while True:
             try:
                 frame = scan.slice(row, ROWS).collect()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,126 @@ from gmwm.readers.steady import require_one_rate, require_order
 from gmwm.readers.timebase import FARTHEST, Timing, burst_of, nominal_interval, reach_of, segments_of, troubles_of
 from gmwm.signals import TimeBase
 
-_KEPT = 4 * FARTHEST  # stamps before a block that are looked at again with it
+KEPT = 4 * FARTHEST
+"""Stamps before a block that are looked at again with it."""
+
 _SOME, _LAST = 1024, 1 << 14  # the last rows, that say whether the rate has changed: at least, and at the most
 _CHANGED, _CHANGED_BURSTS = 1.05, 1.2
 _APART = 1e-3  # relative: between the rate of the first rows and that of all
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What the first rows say of the time stamps of all.
+
+    Attributes
+    ----------
+    first : int or float
+        The first stamp, as it stands in the file; others are counted from it.
+    rows : int
+        How many rows said it.
+    rate : float
+        Samples per second (Hz).
+    seconds, per_second : float, int
+        Seconds in a tick where it is longer than one, ticks in a second where it is not; 1 otherwise.
+    nominal, burst : float
+        Sampling interval in ticks, and how many samples are stamped together.
+    """
+
+    first: int | float
+    rows: int
+    rate: float
+    seconds: float
+    per_second: int
+    nominal: float
+    burst: float
+
+    @classmethod
+    def of(cls, head: NDArray[Any], unit: str, timing: Timing) -> Self:
+        """That of the stamps (n,) of the first rows, int64 or float64, "s" … "ns" or one of the long units."""
+        rate, seconds, per_second = timing.base.rate, LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
+        ticks: Vector = (head - head[0]).astype(np.float64) * seconds
+        nominal = nominal_interval(ticks, per_second / rate)
+        burst = burst_of(np.diff(ticks), nominal)
+        return cls(head[0].item(), head.size, rate, seconds, per_second, nominal, burst)
+
+    @property
+    def origin(self) -> float:
+        """The first stamp in ticks."""
+        return float(self.first) * self.seconds
+
+    @property
+    def before(self) -> int:
+        """So many rows before one, if there are as many, say whether it begins a segment."""
+        return KEPT + self.behind
+
+    @property
+    def behind(self) -> int:
+        """So many rows from one on, if there are as many, say whether it begins a segment."""
+        return reach_of(self.burst, KEPT)
+
+    def ticks(self, values: NDArray[Any]) -> Vector:
+        """Stamps as they stand in the file, counted from the first."""
+        ticks: Vector = (values - self.first).astype(np.float64)
+        return ticks * self.seconds if self.seconds != 1 else ticks
+
+    def time(self, tick: float) -> float:
+        """A tick in seconds on the recording's own clock."""
+        return (self.origin + tick) / self.per_second
+
+    def base(self, counted: Counted) -> TimeBase:
+        """What stamps say that were counted."""
+        jitter = np.sqrt(counted.squares / counted.inside) / self.per_second if counted.inside else 0.0
+        start = self.origin / self.per_second
+        return TimeBase(
+            self.rate, True, start, float(jitter), counted.gaps, counted.duplicates, counted.backward
+        )  # fmt: skip
+
+    def troubles(self, counted: Counted, rows: int) -> Iterator[str]:
+        """What is wrong with the stamps of so many rows, in plain words."""
+        yield from troubles_of(self.base(counted), rows)
+        if rows > self.rows and counted.span > 0:
+            found = self.per_second * counted.inside / counted.span
+            if abs(found / self.rate - 1) > _APART:
+                yield (
+                    f"the rate of {self.rate:.6g} Hz is that of the first {self.rows} rows, the stamps of all "
+                    f"say {found:.6g} Hz; pass rate= with the one that is right"
+                )
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Intervals of time stamps: how many lie inside segments, their sum and squared errors (ticks), and what is odd.
+
+    Attributes
+    ----------
+    inside : int
+        Intervals inside segments.
+    span, squares : float
+        Their sum, and the sum of their squared differences from the sampling interval.
+    duplicates, backward : int
+        Stamps that repeat the one before, or step back.
+    gaps : tuple of (row, seconds)
+        Each gap's first row behind it, and how long it is.
+    """
+
+    inside: int = 0
+    span: float = 0.0
+    squares: float = 0.0
+    duplicates: int = 0
+    backward: int = 0
+    gaps: tuple[tuple[int, float], ...] = ()
+
+    def followed_by(self, later: Counted) -> Counted:
+        """These and those that follow."""
+        return Counted(
+            self.inside + later.inside,
+            self.span + later.span,
+            self.squares + later.squares,
+            self.duplicates + later.duplicates,
+            self.backward + later.backward,
+            self.gaps + later.gaps,
+        )
 
 
 @dataclass(frozen=True)
@@ -39,33 +155,30 @@ class RunningClock:
 
     Parameters
     ----------
-    head : (n,) array of int64 or float64
-        The stamps of the first rows, as they stand in the file; not yet taken.
-    unit : str
-        Their unit, "s" … "ns" or one of the long ones.
-    timing : Timing
+    pace : Pace
         What the first rows say.
+    row : int
+        Number of the first row that will come: all before it are settled.
+    before : (n,) array
+        The stamps of the last rows before it, `pace.before` of them or all; none from the first row on.
     """
 
-    def __init__(self, head: NDArray[Any], unit: str, timing: Timing) -> None:
-        self._first, self._rate, self._head_rows = head[0], timing.base.rate, head.size
-        self._seconds = LONG_TIME_UNITS.get(unit, 1)
-        self._per_second = TIME_UNITS.get(unit, 1)
-        self._origin = float(head[0]) * self._seconds
-        self._interval = self._per_second / self._rate
-        ticks = self._ticks(head)
-        self._nominal = nominal_interval(ticks, self._interval)
-        self._burst = burst_of(np.diff(ticks), self._nominal)
-        self._window = np.empty(0)  # stamps from row `_base` on
-        self._base = self._stop = 0
-        self._span = self._squares = 0.0
-        self._inside = self._duplicates = self._backward = 0
-        self._gaps: list[tuple[int, float]] = []
+    def __init__(self, pace: Pace, row: int = 0, before: NDArray[Any] | None = None) -> None:
+        self.pace = pace
+        self._interval = pace.per_second / pace.rate
+        self._window = np.empty(0) if before is None else pace.ticks(before)  # stamps from row `_base` on
+        self._base, self._stop = row - self._window.size, row
+        self._counted, self._gaps = Counted(), list[tuple[int, float]]()
 
     @property
     def rows(self) -> int:
-        """Rows that came."""
+        """Number of the row to come."""
         return self._base + self._window.size
+
+    @property
+    def counted(self) -> Counted:
+        """The intervals before the rows that are settled."""
+        return self._counted.followed_by(Counted(gaps=tuple(self._gaps)))
 
     def take(self, values: NDArray[Any]) -> Settled:
         """The stamps of the rows that follow; what is settled with them.
@@ -76,51 +189,34 @@ class RunningClock:
             If the stamps are not in order, or the rate changes.
         """
         before = self.rows
-        self._window = np.concatenate([self._window, self._ticks(values)])
+        self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
-        return self._settle(max(self._stop, self.rows - reach_of(self._burst, self.rows)))
+        return self._settle(max(self._stop, self.rows - reach_of(self.pace.burst, self.rows)))
 
-    def end(self) -> Settled:
-        """What is settled by there being no more rows."""
-        return self._settle(self.rows)
-
-    def base(self) -> TimeBase:
-        """What the stamps so far say."""
-        jitter = np.sqrt(self._squares / self._inside) / self._per_second if self._inside else 0.0
-        start = self._origin / self._per_second
-        return TimeBase(self._rate, True, start, float(jitter), tuple(self._gaps), self._duplicates, self._backward)
-
-    def troubles(self) -> Iterator[str]:
-        """What is wrong with the stamps, in plain words."""
-        yield from troubles_of(self.base(), self.rows)
-        if self.rows > self._head_rows and self._span > 0:
-            found = self._per_second * self._inside / self._span
-            if abs(found / self._rate - 1) > _APART:
-                yield (
-                    f"the rate of {self._rate:.6g} Hz is that of the first {self._head_rows} rows, the stamps of all "
-                    f"say {found:.6g} Hz; pass rate= with the one that is right"
-                )
-
-    def _ticks(self, values: NDArray[Any]) -> Vector:
-        ticks: Vector = (values - self._first).astype(np.float64)
-        return ticks * self._seconds if self._seconds != 1 else ticks
+    def end(self, behind: NDArray[Any] | None = None) -> Settled:
+        """What is settled by there being no more rows, or by the stamps of those that follow: `pace.behind` of them."""
+        stop = self.rows
+        if behind is not None:
+            self._window = np.concatenate([self._window, self.pace.ticks(behind)])
+        return self._settle(stop)
 
     def _require_steady(self, ticks: Vector, row: int) -> None:
         """An error where new stamps, from `row` on, are in no order or at another rate."""
         if ticks.size < 2:
             return
-        origin, per_second = self._origin + float(ticks[0]), self._per_second
+        pace = self.pace
+        origin, per_second = pace.origin + float(ticks[0]), pace.per_second
         try:
-            require_order(ticks - ticks[0], self._nominal, origin, per_second)
+            require_order(ticks - ticks[0], pace.nominal, origin, per_second)
             require_one_rate(ticks - ticks[0], origin, per_second)
         except ReadError as error:
             raise ReadError(f"{error} (rows counted from row {row + 1} of the file)" if row else str(error)) from None
         last = self._window[-_LAST:]
-        change = nominal_interval(last, self._interval) / self._nominal if last.size >= _SOME else 1.0
-        allowed = _CHANGED if self._burst == 1 else _CHANGED_BURSTS
+        change = nominal_interval(last, self._interval) / pace.nominal if last.size >= _SOME else 1.0
+        allowed = _CHANGED if pace.burst == 1 else _CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
-                f"the sampling rate changes from {self._rate:.4g} Hz to {self._rate / change:.4g} Hz before row "
+                f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "
                 f"{self.rows}, by the time stamps, and one recording has one rate: cut the file there and read the "
                 "parts one at a time"
             )
@@ -128,14 +224,14 @@ class RunningClock:
     def _settle(self, stop: int) -> Settled:
         ticks, base = self._window, self._base
         steps = np.diff(ticks)
-        edges = segments_of(ticks, steps, self._nominal, self._burst) if ticks.size else ()
-        firsts = [base + a for a, _ in edges if self._stop <= base + a < stop and base + a > 0]
+        edges = segments_of(ticks, steps, self.pace.nominal, self.pace.burst) if ticks.size else ()
+        firsts = [base + a for a, _ in edges if self._stop <= base + a < stop and a > 0]
         self._count(steps[max(0, self._stop - base - 1) : max(0, stop - base - 1)], firsts)
         if self._stop == 0 < stop:
             firsts = [0, *firsts]
-        starts = tuple((self._origin + float(ticks[row - base])) / self._per_second for row in firsts)
+        starts = tuple(self.pace.time(float(ticks[row - base])) for row in firsts)
         self._stop = stop
-        dropped = max(0, stop - _KEPT - base)
+        dropped = max(0, stop - KEPT - base)
         self._window, self._base = ticks[dropped:], base + dropped
         return Settled(stop, tuple(firsts), starts)
 
@@ -146,11 +242,9 @@ class RunningClock:
             k = row - max(self._stop, 1)
             inside[k] = False
             if steps[k] > 0:
-                self._gaps.append((row, float(steps[k]) / self._per_second))
-        self._duplicates += int(np.count_nonzero(steps == 0))
-        self._backward += int(np.count_nonzero(steps < 0))
+                self._gaps.append((row, float(steps[k]) / self.pace.per_second))
         kept = steps[inside]
-        span = float(kept.sum())
-        self._span += span
-        self._squares += float(np.sum((kept - self._interval) ** 2))
-        self._inside += kept.size
+        squares = float(np.sum((kept - self._interval) ** 2))
+        duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
+        found = Counted(kept.size, float(kept.sum()), squares, duplicates, backward)
+        self._counted = self._counted.followed_by(found)

@@ -10,13 +10,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
 from gmwm.readers.headers import recognise, unit_of
 from gmwm.readers.sources import FileSource
@@ -31,7 +32,18 @@ LINE_BYTES = 8 * BLOCK_BYTES
 """Bytes in a line that are not waited for any longer."""
 
 _BIG_INTEGER = 15  # digits that float64 always holds
+_BLANK_LINE, _BLANK_START = re.compile(rb"\n(?=[ \t\r]*\n)"), re.compile(rb"[ \t\r]*\n")
+_BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*\n)+")
 _NO_END = "the last line has no line end: if the recording was cut off there, its last value may lack digits"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a block of lines begins: its first byte, the byte up to which was read before it, and its first line."""
+
+    begin: int
+    reached: int
+    line: int
 
 
 @register
@@ -58,6 +70,21 @@ class TextReader(Reader):
         """One chunk a block; a column whose first rows hold long integers stays int64."""
         return self.rows(FileSource(path), layout, wanted)
 
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """The blocks; their rows are counted, which takes a pass over the file, but parses no number."""
+        source, row, marks = FileSource(path), 0, []
+        parser = _Parser(source, layout.state, layout, ())
+        for place, block in _blocks(source, layout.state.first_line):
+            count = parser.count(block, place.line)
+            if count:
+                marks.append(Mark(row, place))
+            row += count
+        return (*marks, Mark(row))
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """The chunks of the blocks from one on."""
+        return self.rows(FileSource(path), layout, wanted, mark.place)
+
     def layout(self, source: FileSource) -> Layout:
         """The columns of the text that a source holds, packed or not."""
         dialect = detect(_head_lines(source), source)
@@ -73,12 +100,14 @@ class TextReader(Reader):
             tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, notes=notes, state=dialect
         )
 
-    def rows(self, source: FileSource, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """The numbers of the text that a source holds."""
+    def rows(
+        self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
+    ) -> Iterator[Chunk]:
+        """The numbers of the text that a source holds, from the first or from the block at a place on."""
         dialect: Dialect = layout.state
         parser = _Parser(source, dialect, layout, tuple(wanted))
-        for line, block in _blocks(source, dialect.first_line):
-            chunk = parser.parse(block, line)
+        for begin, block in _blocks(source, dialect.first_line, place):
+            chunk = parser.parse(block, begin.line)
             if chunk is not None:
                 yield chunk
 
@@ -110,15 +139,22 @@ def _is_open(source: FileSource) -> bool:
         return file.read(1) not in b"\r\n"
 
 
-def _blocks(source: FileSource, first_line: int) -> Iterator[tuple[int, bytes]]:
-    """Blocks of whole lines from `first_line` on, each with the number of its first line."""
+def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
+    """Blocks of whole lines from `first_line` on, or from the one at a place, each with its place."""
     with source.open() as file:
-        for _ in range(first_line - 1):
-            file.readline()
-        line, rest = first_line, file.read(3) if first_line == 1 else b""
-        if rest == b"\xef\xbb\xbf":
-            rest = b""
+        line, rest, reached = first_line, b"", 0
+        if place is not None:
+            file.seek(place.begin)
+            line, rest, reached = place.line, file.read(place.reached - place.begin), place.reached
+        elif first_line == 1:
+            rest = file.read(3)
+            reached = len(rest)
+            rest = b"" if rest == b"\xef\xbb\xbf" else rest
+        else:
+            reached = sum(len(file.readline()) for _ in range(first_line - 1))
         while read := file.read(BLOCK_BYTES):
+            begin = Place(reached - len(rest), reached, line)
+            reached += len(read)
             end = read.rfind(b"\n") + 1
             if end == 0:
                 rest += read
@@ -128,10 +164,10 @@ def _blocks(source: FileSource, first_line: int) -> Iterator[tuple[int, bytes]]:
                     )
                 continue
             block, rest = rest + read[:end], read[end:]
-            yield line, block
+            yield begin, block
             line += block.count(b"\n")
         if rest:
-            yield line, rest
+            yield Place(reached - len(rest), reached, line), rest
 
 
 class _Parser:
@@ -151,10 +187,29 @@ class _Parser:
 
     def parse(self, block: bytes, line: int) -> Chunk | None:
         """The numbers of a block that begins in `line`, or None if it holds none."""
+        frame = self._table(block, line)
+        if frame is None:
+            return None
+        return {k: np.ascontiguousarray(frame.get_column(str(k)).to_numpy()) for k in self.wanted}
+
+    def count(self, block: bytes, line: int) -> int:
+        """How many rows `parse` finds in a block; only where quotes or comments are in it, it is parsed."""
+        if b'"' in block or (self.sign and self.sign in block):
+            frame = self._table(block, line)
+            return 0 if frame is None else frame.height
+        blank = len(_BLANK_LINE.findall(block)) + (_BLANK_START.match(block) is not None)
+        ended = block.endswith(b"\n") or not block[block.rfind(b"\n") + 1 :].strip()
+        return block.count(b"\n") - blank + (not ended)
+
+    def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
+        """The columns of a block, or None if it has no row."""
         import polars as pl
 
+        if block.isspace():
+            return None
         try:
-            frame = self._frame(self._plain(block))
+            # Polars takes the columns from the first line, be it blank.
+            frame = self._frame(self._plain(_BLANK_BEGIN.sub(b"", block, count=1)))
             if any(series.null_count() for series in frame):
                 frame = self._frame(_without_blank_lines(self._plain(block)))
         except pl.exceptions.NoDataError:
@@ -166,9 +221,7 @@ class _Parser:
         if any(series.null_count() for series in frame):
             self._explain(block, line)
             raise ReadError(f"{self.source}, from line {line} on: a row is not complete")
-        if frame.is_empty():
-            return None
-        return {k: np.ascontiguousarray(frame.get_column(str(k)).to_numpy()) for k in self.wanted}
+        return None if frame.is_empty() else frame
 
     def _frame(self, block: bytes) -> pl.DataFrame:
         import polars as pl

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 from gmwm._words import counted
 from gmwm.errors import GmwmWarning, ReadError
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
 from gmwm.records import TYPES, RecordType
 from gmwm.signals import AXES, axis_quantity
 from gmwm.units import STANDARD_GRAVITY
@@ -46,6 +46,14 @@ class RecordReader(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
         """Counts and times as they stand in the file."""
         return record_chunks(path, self.kind.dtype, 0, wanted)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Any record."""
+        return record_marks(path, self.kind.dtype)
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Records from one on."""
+        return record_chunks(path, self.kind.dtype, 0, wanted, mark.row)
 
 
 @register
@@ -85,6 +93,14 @@ class ImuReader(Reader):
         """Counts and times as they stand in the file."""
         kind: RecordType = layout.state
         return record_chunks(path, kind.dtype, 0, wanted)
+
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """Any record."""
+        return record_marks(path, layout.state.dtype)
+
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+        """Records from one on."""
+        return record_chunks(path, layout.state.dtype, 0, wanted, mark.row)
 
 
 def _register(of: RecordType) -> None:
@@ -137,11 +153,19 @@ def require_times(path: Path, dtype: np.dtype[Any], offset: int = 0, way_out: st
         )
 
 
-def record_chunks(path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int]) -> Iterator[Chunk]:
-    """Blocks of records, each field as float64."""
+def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mark, ...]:
+    """Where the blocks of records behind a header begin, and their end."""
+    records = whole_records(path, dtype, offset)
+    return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
+
+
+def record_chunks(
+    path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
+) -> Iterator[Chunk]:
+    """Blocks of records from one on, each field as float64."""
     names = dtype.names or ()
     with path.open("rb") as file:
-        file.seek(offset)
+        file.seek(offset + first * dtype.itemsize)
         while (block := np.fromfile(file, dtype, BLOCK)).size:
             yield {k: block[names[k]].astype(np.float64) for k in wanted}
 

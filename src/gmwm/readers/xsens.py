@@ -16,10 +16,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from gmwm.readers.base import Channel, Chunk, Layout, register
+from gmwm.readers.base import Channel, Chunk, Layout, Mark, register
 from gmwm.readers.dialect import Dialect
 from gmwm.readers.sources import FileSource
-from gmwm.readers.text import TextReader
+from gmwm.readers.text import Place, TextReader
 
 _TICK_US = 100
 _WRAP = 1 << 16
@@ -69,11 +69,18 @@ class XsensReader(TextReader):
             notes.append(f"time from PacketCounter, at the {dialect.rate:g} Hz of the comments")
         return replace(found, channels=tuple(channels), notes=tuple(notes))
 
-    def rows(self, source: FileSource, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
+        """The blocks; none where packets are counted, as a counter that wraps must be followed from the first."""
+        counted = any(c.name == "PacketCounter" and c.axis == "time" for c in layout.channels)
+        return () if counted else super().marks(path, layout)
+
+    def rows(
+        self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
+    ) -> Iterator[Chunk]:
         """The numbers, with ticks as microseconds, counted packets as seconds."""
         names = {k: layout.channels[k].name for k in wanted}
         last = packets = None
-        for chunk in super().rows(source, layout, wanted):
+        for chunk in super().rows(source, layout, wanted, place):
             out = dict(chunk)
             for k, name in names.items():
                 if name == "SampleTimeFine":

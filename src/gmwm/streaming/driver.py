@@ -1,29 +1,53 @@
-"""The wavelet variance of a recording in one pass: the axes in threads, while the next piece is read."""
+"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next piece is read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import replace
+from typing import Protocol
 
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
-from gmwm.readers.chunks import Piece, Stream
+from gmwm.errors import OptionError
+from gmwm.readers.pieces import Piece
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
-from gmwm.variance.accumulate import EXACT, WaveletAccumulator
+from gmwm.variance.accumulate import WaveletAccumulator
+from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
+from gmwm.variance.gathering import EXACT, Gathering
 from gmwm.variance.result import WaveletVariance
 
 
+class Source(Protocol):
+    """A Stream, or what is iterated over as one."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that are measured; pieces may have more."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        ...
+
+    def __iter__(self) -> Iterator[Piece]: ...
+
+
 def stream_variance(
-    stream: Stream,
+    stream: Source,
     *,
     levels: int | None = None,
     exact: int = EXACT,
+    robust: bool = False,
+    efficiency: float = EFFICIENCY,
+    passes: int = 2,
     confidence: float = 0.95,
     threads: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis of a recording of any length, in one pass.
+    """The wavelet variance of each axis of a recording of any length; a robust one reads it twice, unless told not to.
 
     Levels up to `exact` are those of `wavelet_variance`; each further one takes the coefficients at every τ/64-th
     sample, see `WaveletAccumulator`. Segments between gaps are measured together, no coefficient lies across a gap.
@@ -36,12 +60,18 @@ def stream_variance(
         Number of levels J; all that have a coefficient by default.
     exact : int
         Levels of which every coefficient is taken, 6 to 24.
+    robust, efficiency : bool, float
+        As for `wavelet_variance`.
+    passes : 2 or 1
+        How often a robust one reads the recording: twice it is exact and knows the slope, see `SecondPass`; once it is
+        that of all coefficients to 1e-4 (5e-3 at a level with so many outliers that only the median is left).
     confidence : float
         Level of the limits, between 0 and 1.
     threads : int, optional
         Axes that are worked on at once; as many as there are processors by default.
     done : callable, optional
-        Called with the number of samples so far after every piece, in the calling thread.
+        Called with the number of samples so far after every piece, in the calling thread; in a second pass the count
+        goes on, to twice the number of samples.
 
     Returns
     -------
@@ -50,7 +80,9 @@ def stream_variance(
     Raises
     ------
     ReadError, DataError
-        At what `read` refuses, when it is reached.
+        At what `read` refuses, when it is reached; or if the recording has changed when it is read again.
+    OptionError
+        If an option is not one of those it may be.
 
     Examples
     --------
@@ -62,7 +94,58 @@ def stream_variance(
     {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
     >>> folder.cleanup()
     """
+    require_robust(robust, efficiency)
+    if robust:
+        pairs = measured_pairs(
+            stream, levels=levels, exact=exact, efficiency=efficiency, passes=passes, confidence=confidence,
+            threads=threads, done=done,
+        )  # fmt: skip
+        return {axis: pair[1] for axis, pair in pairs.items()}
     measured = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
+    _pass(stream, measured, threads, done)
+    return in_threads(lambda _, one: one.result(confidence), measured, threads=threads)
+
+
+def measured_pairs(
+    stream: Source,
+    *,
+    levels: int | None = None,
+    exact: int = EXACT,
+    efficiency: float = EFFICIENCY,
+    passes: int = 2,
+    confidence: float = 0.95,
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> dict[str, tuple[WaveletVariance, WaveletVariance]]:
+    """The classical and the robust wavelet variance of each axis of a recording of any length, from the same reading.
+
+    Parameters and errors are those of `stream_variance`.
+    """
+    biweight(efficiency)
+    if passes not in (1, 2):
+        raise OptionError(f"passes must be 2 or 1, got {passes!r}")
+    first = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
+    samples = _pass(stream, first, threads, done)
+    classical = in_threads(lambda _, one: one.result(confidence), first, threads=threads)
+    if passes == 1:
+        robust = in_threads(
+            lambda _, one: one.result(confidence, robust=True, efficiency=efficiency), first, threads=threads
+        )
+    else:
+        second = in_threads(lambda _, one: one.second_pass(efficiency), first, threads=threads)
+        _pass(stream, second, threads, done, again=samples)
+        robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
+    return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
+
+
+def _pass(
+    stream: Source,
+    measured: Mapping[str, Gathering],
+    threads: int | None,
+    done: Callable[[int], None] | None,
+    again: int | None = None,
+) -> int:
+    """All pieces into all axes, or again so many samples; how many there were."""
     pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
     running: list[Future[None]] = []
     samples = segment = 0
@@ -71,24 +154,36 @@ def stream_variance(
             # While it was read the one before was worked on.
             _await(running)
             if done is not None and samples:
-                done(samples)
+                done(samples + (again or 0))
             after_gap = piece.segment != segment
-            running = [pool.submit(_take, one, piece[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = piece.first + len(piece), piece.segment
+            taken = piece if again is None else _until(piece, again)
+            running = [pool.submit(_take, one, taken[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = taken.first + len(taken), taken.segment
+            if again is not None and samples >= again:
+                break  # what has come since belongs to no pass; of what is odd in the file the first one told
         _await(running)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
     if done is not None:
-        done(samples)
-    return in_threads(lambda _, one: one.result(confidence), measured, threads=threads)
+        done(samples + (again or 0))
+    return samples
+
+
+def _until(piece: Piece, end: int) -> Piece:
+    """What of a piece lies before sample `end`."""
+    if piece.first + len(piece) <= end:
+        return piece
+    return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
 
 
 def accumulators(
-    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int = EXACT
+    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int = EXACT, robust: bool = False
 ) -> dict[str, WaveletAccumulator]:
     """An accumulator for each axis, in its SI unit."""
     return {
-        axis: WaveletAccumulator(rate, levels=levels, exact=exact, unit=SI_UNIT[axis_quantity(axis)], axis=axis)
+        axis: WaveletAccumulator(
+            rate, levels=levels, exact=exact, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
+        )
         for axis in axes
     }
 
@@ -102,7 +197,7 @@ def feed(pieces: Iterable[Piece], measured: Mapping[str, WaveletAccumulator]) ->
         segment = piece.segment
 
 
-def _take(one: WaveletAccumulator, values: Vector, after_gap: bool) -> None:
+def _take(one: Gathering, values: Vector, after_gap: bool) -> None:
     if after_gap:
         one.gap()
     one.update(values)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.variance.coefficients import haar_resolution
-from gmwm.variance.sketch import Sketch
+from gmwm.variance.taking import Part, Taking
 
 STEPS = 64
 """Of a scale: its coefficients are taken at every τ/64-th sample."""
@@ -38,8 +38,8 @@ class Blocks:
         Σ (sum of 32 blocks − sum of the 32 before)², and over how many places.
     total, moment : float
         Σ b_k and Σ (k − first) b_k of all complete blocks.
-    sketch, resolution : Sketch or None, float
-        Of the coefficients W, where a robust variance is wanted, and up to which size they are rounding.
+    part, resolution : Part or None, float
+        What else is kept of the coefficients W, and up to which size they are rounding.
     """
 
     step: int
@@ -53,7 +53,7 @@ class Blocks:
     count: int = 0
     total: float = 0.0
     moment: float = 0.0
-    sketch: Sketch | None = None
+    part: Part | None = None
     resolution: float = 0.0
 
     @property
@@ -61,7 +61,7 @@ class Blocks:
         """Whether no multiple of the step lies inside."""
         return self.last < self.first
 
-    def followed_by(self, later: Blocks) -> Blocks:
+    def followed_by(self, later: Blocks, taking: Taking | None = None) -> Blocks:
         """The blocks of this stretch and the one that follows it, together."""
         if later.open:
             if self.open:
@@ -72,9 +72,9 @@ class Blocks:
         # Where the cut is no multiple itself, the rest before it and the rest after it are a block.
         middle = [] if self.last == later.first else [self.after + later.before]
         joint = np.concatenate([self.tails, middle, later.heads])
-        squares, count, sketch, resolution = measured(joint, self.step, self.sketch is not None)
-        if sketch is not None and self.sketch is not None and later.sketch is not None:
-            sketch = self.sketch.merge(later.sketch).merge(sketch)
+        squares, count, part, resolution = measured(joint, self.step, taking)
+        if part is not None and self.part is not None and later.part is not None:
+            part = self.part.merge(later.part).merge(part)
         heads, tails = self.heads, later.tails
         if heads.size < _KEPT:
             heads = np.concatenate([heads, middle, later.heads])[:_KEPT]
@@ -86,7 +86,7 @@ class Blocks:
             self.total + sum(middle) + later.total,
             self.moment + sum(middle) * (self.last - self.first) + later.moment
             + later.total * (later.first - self.first),
-            sketch, max(self.resolution, later.resolution, resolution),
+            part, max(self.resolution, later.resolution, resolution),
         )  # fmt: skip
 
     @property
@@ -129,47 +129,54 @@ class Blocks:
         )
 
 
-def measured(blocks: Vector, step: int, robust: bool) -> tuple[float, int, Sketch | None, float]:
-    """Σ (sum of 32 blocks − sum of the 32 before)² over all places, how many there are, their sketch, resolution."""
+def measured(blocks: Vector, step: int, taking: Taking | None) -> tuple[float, int, Part | None, float]:
+    """Σ (sum of 32 blocks − sum of the 32 before)² over all places, how many there are; what else, and resolution."""
     count = blocks.size - STEPS + 1
     if count < 1:
-        return 0.0, 0, Sketch() if robust else None, 0.0
+        return 0.0, 0, _nothing(taking, step), 0.0
     half = STEPS // 2
     sums = np.concatenate([[0.0], np.cumsum(blocks - blocks.mean())])
     w = sums[STEPS:] - 2.0 * sums[half:-half] + sums[:-STEPS]
-    if not robust:
+    if taking is None:
         return float(w @ w), count, None, 0.0
-    level = (STEPS * step).bit_length() - 1
+    level = _level(step)
     # As of a running sum of single samples, of which only each step's last value is there.
     resolution = haar_resolution(float(np.abs(sums).max()), level)
-    return float(w @ w), count, Sketch.of(np.ldexp(w, -level)), resolution
+    return float(w @ w), count, taking.values(np.ldexp(w, -level), level), resolution
 
 
-def blocks_of(values: Vector, start: int, steps: list[int], robust: bool = False) -> list[Blocks]:
+def _level(step: int) -> int:
+    return (STEPS * step).bit_length() - 1
+
+
+def _nothing(taking: Taking | None, step: int) -> Part | None:
+    return None if taking is None else taking.values(np.empty(0), _level(step))
+
+
+def blocks_of(values: Vector, start: int, steps: list[int], taking: Taking | None = None) -> list[Blocks]:
     """The blocks of a stretch of samples from `start` on, of each step; each is a power of two times the first."""
     base, stop = steps[0], start + values.size
     first, last = -(-start // base), stop // base
     if first > last:
         total = float(values.sum())
-        none = Sketch() if robust else None
-        return [Blocks(step, -(-start // step), stop // step, total, sketch=none) for step in steps]
+        return [Blocks(step, -(-start // step), stop // step, total, part=_nothing(taking, step)) for step in steps]
     begin, end = first * base - start, last * base - start
     inside = values[begin:end].reshape(-1, base).sum(axis=1)
     # Sum of all samples before each multiple of the first step.
     sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
     total = float(sums[-1]) + float(values[end:].sum())
-    return [_of(step, start, stop, sums[(-first) % (step // base) :: step // base], total, robust) for step in steps]
+    return [_of(step, start, stop, sums[(-first) % (step // base) :: step // base], total, taking) for step in steps]
 
 
-def _of(step: int, start: int, stop: int, marks: Vector, total: float, robust: bool) -> Blocks:
+def _of(step: int, start: int, stop: int, marks: Vector, total: float, taking: Taking | None) -> Blocks:
     """The blocks between `marks`, the sums of all samples before each multiple of the step."""
     first, last = -(-start // step), stop // step
     if first > last:
-        return Blocks(step, first, last, total, sketch=Sketch() if robust else None)
+        return Blocks(step, first, last, total, part=_nothing(taking, step))
     blocks = np.diff(marks)
-    squares, count, sketch, resolution = measured(blocks, step, robust)
+    squares, count, part, resolution = measured(blocks, step, taking)
     return Blocks(
         step, first, last, float(marks[0]), total - float(marks[-1]), blocks[:_KEPT].copy(), blocks[-_KEPT:].copy(),
         squares, count, float(blocks.sum()), float(np.arange(blocks.size) @ blocks),
-        sketch, resolution,
+        part, resolution,
     )  # fmt: skip

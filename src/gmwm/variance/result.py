@@ -84,6 +84,8 @@ class WaveletVariance:
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
             freeze(getattr(self, name))
+        if self.strides and len(self.strides) != len(self):
+            raise DataError(f"strides must be none or one for each of {len(self)} levels, got {len(self.strides)}")
 
     @property
     def scales(self) -> NDArray[np.int64]:

@@ -9,7 +9,6 @@ which lies within half a bin: mostly 1e-3 of the variance, 8e-3 at the worst.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import zip_longest
 
@@ -29,8 +28,6 @@ UNIT = 2.0**-24
 """In which the sums over a bin are kept, of its width."""
 BEYOND = 2047 * OCTAVE
 """The bin of what is infinite; bin 0 is that of zero, and of what is less than 2^-1029."""
-ALONE = 8
-"""So many times the coefficients of both neighbours in a bin are one value, not part of a smooth distribution."""
 
 
 def _nothing() -> Counts:
@@ -179,10 +176,6 @@ class Sketches:
         pairs = zip_longest(self.levels, other.levels, fillvalue=Sketch())
         return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
 
-    def coefficients(self, levels: int) -> SketchCoefficients:
-        """What `robust_variances` takes, of the first `levels` levels."""
-        return SketchCoefficients(self.levels[:levels], self.resolutions[:levels].tolist())
-
     def to_arrays(self) -> tuple[Counts, Vector]:
         """All of it to be stored: rows (level, bin, count, sum), and the resolutions."""
         rows = [np.insert(sketch.to_array(), 0, level, axis=1) for level, sketch in enumerate(self.levels, start=1)]
@@ -206,114 +199,31 @@ class Sketches:
         return cls(tuple(Sketch.from_array(part) for part in parts), sizes)
 
 
-class SketchCoefficients:
-    """Coefficients known by their sketches, one a level: the source of a robust variance.
+class Sketching:
+    """Sketches of coefficients while their samples are there."""
 
-    Those of a bin count as two points about their mean, as far apart as it takes to be right for what lies evenly in
-    the bin; those of a bin whose neighbours are nearly empty count as one value.
+    squares = True
 
-    Examples
-    --------
-    >>> from gmwm.variance.robust import robust_variance, robust_variances
-    >>> w = np.random.default_rng(1).normal(size=100_000)
-    >>> sketched = robust_variances(SketchCoefficients([Sketch.of(w)], [0.0])).variance[0]
-    >>> bool(abs(sketched / robust_variance(w) - 1) < 1e-6)
-    True
-    """
+    def haar(self, running_sum: Vector, levels: int, begin: int) -> Sketches:
+        """Of all levels."""
+        return Sketches.of_haar(running_sum, levels, begin)
 
-    def __init__(self, sketches: Sequence[Sketch], resolutions: Sequence[float]) -> None:
-        self.counts = np.array([len(sketch) for sketch in sketches], dtype=np.int64)
-        self._levels = [_Bins.of(sketch) for sketch in sketches]
-        self._resolutions = resolutions
+    def across(self, running_sum: Vector, level: int) -> Sketches:
+        """Of one level."""
+        resolution = haar_resolution(float(np.abs(running_sum).max()), level)
+        return Sketches.at(level, Sketch.of_haar(running_sum, level, 0, running_sum.size - 1), resolution)
 
-    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Over the bins of each level; they are few, and `every` one is read."""
-        sums = np.zeros((3, limits.size))
-        for k, limit in enumerate(limits.tolist()):
-            if limit > 0:
-                sums[:, k] = *self._levels[k].biweight_sums(limit), self.counts[k]
-        return sums[0], sums[1], sums[2]
+    def values(self, coefficients: Vector, level: int) -> Sketch:
+        """Of an array; the level is all the same."""
+        return Sketch.of(coefficients) if coefficients.size else Sketch()
 
-    def sample(self, k: int, size: int) -> Vector:
-        """The quantiles in the middle of `size` equal shares; in rising order."""
-        count = int(self.counts[k])
-        size = min(size, count)
-        return self._levels[k].at((2 * np.arange(size) + 1) * count // (2 * size) if size else _nothing())
+    def at(self, level: int, part: Sketch, resolution: float) -> Sketches:
+        """With that of one level."""
+        return Sketches.at(level, part, resolution)
 
-    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """By the bins' means; as many values in between as there are."""
-        below, above = self._levels[k].below(low), self._levels[k].below(high)
-        return below, self._levels[k].at(np.arange(below, above))
-
-    def median(self, k: int) -> float:
-        """That of a bin's values where they are one or lie evenly; at the worst half a bin off, 0.4 %."""
-        count = int(self.counts[k])
-        return float(self._levels[k].at(np.array([(count - 1) // 2, count // 2])).mean())
-
-    def resolution(self, k: int) -> float:
-        """As given."""
-        return self._resolutions[k]
+    def nothing(self) -> Sketches:
+        """Of no coefficients."""
+        return Sketches()
 
 
-@dataclass(frozen=True, eq=False)
-class _Bins:
-    """The bins of a sketch that are not empty, zero and infinity with them, in rising order.
-
-    Attributes
-    ----------
-    mean, half : arrays
-        Of |W|; and half the interval about the mean on which the values are taken to lie.
-    ends : array
-        How many values lie in this bin or below.
-    squares, weights : arrays
-        W² and how many, for sums over all that is neither zero nor infinite.
-    """
-
-    mean: Vector
-    half: Vector
-    ends: Counts
-    squares: Vector
-    weights: Vector
-
-    @classmethod
-    def of(cls, sketch: Sketch) -> _Bins:
-        used = np.flatnonzero(sketch.counts)
-        bins, counts = used + sketch.first * OCTAVE, sketch.counts[used]
-        number = counts.astype(np.float64)
-        place = sketch.sums[used] * UNIT / number
-        # Numbers less than 2^-1022, in octave 0, have bins as wide as those of octave 1.
-        width = np.ldexp(1.0 / OCTAVE, np.maximum(bins // OCTAVE, 1) - 1023)
-        mean = (bins << (52 - OCTAVE.bit_length() + 1)).view(np.float64) + width * place
-        padded = np.concatenate([[0], sketch.counts, [0]])
-        alone = counts > ALONE * (padded[used] + padded[used + 2])
-        half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
-        # A third of the largest variance that the mean allows; of what lies evenly in a bin it is just that.
-        variance = place * (1.0 - place) / 3.0 * (number - 1.0) / number
-        deviation = np.where(alone, 0.0, width * np.sqrt(variance))
-        with np.errstate(over="ignore", under="ignore"):
-            squares = np.concatenate([mean - deviation, mean + deviation]) ** 2
-        return cls(
-            np.concatenate([[0.0], mean, [np.inf]]),
-            np.concatenate([[0.0], half, [0.0]]),
-            np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])),
-            squares,
-            np.concatenate([number, number]) / 2.0,
-        )
-
-    def biweight_sums(self, limit: float) -> tuple[float, float]:
-        """Σ v q³ and Σ v q⁴, v = min(W²/limit, 1), q = 1 − v: what is infinite adds nothing, as zero does."""
-        v = np.minimum(self.squares, limit) / limit
-        q = 1.0 - v
-        term = self.weights * v * q**3
-        return float(term.sum()), float(term @ q)
-
-    def at(self, ranks: Counts) -> Vector:
-        """The values that have `ranks`, from 0, in rising order."""
-        k = np.searchsorted(self.ends, ranks, side="right")
-        count = np.diff(self.ends, prepend=0)[k]
-        inside = (ranks - (self.ends[k] - count) + 0.5) / count
-        return np.asarray(self.mean[k] + (2.0 * inside - 1.0) * self.half[k])
-
-    def below(self, high: float) -> int:
-        """How many values are at most `high`."""
-        return int(self.ends[np.searchsorted(self.mean, high, side="right") - 1])
+SKETCHING = Sketching()

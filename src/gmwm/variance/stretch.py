@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.variance.blocks import STEPS, Blocks, blocks_of
-from gmwm.variance.coefficients import haar_resolution
-from gmwm.variance.sketch import Sketch, Sketches
+from gmwm.variance.sketch import SKETCHING, Sketch, Sketches
+from gmwm.variance.taking import Taken, Taking
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class Stretch:
         Σ W² of each of these levels.
     blocks : tuple of Blocks
         Those of the further levels, one at least.
-    sketches : Sketches or None
-        Of the first levels, where a robust variance is wanted.
+    taken : Taken or None
+        What else is kept of the coefficients of the first levels.
     """
 
     exact: int
@@ -48,7 +48,7 @@ class Stretch:
     tail: Vector
     squares: Vector
     blocks: tuple[Blocks, ...]
-    sketches: Sketches | None = None
+    taken: Taken | None = None
 
     @property
     def stop(self) -> int:
@@ -56,56 +56,55 @@ class Stretch:
         return self.start + self.count
 
     @classmethod
-    def of(cls, x: Vector, start: int, exact: int, levels: int, robust: bool = False) -> Self:
+    def of(cls, x: Vector, start: int, exact: int, levels: int, taking: Taking | None = None) -> Self:
         """That of some samples, at least one."""
         reference, reach = float(x[0]), (1 << exact) - 1
         values = x - reference
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
-        squares, sketches = _measured(values, exact, 0, robust)
+        squares, taken = _measured(values, exact, 0, taking)
         return cls(
             exact, start, x.size, reference, values[:reach].copy(), values[-reach:].copy(),
-            squares, tuple(blocks_of(values, start, steps, robust)), sketches,
+            squares, tuple(blocks_of(values, start, steps, taking)), taken,
         )  # fmt: skip
 
-    def grown(self, x: Vector) -> Stretch:
+    def grown(self, x: Vector, taking: Taking | None = None) -> Stretch:
         """These samples and those that follow."""
         values, reach = x - self.reference, (1 << self.exact) - 1
         joint = np.concatenate([self.tail, values])
         head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
-        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], self.sketches is not None)
-        squares, sketches = _measured(joint, self.exact, self.tail.size, self.sketches is not None)
+        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], taking)
+        squares, taken = _measured(joint, self.exact, self.tail.size, taking)
         return Stretch(
             self.exact, self.start, self.count + x.size, self.reference, head, joint[-reach:].copy(),
-            self.squares + squares, tuple(a.followed_by(b) for a, b in zip(self.blocks, fresh, strict=True)),
-            _merged(self.sketches, sketches),
+            self.squares + squares, tuple(a.followed_by(b, taking) for a, b in zip(self.blocks, fresh, strict=True)),
+            _merged(self.taken, taken),
         )  # fmt: skip
 
-    def followed_by(self, later: Stretch) -> Stretch:
+    def followed_by(self, later: Stretch, taking: Taking | None = None) -> Stretch:
         """These samples and a stretch that follows them."""
         offset, reach = later.reference - self.reference, (1 << self.exact) - 1
         head, tail = later.head + offset, later.tail + offset
-        squares, sketches = self.squares + later.squares, _merged(self.sketches, later.sketches)
+        squares, taken = self.squares + later.squares, _merged(self.taken, later.taken)
         for level in range(1, self.exact + 1):
             # Of 2^j − 1 samples on either side every coefficient reaches over the cut.
             width = (1 << level) - 1
             around = np.concatenate([self.tail[-width:], head[:width]])
             if around.size > width:
                 total = _core.running_sum(around)
-                squares[level - 1] += _core.haar_sums_of_squares(total, level, 0, around.size)[-1]
-                if sketches is not None:
-                    resolution = haar_resolution(float(np.abs(total).max()), level)
-                    across = Sketch.of_haar(total, level, 0, around.size)
-                    sketches = sketches.merge(Sketches.at(level, across, resolution))
+                if taking is None or taking.squares:
+                    squares[level - 1] += _core.haar_sums_of_squares(total, level, 0, around.size)[-1]
+                if taking is not None:
+                    taken = _merged(taken, taking.across(total, level))
         return Stretch(
             self.exact, self.start, self.count + later.count, self.reference,
             self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
             tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
             squares,
             tuple(
-                a.followed_by(b.raised(offset, later.start, later.stop))
+                a.followed_by(b.raised(offset, later.start, later.stop), taking)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
-            sketches,
+            taken,
         )  # fmt: skip
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
@@ -118,14 +117,12 @@ class Stretch:
             squares[level - 1], counts[level - 1] = blocks.squares / 4.0**level, blocks.count
         return squares, counts
 
-    def all_sketches(self) -> Sketches:
-        """Those of all levels, of a stretch that has them."""
-        assert self.sketches is not None
-        joint = self.sketches
+    def all_taken(self, taking: Taking) -> Any:
+        """What was taken of all levels, by the same way of taking it."""
+        joint = self.taken
         for level, blocks in enumerate(self.blocks, start=self.exact + 1):
-            assert blocks.sketch is not None
             if blocks.count:
-                joint = joint.merge(Sketches.at(level, blocks.sketch, blocks.resolution))
+                joint = _merged(joint, taking.at(level, blocks.part, blocks.resolution))
         return joint
 
     @property
@@ -156,9 +153,9 @@ class Stretch:
         }
 
     def _sketch_arrays(self, prefix: str) -> dict[str, Any]:
-        if self.sketches is None:
+        if self.taken is None:
             return {}
-        bins, resolutions = self.all_sketches().to_arrays()
+        bins, resolutions = self.all_taken(SKETCHING).to_arrays()
         return {f"{prefix}bins": bins, f"{prefix}resolutions": resolutions}
 
     @classmethod
@@ -175,27 +172,25 @@ class Stretch:
             kept = slice(at, at + int(row[-1]))
             blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
             at = kept.stop
-        sketches: Sketches | None = None
+        taken: Taken | None = None
         if f"{prefix}bins" in values:
             whole = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
-            sketches = Sketches(whole.levels[:exact], whole.resolutions[:exact])
+            taken = Sketches(whole.levels[:exact], whole.resolutions[:exact])
             further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
             known = [*further, *((Sketch(), 0.0) for _ in blocks)]
-            blocks = [replace(b, sketch=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
+            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = int(values[f"{prefix}start"]), int(values[f"{prefix}count"])
-        return cls(
-            exact, start, count, float(values[f"{prefix}reference"]), head, tail, squares, tuple(blocks), sketches
-        )
+        return cls(exact, start, count, float(values[f"{prefix}reference"]), head, tail, squares, tuple(blocks), taken)
 
 
-def _measured(values: Vector, levels: int, begin: int, robust: bool) -> tuple[Vector, Sketches | None]:
-    """Σ W² (levels,) and the sketches of the coefficients that end at sample `begin` or after."""
+def _measured(values: Vector, levels: int, begin: int, taking: Taking | None) -> tuple[Vector, Taken | None]:
+    """Σ W² (levels,), if wanted, and what else is taken of the coefficients that end at sample `begin` or after."""
     out, total = np.zeros(levels), _core.running_sum(values)
     reach = min(levels, values.size.bit_length() - 1)
-    if reach > 0:
+    if reach > 0 and (taking is None or taking.squares):
         out[:reach] = _core.haar_sums_of_squares(total, reach, begin, values.size)
-    return out, Sketches.of_haar(total, levels, begin) if robust else None
+    return out, None if taking is None else taking.haar(total, levels, begin)
 
 
-def _merged(a: Sketches | None, b: Sketches | None) -> Sketches | None:
+def _merged(a: Taken | None, b: Taken | None) -> Any:
     return None if a is None or b is None else a.merge(b)

@@ -1,0 +1,99 @@
+"""A recording in pieces as a calibration needs it: the curves of its axes and a look at it, from two readings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from gmwm.cautions import span
+from gmwm.inspection import Inspection
+from gmwm.inspection.inspecting import Looks, Survey
+from gmwm.readers.chunks import Piece, Stream
+from gmwm.streaming.driver import measured_pairs, stream_variance
+from gmwm.variance.biweight import EFFICIENCY
+from gmwm.variance.result import WaveletVariance
+
+
+def measured_and_seen(
+    stream: Stream,
+    axes: Sequence[str],
+    *,
+    pairs: bool = True,
+    robust: bool = False,
+    efficiency: float = EFFICIENCY,
+    threads: int | None = None,
+    done: Callable[[str], None] | None = None,
+) -> tuple[dict[str, tuple[WaveletVariance, ...]], Inspection]:
+    """The curves of some axes, and what `inspect` finds in all, from the same two readings.
+
+    Parameters
+    ----------
+    stream : Stream
+    axes : sequence of str
+        Those that are measured.
+    pairs : bool
+        Whether both the classical and the robust curve are wanted, in this order; else one, as `robust` says.
+    robust, efficiency, threads
+        As of `stream_variance`.
+    done : callable, optional
+        Called as pieces are read, with how much was, in words.
+    """
+    seen = Seen(stream, axes, done)
+    if pairs:
+        both = measured_pairs(seen, efficiency=efficiency, threads=threads)
+        return dict(both), seen.found()
+    curves = stream_variance(seen, robust=robust, efficiency=efficiency, threads=threads)
+    return {axis: (curve,) for axis, curve in curves.items()}, seen.found()
+
+
+class Seen:
+    """A stream that is looked at while it is read for something else: the first two readings make a look.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Those that the other one is to measure.
+    rate : float
+        Samples per second (Hz).
+    """
+
+    def __init__(self, stream: Stream, axes: Sequence[str], done: Callable[[str], None] | None = None) -> None:
+        self.axes, self.rate = tuple(axes), stream.rate
+        self._stream, self._survey = stream, Survey(stream)
+        self._looks: Looks | None = None
+        self._reading, self._done = 0, done
+
+    def __iter__(self) -> Iterator[Piece]:
+        self._reading += 1
+        if self._reading == 1:
+            yield from self._surveyed()
+        elif self._reading == 2:
+            yield from self._looked_at(self._survey.looks())
+        else:
+            yield from self._stream
+
+    def found(self) -> Inspection:
+        """What was seen; what was not read yet is."""
+        while self._looks is None:
+            for _ in self:
+                pass
+        return self._looks.found()
+
+    def _surveyed(self) -> Iterator[Piece]:
+        for piece in self._stream:
+            self._tell(f"first reading: {self._length(piece)}")
+            self._survey.take(piece)
+            yield piece
+
+    def _looked_at(self, looks: Looks) -> Iterator[Piece]:
+        self._looks = looks
+        for piece in self._stream:
+            self._tell(f"second reading: {self._length(piece)} of {span(looks.samples / self.rate)}")
+            looks.take(piece)
+            yield piece
+
+    def _length(self, piece: Piece) -> str:
+        return span((piece.first + len(piece)) / self.rate)
+
+    def _tell(self, text: str) -> None:
+        if self._done is not None:
+            self._done(text)

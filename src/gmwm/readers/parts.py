@@ -1,0 +1,241 @@
+"""Parts of a long recording that follow one another: each is read by itself, in another process or on another machine.
+
+A part knows its file, its rows and what the first rows of the recording say. It looks at the time stamps of some rows
+on either side, so that gaps are those of one pass, one at a seam too.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm.errors import OptionError, ReadError
+from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.readers.chunks import Stream
+from gmwm.readers.pieces import Assembly, Piece, Tally, Understood
+from gmwm.readers.recording import one_layout
+from gmwm.readers.running import KEPT
+
+SHORTEST = 2 * KEPT
+"""Rows of a part, at least: gaps are settled by the rows around them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Consecutive rows of a recording in a file: small, and to be sent to other processes.
+
+    Iterate over it for its pieces, as over a Stream. Their segments are counted from 0 for the one that the part before
+    ends with, so that a part with a gap right before it begins with segment 1.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    bytes : int
+        Its size, by which it is known again.
+    format : str
+        The reader's name.
+    topic : str or None
+        Which recording of the file, if it was asked for.
+    found : Understood
+        What the first rows of the recording say.
+    size : int
+        Samples in a piece, at the most.
+    back, begin, end : Mark
+        From where on time stamps are looked at, where its rows begin and where they end.
+    last : bool
+        Whether the recording ends with it.
+    whole : bool
+        Whether it is all of the recording.
+    """
+
+    path: Path
+    bytes: int
+    format: str
+    topic: str | None
+    found: Understood
+    size: int
+    back: Mark
+    begin: Mark
+    end: Mark
+    last: bool
+    whole: bool = False
+
+    @property
+    def first(self) -> int:
+        """Number of its first row in the recording, from 0."""
+        return self.begin.row
+
+    @property
+    def stop(self) -> int | None:
+        """Number of the row behind its last one; None for a whole recording whose rows were not counted."""
+        return None if self.whole else self.end.row
+
+    def __iter__(self) -> Iterator[Piece]:
+        return iter(Passage(self))
+
+    def __repr__(self) -> str:
+        rows = "all rows" if self.whole else f"rows {self.first} to {self.end.row}"
+        return f"Part({rows} of {self.path})"
+
+
+class Passage:
+    """A part that is read once; `tally` is known behind the last piece.
+
+    Raises
+    ------
+    ReadError, DataError
+        At what `read` refuses, when it is reached; and if the file is not there, or is not the same any more.
+    """
+
+    tally: Tally
+
+    def __init__(self, part: Part) -> None:
+        self._part = part
+
+    def __iter__(self) -> Iterator[Piece]:
+        part = self._part
+        self._reader, self._layout = _opened(part)
+        wanted = list(part.found.choice.columns.values())
+        assembly = Assembly(part.found, part.size, part.first, self._before())
+        if part.whole:
+            chunks = self._reader.chunks(part.path, self._layout, wanted)
+        else:
+            chunks = self._reader.chunks_from(part.path, self._layout, wanted, part.begin)
+        row = part.first
+        for chunk in chunks:
+            row += next(iter(chunk.values())).size
+            yield from assembly.take(chunk)
+            if part.stop is not None and row >= part.stop:
+                break
+        if part.stop is not None and row != part.stop:
+            raise ReadError(
+                f"{part.path} has other rows than when it was divided: was it written to meanwhile, or is it read with "
+                "another version of gmwm here?"
+            )
+        yield from assembly.end(self._behind())
+        self.tally = assembly.tally()
+
+    def _before(self) -> NDArray[Any] | None:
+        """The stamps of the rows before the first, those that say of it whether it begins a segment."""
+        part = self._part
+        if part.found.pace is None or part.first == 0:
+            return None
+        return self._stamps(part.back, part.first)[-part.found.pace.before :]
+
+    def _behind(self) -> NDArray[Any] | None:
+        """The stamps of the rows behind the last."""
+        part = self._part
+        if part.found.pace is None or part.last:
+            return None
+        return self._stamps(part.end, part.end.row + part.found.pace.behind)
+
+    def _stamps(self, mark: Mark, stop: int) -> NDArray[Any]:
+        """The stamps from a mark up to a row."""
+        column, row, taken = self._part.found.choice.columns["time"], mark.row, []
+        for chunk in self._reader.chunks_from(self._part.path, self._layout, [column], mark):
+            taken.append(chunk[column][: stop - row])
+            row += chunk[column].size
+            if row >= stop:
+                break
+        return np.concatenate(taken) if taken else np.empty(0)
+
+
+def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
+    """The recording as parts that follow one another, of about the same length.
+
+    Rows can be begun with anywhere in Parquet, .npy, HDF5, .imu and .imr; in text too, whose lines are counted first,
+    in a pass over the file that parses no numbers. Any other format is one part. Parts begin where the reader's chunks
+    do (2¹⁸ or 2²⁰ rows, 8 MB of text), so that a short recording makes fewer of them.
+
+    Parameters
+    ----------
+    stream : Stream
+        Of `gmwm.stream`.
+    count : int
+        How many parts, at the most.
+
+    Returns
+    -------
+    tuple of Part
+        In order. A part can be pickled; where it is read the file must be under the same path.
+
+    Raises
+    ------
+    OptionError
+        If the count is none, or the stream comes from no file.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, gmwm
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name, "static.imu.npy")
+    >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
+    >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
+    >>> [(part.first, part.stop) for part in source.parts(2)]
+    [(0, 1048576), (1048576, 3000000)]
+    >>> folder.cleanup()
+    """
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+        raise OptionError(f"count must be a whole number of parts, 1 or more; got {count!r}")
+    origin = stream._origin
+    if origin is None:
+        raise OptionError("a recording that is still being made cannot be divided; save it to a file and pass that")
+    if stream._kept is not None:
+        raise OptionError(
+            "a recording that start=, stop= or skip= cut is not divided; write what is kept to a file of its own"
+        )
+    marks = origin.reader.marks(origin.path, origin.layout)
+    cuts = _cuts(marks, int(count))
+    common = (origin.path, origin.path.stat().st_size, origin.reader.name, origin.topic, stream._found, stream._size)
+    if not cuts:
+        return (Part(*common, Mark(0), Mark(0), Mark(0), True, whole=True),)
+    edges = [0, *cuts, len(marks) - 1]
+    pace = stream._found.pace
+    reach = 0 if pace is None else pace.before
+    return tuple(
+        Part(*common, _back(marks, a, reach), marks[a], marks[b], b == len(marks) - 1) for a, b in pairwise(edges)
+    )
+
+
+def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
+    """The marks at which parts begin, but for the first."""
+    rows = [mark.row for mark in marks]
+    cuts, last = list[int](), 0
+    for k in range(1, count) if rows else ():
+        wanted = rows[-1] * k / count
+        nearest = min(range(len(rows)), key=lambda m: abs(rows[m] - wanted))
+        if rows[nearest] - rows[last] >= SHORTEST and rows[-1] - rows[nearest] >= SHORTEST:
+            cuts.append(nearest)
+            last = nearest
+    return cuts
+
+
+def _back(marks: Sequence[Mark], begin: int, reach: int) -> Mark:
+    """The last mark that has so many rows before another one, or the first."""
+    before = [mark for mark in marks[: begin + 1] if mark.row <= marks[begin].row - reach]
+    return before[-1] if before else marks[0]
+
+
+def _opened(part: Part) -> tuple[Reader, Layout]:
+    """The reader and what it says of the file, which must be the one that was divided."""
+    try:
+        path = existing_file(part.path)
+    except ReadError as error:
+        raise ReadError(f"{error}: a part of a recording is read where the same path leads to its file") from None
+    if path.stat().st_size != part.bytes:
+        raise ReadError(
+            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided: is it another file "
+            "here, or was it written to meanwhile?"
+        )
+    reader = find_reader(path, part.format)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # all was told when the stream was made
+        return reader, one_layout(reader, path, part.topic)

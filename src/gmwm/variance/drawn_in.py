@@ -1,0 +1,108 @@
+"""The mean rise of a record that comes twice: what is far from all other values is drawn in, and decides nothing.
+
+The first time some of the values are kept, from which their median and spread follow; the second time each value has
+its weight, as the lengths of the stretches between gaps are known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+
+KEPT = 8192
+"""Values that are kept at the most, half as many at the least."""
+FAR = 10.0
+"""Median absolute deviations from the median, beyond which a value is drawn in."""
+ROW = 256
+_ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
+
+
+@dataclass(frozen=True, eq=False)
+class Some:
+    """Values of a record at every so many samples, counted from its beginning.
+
+    Attributes
+    ----------
+    every : int
+        Samples from one to the next, a power of two.
+    first : int
+        Number in the record of the first of them, a multiple of `every`.
+    values : (n,) array
+    """
+
+    every: int = 1
+    first: int = 0
+    values: Vector = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, x: Vector, start: int) -> Some:
+        """Those of a part that begins with sample `start`."""
+        every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
+        before = -start % every
+        return cls(every, start + before, x[before::every].copy())._thinned(every)
+
+    def joined(self, later: Some) -> Some:
+        """Those of both, the later ones of what follows."""
+        every = max(self.every, later.every)
+        a, b = self._thinned(every), later._thinned(every)
+        first = a.first if a.values.size else b.first
+        return Some(every, first, np.concatenate([a.values, b.values]))._thinned(every)
+
+    def _thinned(self, every: int) -> Some:
+        """At every so many samples, and so few as are kept."""
+        first, values, own = self.first, self.values, self.every
+        while own < every or values.size > KEPT:
+            odd = first // own % 2
+            first, values, own = first + odd * own, values[odd::2].copy(), 2 * own
+        return Some(own, first, values)
+
+    def drawn_in(self, start: int, lengths: tuple[int, ...]) -> DrawnIn:
+        """How to measure the rise, of a whole record of which these are."""
+        middle = float(np.median(self.values)) if self.values.size else 0.0
+        spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
+        sizes = np.array(lengths, dtype=np.float64)
+        edges = start + np.cumsum([0, *lengths])
+        # Least squares in each stretch, and of the stretches by the squares of their lengths, as elsewhere.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
+        return DrawnIn(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnIn:
+    """The mean rise of a record, sample by sample, in any order.
+
+    Attributes
+    ----------
+    middle, reach : float
+        Values are taken to lie within the reach of the middle.
+    edges : (S + 1,) array
+        Numbers of the first sample of each stretch, and one beyond the last.
+    weights : (S,) array
+        Of (t − middle of the stretch) x_t.
+    """
+
+    middle: float
+    reach: float
+    edges: NDArray[np.int64]
+    weights: Vector
+
+    def rise(self, x: Vector, start: int) -> float:
+        """What samples of one stretch, the first of them of number `start`, add to the mean rise in a sample."""
+        k = int(np.searchsorted(self.edges, start, side="right")) - 1
+        if not 0 <= k < self.weights.size:
+            return 0.0  # more than there were
+        values = x - self.middle
+        np.clip(values, -self.reach, self.reach, out=values)
+        # Row by row, for the sums of x and of t x in one reading.
+        rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
+        rest = values[rows.shape[0] * ROW :]
+        total = float(rows[:, 1].sum()) + float(rest.sum())
+        moment = float(rows[:, 0].sum() + ROW * (np.arange(rows.shape[0], dtype=np.float64) @ rows[:, 1]))
+        moment += float(np.arange(x.size - rest.size, x.size, dtype=np.float64) @ rest)
+        begin = float(start - self.edges[k]) - 0.5 * (float(self.edges[k + 1] - self.edges[k]) - 1.0)
+        return float(self.weights[k]) * (moment + begin * total)

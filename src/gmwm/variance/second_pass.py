@@ -1,0 +1,215 @@
+"""The robust wavelet variance of a record that comes twice: what the first pass knows nearly, the second one exactly.
+
+From its sketches the first pass knows σ² to 1e-4 or better. The sums of the equation over all coefficients at just
+that σ² say by how much value and slope of the criterion are off there; the difference being small and smooth, a
+straight line says it for the way that is left, whose square is 1e-8. The median of a level without a root is counted
+out within the sketch's bin. Levels of few coefficients are kept as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Vector
+from gmwm.errors import DataError, OptionError
+from gmwm.variance.biweight import REACH, Biweight, Criterion, biweight, scan
+from gmwm.variance.coefficients import SAMPLE
+from gmwm.variance.drawn_in import DrawnIn
+from gmwm.variance.finds import Finds, Found, Wanted
+from gmwm.variance.gathering import Gathering
+from gmwm.variance.result import WaveletVariance
+from gmwm.variance.robust import RobustVariances, robust_variances
+from gmwm.variance.sketched import SketchCoefficients
+
+if TYPE_CHECKING:
+    from gmwm.variance.accumulate import WaveletAccumulator
+
+NEAR = 0.02
+"""Of log σ²: how far from where the sums were taken they are followed in a straight line."""
+DOUBT = 0.01
+"""Of a: a criterion that comes so near to 0 without a root, or falls so slowly at one, may be of the other kind."""
+
+
+class SecondPass(Gathering):
+    """A record again, of which the first pass knows the sketches: its robust variance, of all coefficients exactly.
+
+    It is made by `WaveletAccumulator.second_pass`, and takes the same samples with the same gaps, cut in any way. Parts
+    may be taken apart and merged in order: `part` makes one that begins anywhere.
+    """
+
+    def __init__(self, first: WaveletAccumulator, wanted: Wanted, drawn_in: DrawnIn, start: int, efficiency: float):
+        super().__init__(first.levels, first.exact, start, wanted)
+        self.efficiency = efficiency
+        self._seen, self._wanted, self._drawn_in = first, wanted, drawn_in
+        self._rise = 0.0
+
+    def part(self, start: int) -> SecondPass:
+        """An empty one for the part of the record that begins with sample `start`."""
+        return SecondPass(self._seen, self._wanted, self._drawn_in, start, self.efficiency)
+
+    def merge(self, following: SecondPass) -> SecondPass:
+        """A new one of this part and the one that follows it at once.
+
+        Raises
+        ------
+        OptionError
+            If the other does not begin where this one ends, or is not a second pass over the same record.
+        """
+        self._require_following(following, "exact", "levels", "efficiency")
+        for name in ("limits", "low", "high", "kept"):
+            if not np.array_equal(getattr(self._wanted, name), getattr(following._wanted, name)):
+                raise OptionError("both parts must be second passes after the same first one; make them with part()")
+        joint = self.part(self.start)
+        joint._take_state(self)
+        joint._append(following)
+        joint._rise = self._rise + following._rise
+        return joint
+
+    def result(self, confidence: float = 0.95) -> WaveletVariance:
+        """The robust wavelet variance of the whole record.
+
+        Levels up to `exact` are those of `wavelet_variance(…, robust=True)`, to some 1e-10; further ones those of the
+        coefficients taken. A level with more than 2^17 coefficients in the bin of its median, where nothing but the
+        median is left, is known to 1e-7. `diagnostics["robust"]` says besides what it says there by how much a level
+        "moved" in the second pass, relatively.
+
+        Parameters
+        ----------
+        confidence : float
+            Level of the limits.
+
+        Raises
+        ------
+        DataError
+            If the samples were not as many, between the same gaps, as in the first pass.
+        """
+        self._fold()
+        if self.start != self._seen.start or self.lengths != self._seen.lengths:
+            raise DataError(
+                f"the second pass must take all samples of the first again, {_extent(self._seen)}; it took "
+                f"{_extent(self)}"
+            )
+        sketched = self._seen._sketched()
+        finds: Finds = self._all_taken()
+        known = (*finds.levels, *(Found() for _ in range(len(finds.levels), len(sketched.counts))))
+        exact = robust_variances(Corrected(sketched, self._wanted, known), self.efficiency)
+        before = robust_variances(sketched, self.efficiency).variance
+        moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
+        found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
+        return self._seen._curve(confidence, found, self.efficiency, self._rise)
+
+    def __getstate__(self) -> dict[str, Any]:
+        self._fold()
+        return {**self.__dict__, "_waiting": np.empty(0)}
+
+    def __repr__(self) -> str:
+        return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"
+
+    def _grow(self, x: Vector) -> None:
+        self._rise += self._drawn_in.rise(x, self.stop)
+        super()._grow(x)
+
+
+def _extent(taken: Gathering) -> str:
+    return f"{len(taken)} in {len(taken.lengths)} segments from number {taken.start} on"
+
+
+def wanted_of(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> Wanted:
+    """What the second pass is to take, after what the sketches say."""
+    tuning, levels = biweight(efficiency), len(sketched.counts)
+    limits, low, high = np.zeros((3, levels))
+    kept = sketched.counts <= SAMPLE
+    for k in np.flatnonzero(~kept).tolist():
+        outcome, variance = found.diagnostics["outcome"][k], float(found.variance[k])
+        place: float | None = variance
+        if outcome != "root":
+            place = _nearest(sketched, k, tuning)
+        elif criterion_of(sketched, k, variance, tuning)(0.0)[1] > -DOUBT * tuning.a:
+            outcome = "mad"
+        if place is not None and 0 < tuning.c**2 * place < math.inf:
+            limits[k] = tuning.c**2 * place
+        if outcome == "mad":
+            low[k], high[k] = sketched.bracket(k)
+    return Wanted(limits, low, high, kept)
+
+
+def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
+    """The criterion of one level, log σ² counted from log `origin`."""
+    limits = np.zeros(len(sketched.counts))
+
+    def criterion(place: float) -> tuple[float, float]:
+        limits[k] = tuning.c**2 * origin * math.exp(place)
+        cubed, fourth, count = sketched.sums(limits)
+        return tuning.criterion(float(cubed[k]), float(fourth[k]), float(count[k]))
+
+    return criterion
+
+
+def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
+    """σ² at which the criterion of a level without a root comes nearest to one, if it comes near at all."""
+    sample = sketched.sample(k, SAMPLE)
+    rest = sample[sample > sketched.resolution(k)]
+    origin = float(np.median(rest)) ** 2 if rest.size else 0.0
+    if not 0 < origin * math.exp(-REACH) <= origin * math.exp(REACH) < math.inf:
+        return None
+    criterion = criterion_of(sketched, k, origin, tuning)
+    peaks = scan(criterion, 1e-3).peaks
+    if not peaks:
+        return None
+    middle = max(peaks, key=lambda peak: peak[1])[0]
+    places = np.linspace(middle - REACH / 30, middle + REACH / 30, 41)
+    values = np.array([criterion(float(place))[0] for place in places])
+    best = int(np.argmax(values))
+    return origin * math.exp(float(places[best])) if values[best] > -DOUBT * tuning.a else None
+
+
+class Corrected:
+    """Coefficients known by their sketches, and better by what a second pass found: the source of a robust variance."""
+
+    def __init__(self, sketched: SketchCoefficients, wanted: Wanted, found: tuple[Found, ...]) -> None:
+        self.counts = sketched.counts
+        self._sketched, self._wanted, self._found = sketched, wanted, found
+        cubed, fourth, _ = sketched.sums(wanted.limits)
+        used = wanted.limits > 0
+        self._cubed = np.where(used, [level.cubed for level in found], 0.0) - cubed
+        self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
+
+    def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
+        """Those of the sketches and how much these are off, in a straight line along log σ²; `every` one is read."""
+        cubed, fourth, count = self._sketched.sums(limits)
+        for k in np.flatnonzero(limits > 0).tolist():
+            if self._wanted.kept[k]:
+                cubed[k], fourth[k] = _core.biweight_sums(self._found[k].sizes, float(limits[k]))
+            elif self._wanted.limits[k] > 0:
+                way = math.log(limits[k] / self._wanted.limits[k])
+                # d Σ v q⁴ / d log σ² = 4 Σ v q³ − 5 Σ v q⁴
+                slope = 4 * self._cubed[k] - 5 * self._fourth[k]
+                off = self._fourth[k] + slope * min(max(way, -NEAR), NEAR)
+                fourth[k] += off
+                cubed[k] += (5 * off + (slope if abs(way) <= NEAR else 0.0)) / 4
+        return cubed, fourth, count
+
+    def sample(self, k: int, size: int) -> Vector:
+        """All, where they are kept, else by the sketch."""
+        return self._found[k].sizes if self._wanted.kept[k] else self._sketched.sample(k, size)
+
+    def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
+        """By the sketch."""
+        return self._sketched.between(k, low, high)
+
+    def median(self, k: int) -> float:
+        """That of the sizes, or of those in the bracket by their ranks."""
+        level, count = self._found[k], int(self.counts[k])
+        if self._wanted.kept[k]:
+            return float(np.median(level.sizes))
+        middle = level.inside.at(np.array([(count - 1) // 2, count // 2]) - level.below)
+        return self._sketched.median(k) if middle is None else float(middle.mean())
+
+    def resolution(self, k: int) -> float:
+        """As known."""
+        return self._sketched.resolution(k)

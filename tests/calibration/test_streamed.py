@@ -1,0 +1,88 @@
+"""A calibration from a recording in pieces: that of the same recording in memory."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.calibration.streamed import Seen, measured_and_seen
+from gmwm.errors import OptionError
+from gmwm.inspection.inspecting import Survey
+
+MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1e-7)", "accel_z": "WN(sigma2=4e-6)"}
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    imu = gmwm.simulate(MODELS, rate=100.0, samples=20_000, seed=1)
+    spoilt = imu["gyro_y"].values.copy()
+    spoilt[7000:7010] += 0.1
+    arrays = {axis: imu[axis].values for axis in imu} | {"gyro_y": spoilt}
+    file = tmp_path_factory.mktemp("streamed") / "static.csv"
+    gmwm.write(gmwm.Imu.from_arrays(arrays, 100.0, segments=((0, 6000), (6000, 20_000))), file)
+    return file
+
+
+def test_a_stream_is_calibrated_as_the_recording(path):
+    told = []
+    options = {"within": "GM + WN + RW", "seed": 3}
+    whole = gmwm.calibrate(gmwm.read(path), **options)
+    pieces = gmwm.calibrate(gmwm.stream(path, chunk=3000), progress=lambda *step: told.append(step), **options)
+    assert list(whole) == list(pieces)
+    for axis in whole:
+        one, other = whole.axes[axis], pieces.axes[axis]
+        assert one.fit.model.structure == other.fit.model.structure
+        assert other.fit.wavelet_variance.strides == ()
+        for name, value in one.fit.parameters.items():
+            assert other.fit.parameters[name] == pytest.approx(value, rel=1e-6)
+        assert one.verdict.contaminated == other.verdict.contaminated == (axis == "gyro_y")
+    assert whole.cautions == pieces.cautions
+    a, b = whole.recording.to_dict(), pieces.recording.to_dict()
+    assert a.pop("jitter") == pytest.approx(b.pop("jitter"), rel=1e-6)
+    assert a == b
+    assert told[0][0] == 0
+    assert [text for _, _, text in told][:2] == ["first reading: 30 s", "first reading: 60 s"]
+    assert "second reading: 3.33 min of 3.33 min" in [text for _, _, text in told]
+    assert told[-1][:2] == (12, 12)
+
+
+def test_axes_of_a_stream(path):
+    found = gmwm.calibrate(gmwm.stream(path), within="WN + RW", axes="accel")
+    assert list(found) == ["accel_z"]
+    assert "1 knock" in " ".join(found.cautions)
+    with pytest.raises(OptionError, match="axes must be some of gyro_x, gyro_y, accel_z; got gyro_z"):
+        gmwm.calibrate(gmwm.stream(path), axes="gyro_z")
+
+
+def test_what_a_file_gets_meanwhile_is_left_out(tmp_path, monkeypatch):
+    file = tmp_path / "growing.csv"
+    rows = np.random.default_rng(1).normal(size=3000)
+
+    def add(values):
+        with file.open("a") as out:
+            out.writelines(f"{value}\n" for value in values)
+
+    file.write_text("gyro_x [rad/s]\n")
+    add(rows[:2000])
+    looks = Survey.looks
+
+    def between(survey):
+        add(rows[2000:])
+        return looks(survey)
+
+    monkeypatch.setattr(Survey, "looks", between)
+    stream = gmwm.stream(file, rate=100.0)
+    curves, seen = measured_and_seen(stream, stream.axes)
+    assert sum(map(len, stream)) == 3000
+    assert seen.samples == 2000 == curves["gyro_x"][1].samples
+    assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
+
+
+def test_one_reading_is_enough_for_one_curve(path):
+    stream = gmwm.stream(path)
+    curves, seen = measured_and_seen(stream, ["gyro_x"], pairs=False)
+    assert list(curves) == ["gyro_x"]
+    assert list(seen.axes) == ["gyro_x", "gyro_y", "accel_z"]
+    thrice = Seen(stream, ["gyro_x"])
+    assert [sum(map(len, thrice)) for _ in range(3)] == [20_000] * 3

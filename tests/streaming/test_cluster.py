@@ -1,0 +1,296 @@
+"""A recording spread over worker processes is the recording in one pass."""
+
+import os
+import signal
+import sys
+import time
+
+import distributed
+import numpy as np
+import polars as pl
+import pytest
+
+import gmwm
+from gmwm.errors import (
+    DataError,
+    GmwmError,
+    GmwmWarning,
+    MissingDependencyError,
+    OptionError,
+    ReadError,
+    TimeBaseWarning,
+)
+from gmwm.readers import arrays, chunks, parquet, text
+from gmwm.streaming import cluster, scheduling
+from gmwm.streaming.cluster import spread_pairs, spread_variance
+from gmwm.streaming.scheduling import connected
+
+UNITS = {"gyro": "deg/s"}
+SMALL = 20_000
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Two worker processes, whose chunks are so small that a file of some hundred thousand rows has many of them."""
+
+    class Smaller(distributed.WorkerPlugin):  # of a worker that replaces one, too; by value, as the test is not there
+        def setup(self, worker):
+            from gmwm.readers import arrays, parquet, text
+
+            arrays.ROWS = parquet.ROWS = 20_000
+            text.BLOCK_BYTES = 400_000
+
+    with connected(workers=2) as found:
+        found.register_plugin(Smaller())
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(chunks.first_rows, "__defaults__", (10_000,))
+    for module, name, value in (
+        (arrays, "ROWS", SMALL), (parquet, "ROWS", SMALL), (text, "BLOCK_BYTES", 20 * SMALL)
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, value)
+
+
+def recording(path, rows=200_000, gaps=(30_000, 60_000, 60_002, 125_000), seed=1):
+    """Two axes at 100 Hz; gaps at seams of chunks and elsewhere."""
+    rng = np.random.default_rng(seed)
+    k = np.arange(rows)
+    tick = k + 9 * np.searchsorted(np.array(gaps), k, side="right")
+    walk = np.cumsum(rng.normal(size=rows)) * 1e-3
+    frame = pl.DataFrame({"time": tick * 0.01, "gyro_x": rng.normal(size=rows), "gyro_y": walk + rng.normal(size=rows)})
+    if path.suffix == ".csv":
+        frame.write_csv(path)
+    elif path.suffix == ".parquet":
+        frame.write_parquet(path, row_group_size=33_333)
+    else:
+        np.save(path, frame.to_numpy().copy())
+    return path
+
+
+def opened(path):
+    names = ["time", "gyro_x", "gyro_y"] if path.suffix == ".npy" else None
+    units = UNITS | ({"time": "s"} if path.suffix == ".npy" else {})
+    return gmwm.stream(path, columns=names, units=units)
+
+
+def same(found, expected, apart=1e-12):
+    assert list(found) == list(expected)
+    for axis, curve in expected.items():
+        for name in ("levels", "counts"):
+            assert np.array_equal(getattr(found[axis], name), getattr(curve, name)), name
+        for name in ("variance", "lower", "upper"):
+            assert np.allclose(getattr(found[axis], name), getattr(curve, name), rtol=apart, atol=0), name
+        for name in ("segments", "samples", "rate", "unit", "axis", "strides", "robust", "confidence"):
+            assert getattr(found[axis], name) == getattr(curve, name), name
+        assert found[axis].slope == (None if curve.slope is None else pytest.approx(curve.slope, rel=1e-9))
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv", ".npy"])
+def test_two_workers_give_what_one_pass_gives(tmp_path, client, suffix):
+    source = opened(recording(tmp_path / f"a{suffix}"))
+    expected = source.wavelet_variance(exact=12)
+    base, told = source.time_base, []
+    assert expected["gyro_x"].segments == (30_000, 30_000, 2, 64_998, 75_000)
+    assert expected["gyro_x"].strides[-1] > 1
+    found = spread_variance(source, scheduler=client, parts=6, exact=12, done=told.append)
+    same(found, expected)
+    assert told == sorted(told)
+    assert told[-1] == 200_000
+    assert source.time_base.gaps == base.gaps
+    same(spread_variance(source, scheduler=client.scheduler.address, levels=6, confidence=0.9),
+         source.wavelet_variance(levels=6, confidence=0.9))  # fmt: skip
+
+
+def test_robust_ones_too(tmp_path, client):
+    path = recording(tmp_path / "a.parquet")
+    frame = pl.read_parquet(path)
+    frame.with_columns(pl.when(pl.int_range(pl.len()) % 997 == 5).then(50.0).otherwise(pl.col("gyro_x"))
+                       .alias("gyro_x")).write_parquet(path)  # fmt: skip
+    source, told = opened(path), []
+    found = spread_variance(source, scheduler=client, parts=5, exact=12, robust=True, done=told.append)
+    same(found, source.wavelet_variance(exact=12, robust=True), apart=1e-9)
+    assert told[-1] == 400_000
+    pairs = spread_pairs(source, scheduler=client, parts=3, passes=1, efficiency=0.9)
+    same({axis: pair[0] for axis, pair in pairs.items()}, source.wavelet_variance())
+    same({axis: pair[1] for axis, pair in pairs.items()},
+         source.wavelet_variance(robust=True, passes=1, efficiency=0.9), apart=1e-9)  # fmt: skip
+    with pytest.raises(OptionError, match="passes must be"):
+        spread_pairs(source, scheduler=client, passes=3)
+
+
+def test_a_part_is_tried_again_after_trouble_that_is_not_its_own(tmp_path, client, monkeypatch):
+    source, log = opened(recording(tmp_path / "a.npy")), tmp_path / "log"
+    measure = cluster._measure
+
+    def flaky(part, begin):
+        with log.open("a") as file:
+            file.write(f"{part.first}\n")
+        if log.read_text().split().count(str(part.first)) < 3:
+            raise OSError("the network is down")
+        return measure(part, begin)
+
+    monkeypatch.setattr(cluster, "_measure", flaky)
+    same(spread_variance(source, scheduler=client, parts=3), source.wavelet_variance())
+    assert len(log.read_text().split()) == 9
+    log.unlink()
+    with pytest.raises(OSError, match="the network is down"):
+        spread_variance(source, scheduler=client, parts=3, retries=1)
+
+
+@pytest.mark.parametrize(
+    ("axis", "rows", "value"), [("gyro_x", [150_000, 190_000], np.nan), ("gyro_y", slice(None), 1)]
+)
+def test_what_is_wrong_in_the_file_is_told_as_in_one_pass(tmp_path, client, axis, rows, value):
+    path = recording(tmp_path / "a.parquet")
+    frame = pl.read_parquet(path)
+    numbers = frame[axis].to_numpy().copy()
+    numbers[rows] = value
+    frame.with_columns(pl.Series(axis, numbers)).write_parquet(path)
+    source = opened(path)
+    with pytest.raises(DataError) as expected:
+        source.wavelet_variance()
+    with pytest.raises(DataError) as found:
+        spread_variance(source, scheduler=client, parts=10)
+    assert str(found.value) == str(expected.value)
+
+
+def test_warnings_are_those_of_one_pass(tmp_path, client):
+    path = recording(tmp_path / "a.parquet")
+    frame = pl.read_parquet(path)
+    twice = frame["time"].to_numpy().copy()
+    twice[[50_000, 160_000]] = twice[[49_999, 159_999]]
+    frame.with_columns(time=twice).write_parquet(path)
+    with pytest.warns(TimeBaseWarning, match="repeat the one before: 2 of 200000") as told:
+        spread_variance(opened(path), scheduler=client, parts=4)
+    assert [warning.filename for warning in told] == [__file__]
+
+
+def test_a_file_that_workers_do_not_find(tmp_path, client, monkeypatch):
+    path = recording(tmp_path / "a.npy")
+    source, measure = opened(path), cluster._measure
+    monkeypatch.setattr(
+        cluster, "_measure", lambda part, begin: (path.unlink(missing_ok=True), measure(part, begin))[1]
+    )
+    with pytest.raises(ReadError, match=r"a\.npy does not exist; .* where the same path leads to its file"):
+        spread_variance(source, scheduler=client, parts=4)
+
+
+def test_what_is_interrupted_leaves_nothing_behind(tmp_path, client):
+    source = opened(recording(tmp_path / "a.parquet"))
+
+    def interrupt(samples):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        spread_variance(source, scheduler=client, parts=10, done=interrupt)
+
+    def left(dask_scheduler):
+        return [key for key in dask_scheduler.tasks if "_measure" in str(key) or "_unpacked" in str(key)]
+
+    until = time.monotonic() + 20
+    while client.run_on_scheduler(left) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert client.run_on_scheduler(left) == []
+    assert client.submit(sum, [1, 2], pure=False).result() == 3
+
+
+def test_only_some_parts_are_asked_for_at_once(tmp_path, client, monkeypatch):
+    source, running, most = opened(recording(tmp_path / "a.npy")), set(), []
+    ask, answer = cluster._Crew._ask, cluster._Crew._answer
+
+    def asked(crew, k, *rest):
+        running.add(k)
+        most.append(len(running))
+        return ask(crew, k, *rest)
+
+    def answered(crew, k, future):
+        running.remove(k)
+        return answer(crew, k, future)
+
+    monkeypatch.setattr(cluster._Crew, "_ask", asked)
+    monkeypatch.setattr(cluster._Crew, "_answer", answered)
+    spread_variance(source, scheduler=client, parts=10)
+    assert len(most) == 10
+    assert max(most) <= 4
+    # By default there are four parts for each thread.
+    client.wait_for_workers(2, timeout=60)
+    most.clear()
+    spread_variance(source, scheduler=client)
+    assert len(most) == 8
+
+
+def pids(client):
+    return set(client.run(os.getpid).values())
+
+
+def test_a_worker_that_is_killed_half_way(tmp_path, client):
+    source = opened(recording(tmp_path / "a.parquet"))
+    before, killed = pids(client), []
+
+    def kill(samples):
+        if not killed:
+            killed.append(min(pids(client)))
+            os.kill(killed[0], signal.SIGKILL)
+
+    same(spread_variance(source, scheduler=client, parts=10, exact=12, done=kill), source.wavelet_variance(exact=12))
+    assert killed[0] in before - pids(client)
+
+
+def test_workers_that_die_of_a_part(tmp_path, client, monkeypatch):
+    source = opened(recording(tmp_path / "a.npy"))
+    monkeypatch.setattr(client.cluster.scheduler, "allowed_failures", 0)
+    monkeypatch.setattr(cluster, "_measure", lambda part, begin: os._exit(1))
+    with pytest.raises(GmwmError, match=r"given Part\(rows \d+ to .* died, one after the other: have they memory"):
+        spread_variance(source, scheduler=client, parts=2)
+
+
+def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
+    source = opened(recording(tmp_path / "a.npy", rows=20_000, gaps=()))
+    with pytest.raises(OptionError, match="exact must be"):
+        spread_variance(source, scheduler="tcp://127.0.0.1:1", exact=2)
+    with pytest.raises(OptionError, match="passes must be 2 or 1"):
+        spread_pairs(source, passes=3)
+    with pytest.raises(OptionError, match="count must be a whole number of parts"):
+        spread_variance(source, scheduler=client, parts=0)
+    for workers in (0, True, "two"):
+        with pytest.raises(OptionError, match="workers must be a whole number"), connected(workers=workers):
+            pass
+    with pytest.raises(OptionError, match="pass one of them"), connected(client, workers=2):
+        pass
+    for address in ("127.0.0.1:8786", "", 8786):
+        with pytest.raises(OptionError, match="scheduler must be an address as tcp://"), connected(address):
+            pass
+    monkeypatch.setattr(scheduling, "PATIENCE", 0.3)
+    with pytest.raises(OptionError, match=r"scheduler='tcp://127.0.0.1:1' does not answer"):
+        spread_variance(source, scheduler="tcp://127.0.0.1:1")
+    with pytest.raises(OptionError, match="scheduler='nonsense://x' does not answer"), connected("nonsense://x"):
+        pass
+
+
+def test_without_dask_it_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'gmwm\[dask\]'"), connected():
+        pass
+
+
+def test_processes_that_do_not_begin(monkeypatch):
+    def broken(**options):
+        raise RuntimeError("Nanny failed to start.")
+
+    monkeypatch.setattr(distributed, "LocalCluster", broken)
+    with pytest.raises(GmwmError, match=r"Nanny failed.*under if __name__ == .__main__.:"), connected(workers=1):
+        pass
+
+
+def test_a_scheduler_without_workers_is_told():
+    options = {"n_workers": 0, "processes": False, "dashboard_address": ":0", "silence_logs": 50}
+    with (
+        distributed.LocalCluster(**options) as empty,
+        pytest.warns(GmwmWarning, match="has no workers yet") as told,
+        connected(empty.scheduler_address),
+    ):
+        pass
+    assert [warning.filename for warning in told] == [__file__]
