@@ -8,6 +8,7 @@ from validation import (
     study_covariance,
     study_coverage,
     study_efficiency,
+    study_fleet,
     study_goodness,
     study_likelihood,
     study_optimism,
@@ -218,3 +219,18 @@ def test_intervals_by_likelihood_hold_the_truth():
         assert abs(row["bias"]) < 4, row
     for row in result["tests"]:
         assert abs(row["deviance"] - row["parameters"]) < 4 * (2 * row["parameters"] / result["recordings"]) ** 0.5, row
+
+
+def test_a_fleet_raises_no_more_alarms_than_said_and_finds_what_is_far_off():
+    result = study_fleet.run(reduced=True)
+    assert study_fleet.table(result).count("\n|") == 2 + len(result["rows"]) + 2 + len(result["found"])
+    for row in result["rows"]:
+        # Shares of 5 % and 95 % scatter by 0.22 / √n; the test of several outliers at once takes a little more.
+        noise = 4 * 0.22 / row["fleets"] ** 0.5
+        assert row["alarm_0"] < 0.06 + noise, row
+        assert all(row[f"{name}_covered"] > 0.93 - noise for name in ("mean", "spread", "further")), row
+        assert row["spread2"] > 0.9 * row["spread"] ** 2, row
+    for row in result["found"]:
+        assert row["one_wrong"] < 0.05, row
+        if row["off"] == 10 and row["units"] > 8:
+            assert row["one_found"] > 0.95, row

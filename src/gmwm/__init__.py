@@ -36,6 +36,8 @@ from gmwm.exporters import export as export
 from gmwm.exporters import export_formats as export_formats
 from gmwm.filters import WaveletFilter as WaveletFilter
 from gmwm.filters import find_filter as find_filter
+from gmwm.fleets import Fleet as Fleet
+from gmwm.fleets import fleet as fleet
 from gmwm.inference.plan import Plan as Plan
 from gmwm.inference.plan import plan as plan
 from gmwm.inspection import Inspection as Inspection

@@ -37,6 +37,13 @@ EXAMPLES = (
     "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes --json",
 )
 
+Outliers = Annotated[
+    Literal["auto", "yes", "no"],
+    typer.Option(
+        help="Leave outliers out: of the axes where a test at 5 % for all together finds them, of all, of none.",
+        rich_help_panel="Estimation",
+    ),
+]
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 
 
@@ -46,13 +53,7 @@ def calibrate(
     opening: Opening,
     axis: Axes = None,
     within: Within = WITHIN,
-    robust: Annotated[
-        Literal["auto", "yes", "no"],
-        typer.Option(
-            help="Leave outliers out: of the axes where a test at 5 % for all together finds them, of all, of none.",
-            rich_help_panel="Estimation",
-        ),
-    ] = "auto",
+    robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
     criterion: CriterionName = "asymptotic",

@@ -16,6 +16,7 @@ from gmwm.cli import (
     demo,
     export,
     fit,
+    fleet,
     info,
     plan,
     report,
@@ -45,6 +46,7 @@ def _help(text: str | None) -> str:
 
 for _command, _examples in (
     (calibrate.calibrate, calibrate.EXAMPLES),
+    (fleet.fleet, fleet.EXAMPLES),
     (report.report, report.EXAMPLES),
     (info.info, info.EXAMPLES),
     (wv.wv, wv.EXAMPLES),

@@ -180,20 +180,24 @@ def load(path: Path, opening: Opening) -> Imu:
     from gmwm.readers import read
 
     with progress(f"reading {path.name}"):
-        return read(
-            path,
-            rate=opening.rate,
-            columns=parse_columns(opening.columns),
-            units=parse_units(opening.units),
-            gaps=opening.gaps,
-            start=_length(opening.start, "--start"),
-            stop=_length(opening.stop, "--stop"),
-            skip=parse_skips(opening.skip),
-            format=opening.format,
-            topic=opening.topic,
-            scale=parse_scale(opening.scale),
-            increments=[part.strip() for part in (opening.increments or "").split(",") if part.strip()],
-        )
+        return read(path, **reading(opening))
+
+
+def reading(opening: Opening) -> dict[str, Any]:
+    """The options as the arguments of `gmwm.read`."""
+    return {
+        "rate": opening.rate,
+        "columns": parse_columns(opening.columns),
+        "units": parse_units(opening.units),
+        "gaps": opening.gaps,
+        "start": _length(opening.start, "--start"),
+        "stop": _length(opening.stop, "--stop"),
+        "skip": parse_skips(opening.skip),
+        "format": opening.format,
+        "topic": opening.topic,
+        "scale": parse_scale(opening.scale),
+        "increments": [part.strip() for part in (opening.increments or "").split(",") if part.strip()],
+    }
 
 
 def _length(text: str | None, option: str) -> float | None:

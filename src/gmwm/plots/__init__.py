@@ -8,6 +8,7 @@ Matplotlib is imported when something is drawn.
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr
 from gmwm.plots.comparison import compare
 from gmwm.plots.fit import plot_fit
+from gmwm.plots.fleet import plot_fleet
 from gmwm.plots.imu import plot_imu
 from gmwm.plots.overlay import plot_comparison
 from gmwm.plots.plan import plot_plan
@@ -26,6 +27,7 @@ __all__ = [
     "plot_comparison",
     "plot_components",
     "plot_fit",
+    "plot_fleet",
     "plot_imu",
     "plot_plan",
     "plot_ranking",

@@ -1,0 +1,193 @@
+"""gmwm fleet: thousands of recordings, each calibrated, and what the units are like together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gmwm.calibration.calibrate import WITHIN
+from gmwm.cli.calibrate import ROBUST, Outliers
+from gmwm.cli.opening import INPUT, Axes, Opening, opens, reading
+from gmwm.cli.options import (
+    RESULT,
+    ChoiceWeighting,
+    Confidence,
+    CriterionName,
+    Efficiency,
+    Json,
+    Seed,
+    Within,
+    parse_within,
+)
+from gmwm.errors import DataError, OptionError
+
+if TYPE_CHECKING:
+    from gmwm.fleets import Fleet
+    from gmwm.fleets.engine import Progress
+
+EXAMPLES = (
+    "gmwm fleet recordings --output results",
+    "gmwm fleet recordings --pattern '*.csv' --rate 100 --units gyro=deg/s,accel=g --output results",
+    "gmwm fleet /shared/recordings --scheduler tcp://10.0.0.5:8786 --output results --json",
+)
+MACHINES = "Where it is done"
+SHOWN = 10
+"""Failed units that are named on stderr; the table and the summary have all."""
+
+
+@opens
+def fleet(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="Folder of recordings, a unit each; all beneath.", metavar="DIR", show_default=False),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Write units/<unit>.json, fleet.parquet, summary.txt and fleet.png into this directory. What an "
+            "earlier run left there is not done again.",
+            rich_help_panel=RESULT,
+            show_default=False,
+        ),
+    ],
+    opening: Opening,
+    pattern: Annotated[
+        str | None,
+        typer.Option(
+            help="Which files: '*.csv' by name, 'lot 7/*.csv' by path. Default: all that can be read.",
+            metavar="PATTERN",
+            rich_help_panel=INPUT,
+            show_default=False,
+        ),
+    ] = None,
+    axis: Axes = None,
+    within: Within = WITHIN,
+    robust: Outliers = "auto",
+    efficiency: Efficiency = None,
+    weighting: ChoiceWeighting = "optimal",
+    criterion: CriterionName = "asymptotic",
+    confidence: Confidence = 0.95,
+    seed: Seed = 0,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            help="Dask scheduler whose workers do it, as tcp://10.0.0.5:8786; they find the files under the same "
+            "paths. Default: this machine.",
+            metavar="ADDRESS",
+            rich_help_panel=MACHINES,
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Processes on this machine. Default: one for each processor; 0: none, all in this one.",
+            min=0,
+            rich_help_panel=MACHINES,
+            show_default=False,
+        ),
+    ] = None,
+    retries: Annotated[
+        int,
+        typer.Option(
+            help="How often a unit is tried again after an error of the file system or a lost worker.",
+            min=0,
+            rich_help_panel=MACHINES,
+        ),
+    ] = 2,
+    json: Json = False,
+) -> None:
+    """Calibrate every recording in a folder, and tell what the units are like and which are not like the others.
+
+    Each unit's calibration is written as soon as it is there; the same command again does only what is missing, failed
+    or changed. Units that cannot be calibrated are named with their reasons and end nothing: the exit code is 0 if any
+    unit is calibrated, 2 if none is.
+
+    fleet.parquet has a row for each unit and axis; Fleet.load reads the directory.
+    """
+    from gmwm import fleet as calibrate_all
+    from gmwm.cli.output import made_directory, print_json, print_written, tell, told_warnings
+
+    if efficiency is not None and robust == "no":
+        raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
+    if workers is not None and scheduler is not None:
+        raise OptionError("--workers are those begun on this machine, a scheduler has its own: leave one of them out")
+    largest, arguments = parse_within(within), reading(opening)
+    axes = [part.strip() for text in axis or () for part in text.split(",")] or None
+    with told_warnings() as told:
+        made_directory(output)
+        with _bar() as progress:
+            found = calibrate_all(
+                folder, output, within=largest, robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+                confidence=confidence, efficiency=0.6 if efficiency is None else efficiency, seed=seed, axes=axes,
+                reading=arguments, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
+                progress=progress,
+            )  # fmt: skip
+        if not len(found):
+            unit, why = next(iter(found.failed.items()))
+            raise DataError(f"none of {len(found.units)} units can be calibrated; {unit}: {why}")
+        for line in _trouble(found):
+            tell(told, line)
+        written = write_all(found, output)
+        if json:
+            print_json("fleet", {**document(found), "written": list(map(str, written))}, told)
+            return
+        print(found.summary())
+        print_written(written)
+
+
+def document(found: Fleet) -> dict[str, object]:
+    """What --json prints, but for what was written."""
+    return {
+        "output": str(found.folder), "units": list(found.units), "done": found.done, "kept": found.kept,
+        "failed": found.failed, "left_out": list(found.left_out), "statistics": found.statistics.to_dict(),
+    }  # fmt: skip
+
+
+def write_all(found: Fleet, folder: Path) -> list[Path]:
+    """The summary and the picture, each whole or not at all; the rest is there."""
+    from gmwm._files import write_text
+    from gmwm.cli.output import progress
+    from gmwm.fleets.kept import TABLE
+
+    table, text, picture = (folder / name for name in (TABLE, "summary.txt", "fleet.png"))
+    write_text(text, found.summary() + "\n")
+    with progress("drawing"):
+        found.plot(path=picture)
+    return [table, text, picture]
+
+
+def _trouble(found: Fleet) -> Iterator[str]:
+    """Units and files that are not among the calibrated ones, a line each."""
+    failed = list(found.failed.items())
+    for unit, why in failed[:SHOWN]:
+        yield f"{unit} is not calibrated: {why}"
+    if len(failed) > SHOWN:
+        yield f"{len(failed) - SHOWN} more units are not calibrated: summary.txt and fleet.parquet say why"
+    if found.left_out:
+        names = ", ".join(found.left_out[:SHOWN])
+        more = f" and {len(found.left_out) - SHOWN} more" if len(found.left_out) > SHOWN else ""
+        yield f"left out, as they look like no recordings: {names}{more}; --pattern says which files are"
+
+
+@contextmanager
+def _bar() -> Iterator[Progress]:
+    """A progress bar of as many units as there are, which is known when they are found."""
+    from gmwm.cli.output import progress
+
+    fine, moved = 1000, 0
+    with progress("looking for recordings", fine) as advance:
+
+        def show(done: int, units: int, text: str) -> None:
+            nonlocal moved
+            steps = done * fine // units - moved
+            moved += steps
+            advance(f"{done} of {units}: {text}", steps)
+
+        yield show

@@ -1,0 +1,266 @@
+"""Thousands of recordings, each calibrated: on this machine or many, kept as it goes, taken up where it ended."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
+from inspect import signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from gmwm._arrays import as_rate
+from gmwm._threads import processors
+from gmwm.calibration.calibrate import WITHIN, check_settings
+from gmwm.calibration.result import Settings
+from gmwm.errors import OptionError
+from gmwm.fleets.finding import Found, Recordings, find_units
+from gmwm.fleets.kept import TABLE, drop, keep, kept_rows, write_facts
+from gmwm.fleets.result import Fleet
+from gmwm.fleets.rows import Row, failed_row
+from gmwm.fleets.spread import here, patient, spread
+from gmwm.fleets.table import as_table, write_table
+from gmwm.fleets.work import Asked, Job, Outcome
+from gmwm.processes.model import ModelLike, as_model
+from gmwm.readers import find_reader, read
+from gmwm.readers.factors import checked_increments, checked_scale
+from gmwm.readers.scales import checked_units
+from gmwm.signals import AXES
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+Progress = Callable[[int, int, str], None]
+"""Called with the number of units done, that of all, and the last one."""
+
+
+def fleet(
+    recordings: Recordings,
+    output: str | os.PathLike[str],
+    *,
+    within: ModelLike = WITHIN,
+    robust: Literal["auto"] | bool = "auto",
+    weighting: Literal["diagonal", "optimal"] = "optimal",
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
+    confidence: float = 0.95,
+    efficiency: float = 0.6,
+    draws: int = 1000,
+    seed: int = 0,
+    axes: str | Sequence[str] | None = None,
+    reading: Mapping[str, Any] | None = None,
+    pattern: str | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    retries: int = 2,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Calibrate every recording of a fleet, and make one table of all.
+
+    Each unit's calibration is written as soon as it is there. Whoever runs the same again does only what is missing:
+    units that failed, that are new, whose recording or whose settings are others. A unit that fails is a row with its
+    reason and ends nothing. What a network file system or a lost worker interrupts is tried again.
+
+    Parameters
+    ----------
+    recordings : folder, sequence of paths, or mapping of unit to path
+        Of a folder all files beneath that a reader knows by name or content, but hidden ones; a unit is called by its
+        path in the folder.
+    output : path
+        Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
+    within, robust, weighting, criterion, confidence, efficiency, draws, seed, axes
+        As for `calibrate`, of every unit.
+    reading : mapping, optional
+        Arguments of `read`, of every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
+    pattern : str, optional
+        Which files of the folder instead: "*.csv" is of their names, "lot 7/*.csv" of their paths.
+    scheduler : str or distributed.Client, optional
+        Address of a Dask scheduler whose workers do the work, or a client of it. All have gmwm, and the workers find
+        the recordings under the same paths; how many lost workers a unit may cost is the scheduler's own setting.
+    workers : int, optional
+        Processes to begin on this machine instead, one for each processor by default if Dask is installed; a script
+        must then hold its work under `if __name__ == "__main__":`. 0 works in this process.
+    retries : int
+        How often a unit is tried again that the system interrupted.
+    progress : function of (done, all, text), optional
+        Called after each unit, in the calling thread.
+
+    Returns
+    -------
+    Fleet
+        Its `table`, `failed`, `statistics` and `outliers`; `fleet["unit"]` is the Calibration of one.
+
+    Raises
+    ------
+    OptionError, UnitError, ModelError
+        If an option is not one of those it may be; before any work begins.
+    MissingDependencyError
+        If a cluster or workers are asked for and Dask is not installed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, gmwm
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> for k in range(3):
+    ...     path = pathlib.Path(folder.name, f"unit{k}.parquet")
+    ...     gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, seed=k), path)
+    >>> found = fleet(folder.name, pathlib.Path(folder.name, "results"), within="WN + RW", workers=0)
+    >>> found
+    Fleet(3 of 3 units calibrated)
+    >>> found.table.select("unit", "axis", "model").row(0)
+    ('unit0.parquet', 'gyro_x', 'WN')
+    >>> folder.cleanup()
+    """
+    general = as_model(within, "within")
+    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
+    check_settings(settings)
+    arguments, plain = _checked_reading(reading)
+    asked = Asked(general, settings, _checked_axes(axes), arguments, plain)
+    _check_places(scheduler, workers, retries)
+    folder = Path(output).absolute()
+    found = find_units(recordings, folder, pattern)
+    if folder.exists() and not folder.is_dir():
+        raise OptionError(f"output must be a folder, {folder} is a file; name another one")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_facts(folder, found, asked)
+    run = _Run(folder, found, progress)
+    with run.telling():
+        jobs = run.jobs(asked)
+        with _outcomes(jobs, scheduler, workers, retries) as outcomes:
+            for outcome in outcomes:
+                run.take(outcome)
+    paths = {unit: str(path) for unit, path in found.paths.items()}
+    return Fleet(folder, paths, run.table(), settings, found.left_out, run.kept, run.done, plain)
+
+
+class _Run:
+    """One run of a fleet: what is kept of earlier ones, and what comes."""
+
+    def __init__(self, folder: Path, found: Found, progress: Progress | None) -> None:
+        self.folder, self.paths, self.progress = folder, found.paths, progress
+        self.rows: dict[str, list[Row]] = {}
+        self.kept = self.done = 0
+
+    def jobs(self, asked: Asked) -> list[Job]:
+        """What is to be done; the rest is kept."""
+        jobs = []
+        for unit, path in self.paths.items():
+            rows = kept_rows(self.folder, unit, path, asked)
+            if rows is None:
+                jobs.append(Job(unit, str(path), asked))
+            else:
+                self.rows[unit] = rows
+                self.kept += 1
+                self._tell(f"{unit}: kept")
+        return jobs
+
+    def take(self, outcome: Outcome) -> None:
+        """Keep what became of a unit."""
+        unit = outcome.unit
+        if outcome.document is None:
+            drop(self.folder, unit)
+            self.rows[unit] = [failed_row(unit, str(self.paths[unit]), outcome.reason)]
+        else:
+            keep(self.folder, unit, outcome.document)
+            self.rows[unit] = list(outcome.rows)
+            self.done += 1
+        self._tell(unit if outcome.document is not None else f"{unit}: failed")
+
+    def table(self) -> Any:
+        """The table of all units, in their order; of those that were not come to, too."""
+        missing = "not come to: the run was ended before; run the same again"
+        return as_table(
+            row
+            for unit, path in self.paths.items()
+            for row in self.rows.get(unit) or [failed_row(unit, str(path), missing)]
+        )
+
+    @contextmanager
+    def telling(self) -> Iterator[None]:
+        """Write the table in the end, and after an error or Ctrl-C too."""
+        try:
+            yield
+        finally:
+            write_table(self.table(), self.folder / TABLE)
+
+    def _tell(self, text: str) -> None:
+        if self.progress is not None:
+            self.progress(len(self.rows), len(self.paths), text)
+
+
+@contextmanager
+def _outcomes(
+    jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int
+) -> Iterator[Iterable[Outcome]]:
+    """What becomes of the jobs, wherever they are done."""
+    alone = (
+        scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
+    )
+    if not jobs or workers == 0 or alone:
+        yield here(jobs, retries)
+        return
+    from gmwm.streaming.scheduling import connected, library
+
+    library()
+    with ExitStack() as stack:
+        stack.enter_context(patient(retries))
+        client = stack.enter_context(connected(scheduler, workers))
+        # A worker has one job for each of its threads: the axes of a unit follow one another there.
+        outcomes = spread([Job(job.unit, job.path, job.asked, threads=1) for job in jobs], client, retries)
+        # Closed first, whatever happens: what has not begun is cancelled while there is a client.
+        stack.callback(outcomes.close)
+        yield outcomes
+
+
+def _checked_reading(reading: Mapping[str, Any] | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The arguments of `read` that are not its defaults; and the same as JSON gives them back."""
+    if reading is not None and not isinstance(reading, Mapping):
+        raise OptionError(f"reading must map arguments of gmwm.read to values, got {type(reading).__name__}")
+    defaults = {name: one.default for name, one in signature(read).parameters.items() if name != "path"}
+    given = dict(reading or {})
+    if unknown := [name for name in given if name not in defaults]:
+        raise OptionError(
+            f"reading must hold arguments of gmwm.read, some of {', '.join(defaults)}; got {unknown[0]!r}"
+        )
+    given = {name: value for name, value in given.items() if not _is_default(value, defaults[name])}
+    if given.get("gaps", "keep") not in ("keep", "longest"):
+        raise OptionError(f"gaps must be 'keep' or 'longest', got {given['gaps']!r}")
+    if "rate" in given:
+        as_rate(given["rate"])
+    if "format" in given:
+        find_reader(Path(), given["format"])
+    checked_units(given.get("units"))
+    checked_scale(given.get("scale"))
+    checked_increments(given.get("increments", ()))
+    try:
+        plain = json.loads(json.dumps(given, allow_nan=False, default=lambda value: value.tolist()))
+    except (TypeError, ValueError, AttributeError) as error:
+        raise OptionError(f"reading must hold numbers, texts, lists and mappings of them: {error}") from error
+    return given, plain
+
+
+def _is_default(value: Any, default: Any) -> bool:
+    return value is None or value is False or value in (default, [], {})
+
+
+def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
+    """Axes and sensors by name; recordings have no others."""
+    if axes is None:
+        return None
+    names = (axes,) if isinstance(axes, str) else tuple(axes)
+    known = (*AXES, *dict.fromkeys(axis.rpartition("_")[0] for axis in AXES))
+    unknown = [name for name in names if name not in known]
+    if unknown or not names:
+        raise OptionError(f"axes must be some of {', '.join(known)}; got {repr(unknown[0]) if unknown else 'none'}")
+    return names
+
+
+def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:
+    for name, number in (("workers", workers), ("retries", retries)):
+        if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 0):
+            raise OptionError(f"{name} must be a whole number from 0, got {number!r}")
+    if scheduler is not None and workers is not None:
+        raise OptionError(
+            f"workers={workers} are those begun on this machine, a scheduler has its own: leave one of them out"
+        )

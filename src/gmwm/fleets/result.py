@@ -1,0 +1,141 @@
+"""The result of a fleet: its table, its units, and what they tell together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from gmwm._late import LateMethod
+from gmwm.calibration.result import Calibration, Settings
+from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.fleets.kept import TABLE, read_facts, unit_file
+from gmwm.fleets.table import read_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from polars import DataFrame
+
+    from gmwm.fleets.numbers import FleetStatistics
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fleet:
+    """Many units, each calibrated; `fleet["unit"]` is the Calibration of one, read when it is asked for.
+
+    Attributes
+    ----------
+    folder : Path
+        Where all of it stands: fleet.json, fleet.parquet, units/<unit>.json.
+    paths : mapping of unit to path
+        The recordings.
+    table : polars.DataFrame
+        A row for each unit and axis: `unit`, `axis`, `status` ("calibrated" or "failed"), `reason`, `file`, `sha256`,
+        `samples`, `rate` (Hz), `duration` (s), `model`, `p_value` (of the fit), `robust`, `contaminated`, `certified`,
+        `cautions` (how many); then for each number of the datasheets N, N_low, N_high, N_unit in SI. A number that the
+        data only bound has no value, low 0, and its limit as high, infinite where there is none. A unit that failed as
+        a whole has one row without an axis.
+    settings : Settings
+        What was asked for.
+    left_out : tuple of str
+        Files in the folder of recordings that are none.
+    kept, done : int
+        Units that an earlier run had calibrated, and that this one did; of a fleet that was loaded all are kept.
+    reading : mapping
+        Arguments of `read` that are not its defaults.
+    """
+
+    folder: Path
+    paths: Mapping[str, str]
+    table: DataFrame
+    settings: Settings
+    left_out: tuple[str, ...] = ()
+    kept: int = 0
+    done: int = 0
+    reading: Mapping[str, Any] = field(default_factory=dict)
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.fleet:plot_fleet", "Draw every unit's numbers with their spread, and the outliers: plot(path=…)."
+    )
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Names of all units."""
+        return tuple(self.paths)
+
+    @cached_property
+    def failed(self) -> dict[str, str]:
+        """Units that could not be calibrated at all, and why."""
+        rows = self.table.filter(self.table["axis"].is_null()).select("unit", "reason").rows()
+        return {str(unit): str(reason) for unit, reason in rows}
+
+    @cached_property
+    def statistics(self) -> FleetStatistics:
+        """What the units have in common and how they differ, for each number of each axis; and the outliers."""
+        from gmwm.fleets.statistics import fleet_statistics
+
+        return fleet_statistics(self.table, confidence=self.settings.confidence)
+
+    @property
+    def outliers(self) -> Any:
+        """Units with a number that is not as the others' are."""
+        return self.statistics.outliers
+
+    def __getitem__(self, unit: str) -> Calibration:
+        if unit not in self.paths:
+            some = ", ".join(list(self.paths)[:3])
+            raise OptionError(f"unit must be one of {len(self.paths)}, as {some}; got {unit!r}")
+        if unit in self.failed:
+            raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}")
+        return Calibration.load(unit_file(self.folder, unit))
+
+    def __iter__(self) -> Iterator[str]:
+        return (unit for unit in self.paths if unit not in self.failed)
+
+    def __len__(self) -> int:
+        return len(self.paths) - len(self.failed)
+
+    def __contains__(self, unit: object) -> bool:
+        return unit in self.paths and unit not in self.failed
+
+    def summary(self) -> str:
+        """How many units are done, what they are like together, which are not like the others, and which failed."""
+        from gmwm.fleets.words import summary
+
+        return summary(self)
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Fleet:
+        """The fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
+
+        Raises
+        ------
+        ReadError
+            If the folder is none of a fleet, of a newer version, or no run came to its end.
+        """
+        where = Path(folder)
+        facts = read_facts(where)
+        table = read_table(where / TABLE)
+        try:
+            settings = Settings(**facts["settings"])
+        except TypeError as error:
+            raise ReadError(f"{where}: the settings of the fleet cannot be understood: {error}") from error
+        paths, told = facts["units"], set(table["unit"])
+        if any(unit not in told for unit in paths):
+            raise ReadError(
+                f"{where}: its last run was cut short before its table was written; run it again, what is done is not "
+                "done twice"
+            )
+        found = cls(where, paths, table, settings, tuple(facts["left_out"]), reading=facts.get("reading", {}))
+        return replace(found, kept=len(found))
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return f"Fleet({len(self)} of {len(self.paths)} units calibrated{failed})"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"

@@ -1,0 +1,64 @@
+"""The rows of a fleet's table: one for each unit and axis, as plain numbers and texts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from gmwm.calibration.result import AxisCalibration, Calibration
+
+Row = dict[str, Any]
+PROVEN = 1e-3
+"""Share of the objective that a better fit could gain at most, where the one that was found counts as the best."""
+_INFINITE = "Infinity"
+
+
+def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
+    """A row for each axis, with those that could not be calibrated.
+
+    A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI; one that the data only
+    bound has no value, and its limit in `<symbol>_high`.
+    """
+    base: Row = {"unit": unit, "file": path, "cautions": len(found.cautions)}
+    if found.recording is not None:
+        base |= {name: getattr(found.recording, name) for name in ("sha256", "samples", "rate", "duration")}
+    rows = [base | {"axis": axis, "status": "calibrated", **_of_axis(one)} for axis, one in found.axes.items()]
+    return rows + [base | {"axis": axis, "status": "failed", "reason": why} for axis, why in found.failed.items()]
+
+
+def failed_row(unit: str, path: str, reason: str) -> Row:
+    """The row of a unit that failed as a whole."""
+    return {"unit": unit, "file": path, "status": "failed", "reason": reason}
+
+
+def plain(row: Row) -> Row:
+    """A row as JSON can hold it: a limit that is infinite is a text.
+
+    >>> from_plain(plain({"N": 1.0, "N_high": math.inf}))
+    {'N': 1.0, 'N_high': inf}
+    """
+    return {name: _INFINITE if value == math.inf else value for name, value in row.items()}
+
+
+def from_plain(row: Mapping[str, Any]) -> Row:
+    """The way back."""
+    return {name: math.inf if value == _INFINITE else value for name, value in row.items()}
+
+
+def _of_axis(found: AxisCalibration) -> Row:
+    fit = found.fit
+    row: Row = {
+        "model": fit.model.structure,
+        "p_value": None if found.test is None else float(found.test.pvalue),
+        "robust": fit.wavelet_variance.robust,
+        "contaminated": None if found.verdict is None else bool(found.verdict.contaminated),
+        "certified": fit.gap is not None and bool(fit.gap <= PROVEN),
+    }
+    for symbol, entry in found.datasheet.items():
+        bound = entry.upper_only
+        row[symbol] = None if bound else entry.value
+        row[f"{symbol}_low"] = 0.0 if bound else entry.low
+        row[f"{symbol}_high"] = entry.high
+        row[f"{symbol}_unit"] = entry.unit
+    return row

@@ -1,0 +1,126 @@
+"""The table of a fleet as samples: each number of each axis over all units, on the scale where they are compared."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.calibration.tables import in_order
+from gmwm.errors import DataError
+from gmwm.fleets.numbers import SIGNED
+from gmwm.variance.slope_line import LAWS
+
+if TYPE_CHECKING:
+    import polars
+
+_NEEDED = ("unit", "axis", "status", "model")
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One number of one axis over all units: logarithms (R as it is), NaN where a unit has none to compare."""
+
+    axis: str
+    symbol: str
+    unit: str
+    model: str | None
+    x: Vector
+    s2: Vector
+    value: Vector
+    low: Vector
+    high: Vector
+    limited: NDArray[np.bool_]
+    left_out: int
+
+    def back(self, x: float) -> float | None:
+        """A position on the scale of comparison as a number, None where there is none."""
+        return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
+
+
+class Reading:
+    """The table, its units and axes as places of arrays (axes, units)."""
+
+    def __init__(self, table: polars.DataFrame, confidence: float) -> None:
+        import polars
+
+        if missing := [name for name in _NEEDED if name not in table.columns]:
+            raise DataError(f"table must have the columns {', '.join(_NEEDED)}; it lacks {', '.join(missing)}")
+        done = table.filter((polars.col("status") == "calibrated") & polars.col("axis").is_not_null())
+        twice = done.filter(polars.struct("unit", "axis").is_duplicated())
+        if twice.height:
+            unit, axis = twice.row(0, named=True)["unit"], twice.row(0, named=True)["axis"]
+            raise DataError(f"table must have one row for each axis of a unit; it has more for {axis} of {unit}")
+        self.done, self.z = done, NormalDist().inv_cdf((1 + confidence) / 2)
+        self.confidence = confidence
+        self.units: list[str] = done["unit"].unique(maintain_order=True).to_list()
+        self.axes: list[str] = done["axis"].unique(maintain_order=True).to_list()
+        at_unit, at_axis = ({name: k for k, name in enumerate(names)} for names in (self.units, self.axes))
+        self._place = (
+            np.array([at_axis[name] for name in done["axis"]], dtype=int),
+            np.array([at_unit[name] for name in done["unit"]], dtype=int),
+        )
+        self.models = self._texts("model")
+        stems = [name.removesuffix("_unit") for name in done.columns if name.endswith("_unit")]
+        self.symbols = in_order([[stem for stem in stems if stem in done.columns]])
+
+    def _numbers(self, name: str) -> Matrix:
+        found = np.full((len(self.axes), len(self.units)), np.nan)
+        column = self.done[name].cast(float, strict=False)
+        found[self._place] = column.fill_null(np.nan).to_numpy()
+        return found
+
+    def _texts(self, name: str) -> NDArray[Any]:
+        found = np.full((len(self.axes), len(self.units)), None, dtype=object)
+        found[self._place] = self.done[name].to_list()
+        return found
+
+    def samples(self) -> list[Sample]:
+        """Every number of every axis that any unit gives."""
+        by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
+        for symbol in self.symbols:
+            value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
+            unit = self._texts(f"{symbol}_unit")
+            for k, axis in enumerate(self.axes):
+                if any(name is not None for name in unit[k]):
+                    by_axis[axis].append(self._sample(axis, symbol, unit[k], self.models[k], value[k], low[k], high[k]))
+        return [sample for found in by_axis.values() for sample in found]
+
+    def _sample(
+        self,
+        axis: str,
+        symbol: str,
+        units: NDArray[Any],
+        models: NDArray[Any],
+        value: Vector,
+        low: Vector,
+        high: Vector,
+    ) -> Sample:
+        given = np.array([name is not None for name in units])
+        unit = _commonest(units[given])
+        alike = given & (units == unit)
+        model = None if symbol in LAWS else _commonest(models[alike])
+        alike &= True if model is None else models == model
+        limited = alike & np.isnan(value) & np.isfinite(high) & (high > 0)
+        usable = alike & np.isfinite(value) & np.isfinite(low) & np.isfinite(high) & (high > low)
+        x, s = np.full(value.shape, np.nan), np.ones(value.shape)
+        if symbol == SIGNED:
+            value, low = np.where(limited, 0.0, value), np.where(limited, -high, low)
+            usable |= limited
+            x[usable], s[usable] = value[usable], (high - low)[usable] / (2 * self.z)
+        else:
+            usable &= np.where(usable, low, 0.0) > 0
+            x[usable] = np.log(value[usable])
+            s[usable] = np.log(high[usable] / low[usable]) / (2 * self.z)
+        left_out = int(np.sum(given & ~usable & ~limited))
+        return Sample(axis, symbol, unit, model, x, s * s, value, low, high, limited, left_out)
+
+
+def _commonest(names: NDArray[Any]) -> str:
+    """The name that is there most often, the first of several."""
+    return str(Counter(names.tolist()).most_common(1)[0][0])

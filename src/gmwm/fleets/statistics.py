@@ -1,0 +1,236 @@
+"""From the table of a fleet to what it says: each number over the units, the axes side by side, the outlier units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.calibration.tables import in_order, sensor_of
+from gmwm.errors import OptionError
+from gmwm.fleets.axes import differences
+from gmwm.fleets.deviants import FEWEST, deviants, looked_for
+from gmwm.fleets.effects import effects, predicted, spread_limits
+from gmwm.fleets.numbers import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.fleets.samples import Reading, Sample
+
+if TYPE_CHECKING:
+    import polars
+
+LEAST = 3
+"""Units from which on a spread is told."""
+_FEW = 3
+"""Who shows a number is named where so many times as many units only bound it."""
+
+
+def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
+    """Tell what the units of one type have in common, how far they differ, and which ones are not like the others.
+
+    The estimates x_i of a number (logarithms, but for R, which has a sign) are scattered by differences of units and by
+    error of estimation:
+
+        x_i ~ N(μ, τ² + s_i²),   s_i from the width of the interval of unit i.
+
+    τ² is that of Paule and Mandel, with limits by the Q-profile; μ has the interval μ̂ ± t_{n−1}/√Σ w; where a further
+    unit lies is told by the confidence distribution of τ². Outlier units are sought by Rosner's procedure, extended to
+    unequal s_i, in each number of each axis with 8 units or more, and all p-values are adjusted by Holm's method: in a
+    fleet without any, the chance of one false alarm or more is `size`. Location, spread and prediction are then those
+    of the units that are left. Whether the axes of a sensor differ is asked by Hotelling's test, unit by unit.
+
+    Units whose data only bound a number tell that they are below their limit and are counted, but not compared; R
+    lies about zero then, and is compared as 0 with the error that its limit says. Numbers other than Q, N, B, K and R
+    depend on the model, and are compared between the units of the commonest model that has them.
+
+    Parameters
+    ----------
+    table : polars DataFrame
+        A row for each unit and axis, as `Fleet.table`: unit, axis, status, model, and for each number N the columns
+        N, N_low, N_high in SI, and N_unit.
+    confidence : float
+        Level of the intervals in the table, and of those that are made of them.
+    size : float
+        Probability of any false alarm in a fleet of healthy units.
+
+    Returns
+    -------
+    FleetStatistics
+
+    Raises
+    ------
+    OptionError
+        If `confidence` or `size` is not between 0 and 1.
+    DataError
+        If the table lacks a column, or has two rows for one axis of one unit.
+
+    References
+    ----------
+    Paule and Mandel (1982), J. Res. NBS 87, 377-385. Viechtbauer (2007), Statistics in Medicine 26, 37-52. Nagashima,
+    Noma and Furukawa (2019), Statistical Methods in Medical Research 28, 1689-1702. Rosner (1983), Technometrics 25,
+    165-172. Holm (1979), Scandinavian Journal of Statistics 6, 65-70. Hotelling (1931), Annals of Mathematical
+    Statistics 2, 360-378.
+
+    Examples
+    --------
+    >>> import numpy as np, polars
+    >>> N = 1e-4 * np.exp(0.1 * np.random.default_rng(2).normal(size=20))
+    >>> N[7] *= 4
+    >>> rows = {"unit": [f"{k}.csv" for k in range(20)], "axis": "gyro_x", "status": "calibrated", "model": "WN"}
+    >>> rows |= {"N": N, "N_low": 0.98 * N, "N_high": 1.02 * N, "N_unit": "rad/s/√Hz"}
+    >>> found = fleet_statistics(polars.DataFrame(rows))
+    >>> [(outlier.unit, round(outlier.times)) for outlier in found.outliers]
+    [('7.csv', 4)]
+    >>> row = found["gyro_x.N"]
+    >>> row.predicted_low < row.typical < row.predicted_high, row.spread_low < 0.1 < row.spread_high
+    (True, True)
+    """
+    for name, value in (("confidence", confidence), ("size", size)):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1:
+            raise OptionError(f"{name} must be between 0 and 1, got {value!r}; 5 % is 0.05")
+    read = Reading(table, float(confidence))
+    samples = read.samples()
+    units = len(read.units)
+    if not samples:
+        return FleetStatistics((), (), (), float(confidence), float(size), units)
+    x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
+    kept = x.copy()
+    outliers, searched = _outliers(read, samples, x, s2, kept, size)
+    rows = _rows(read, samples, x, kept, s2, searched)
+    together = _together(read, samples, x, kept, s2)
+    axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
+    found = differences(axes, kept, size)
+    order = {row.symbol: k for k, row in enumerate(rows)}
+    sensors = list(dict.fromkeys(sensor_of(sample.axis) or sample.axis for sample in samples))
+    symbols = list(dict.fromkeys(in_order([list(order)])))
+    whole = sorted(
+        [*together, *rows],
+        key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
+                         symbols.index(row.symbol), row.axis not in sensors),
+    )  # fmt: skip
+    return FleetStatistics(tuple(whole), outliers, found, float(confidence), float(size), units)
+
+
+# --- outliers ---------------------------------------------------------------------------------------
+
+
+def _outliers(
+    read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
+) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
+    """The outlier units, which become NaN in `kept`, and in which samples they were looked for."""
+    searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
+    if not np.any(searched):
+        return (), searched
+    found = deviants(x, s2)
+    rows, least = np.flatnonzero(searched), 0.0
+    said: list[tuple[int, int, float, float]] = []
+    for rank, row in enumerate(rows[np.argsort(found.pvalue[rows, 0], kind="stable")]):
+        adjusted = np.maximum(least, np.minimum(1.0, (rows.size - rank) * found.pvalue[row]))
+        least = float(adjusted[0])
+        for place, distance, p in zip(found.places[row], found.distance[row], adjusted, strict=True):
+            if place >= 0 and p <= size:
+                said.append((int(row), int(place), float(distance), float(p)))
+                kept[row, place] = np.nan
+    centre = effects(kept, s2).mean
+    outliers = []
+    for row, place, distance, p in said:
+        sample = samples[row]
+        value, low, high = (float(of[place]) for of in (sample.value, sample.low, sample.high))
+        typical = sample.back(float(centre[row])) or 0.0
+        times = None if sample.symbol == SIGNED else value / typical
+        outliers.append(
+            OutlierUnit(read.units[place], sample.axis, sample.symbol, value, low, high, typical, sample.unit, times,
+                        distance, p)
+        )  # fmt: skip
+    return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
+
+
+# --- rows -------------------------------------------------------------------------------------------
+
+
+def _rows(
+    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
+) -> list[FleetNumber]:
+    """A row for each number of each axis."""
+    rows = _described(read, samples, x, kept, s2)
+    made = []
+    for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
+        below: tuple[str, ...] = ()
+        if row.predicted_low is not None and sample.symbol != SIGNED:
+            under = sample.limited & (np.where(sample.limited, sample.high, np.inf) < row.predicted_low)
+            below = tuple(read.units[place] for place in np.flatnonzero(under))
+        few = 0 < row.units < FEWEST and row.limited >= _FEW * row.units and sample.symbol != SIGNED
+        shown = tuple(read.units[place] for place in np.flatnonzero(np.isfinite(x[k]))) if few else ()
+        gone = int(np.sum(np.isfinite(x[k]) & ~np.isfinite(kept[k])))
+        made.append(replace(row, searched=bool(searched[k]), outliers=gone, below=below, shown_by=shown))
+    return made
+
+
+def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
+    """A row for each number of each sensor, where several axes have it from the same kind of model."""
+    groups: dict[tuple[str, str], list[int]] = {}
+    for k, sample in enumerate(samples):
+        if sensor := sensor_of(sample.axis):
+            groups.setdefault((sensor, sample.symbol), []).append(k)
+    made = []
+    for (sensor, symbol), places in groups.items():
+        of = [samples[k] for k in places]
+        if len(of) < 2 or len({(sample.unit, sample.model) for sample in of}) > 1:
+            continue
+        first = replace(
+            of[0], axis=sensor, symbol=symbol, limited=np.concatenate([sample.limited for sample in of]),
+            left_out=sum(sample.left_out for sample in of),
+        )  # fmt: skip
+        flat = (np.concatenate(part[places])[None] for part in (x, kept, s2))
+        (row,) = _described(read, [first], *flat, axes=len(places))
+        made.append(replace(row, outliers=int(np.sum(np.isfinite(x[places]) & ~np.isfinite(kept[places])))))
+    return made
+
+
+def _described(
+    read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
+) -> list[FleetNumber]:
+    """Location, spread and prediction of samples (m, n); those of several axes of a unit are not independent."""
+    from scipy.stats import t
+
+    at = effects(kept, s2)
+    freedom, error = at.count - 1, at.error
+    if axes > 1:
+        there = np.isfinite(kept).reshape(len(samples), axes, -1)
+        freedom = there.any(axis=1).sum(axis=1) - 1.0
+        error = np.maximum(error, _clustered(kept, s2, axes))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
+    limits = spread_limits(kept, s2, read.confidence, freedom)
+    ahead = predicted(kept, s2, read.confidence, freedom, widened)
+    reach = t.ppf((1 + read.confidence) / 2, np.maximum(freedom, 1.0)) * error
+    made = []
+    for k, sample in enumerate(samples):
+        all_, told = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
+        quantiles = np.quantile(all_, (0.05, 0.5, 0.95)) if all_.size else np.full(3, np.nan)
+        back = [sample.back(float(q)) for q in quantiles]
+        s = float(np.sqrt(np.median(s2[k][np.isfinite(x[k])]))) if all_.size else None
+        tau = float(np.sqrt(at.spread2[k])) if told else None
+        ends = [float(at.mean[k] - reach[k]), float(at.mean[k] + reach[k]), float(ahead[0][k]), float(ahead[1][k])]
+        low, high, soon, late = (sample.back(end) if told else None for end in ends)
+        made.append(
+            FleetNumber(
+                sample.axis, sample.symbol, sample.unit, int(all_.size), int(np.sum(sample.limited)), sample.left_out,
+                sample.model, back[1], back[0], back[2], sample.back(float(at.mean[k])), low, high, tau,
+                float(np.sqrt(limits[0][k])) if told else None, float(np.sqrt(limits[1][k])) if told else None, s,
+                None if tau is None or s is None else s * s / (tau * tau + s * s), soon, late,
+            )
+        )  # fmt: skip
+    return made
+
+
+def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
+    """Standard error of μ̂ where the axes of a unit may be alike: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
+    at = effects(x, s2)
+    w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
+    pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)
+    units = np.isfinite(x).reshape(x.shape[0], axes, -1).any(axis=1).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.sqrt(units / np.maximum(units - 1, 1) * np.sum(pulls**2, axis=1)) / np.sum(w, axis=1))

@@ -1,0 +1,72 @@
+"""The table of a fleet: its columns, and the Parquet file that holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gmwm._files import written_whole
+from gmwm.calibration.tables import in_order
+from gmwm.errors import ReadError
+from gmwm.fleets.rows import Row
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
+"""Columns that name a row; those of its recording, its model and its numbers follow."""
+LIMITS = ("", "_low", "_high", "_unit")
+"""What follows the symbol of a number in the names of its columns."""
+
+
+def as_table(rows: Iterable[Row]) -> DataFrame:
+    """The table of some rows: the same columns whatever was found, and four for each number of any unit."""
+    import polars as pl
+
+    given = list(rows)
+    numbers: dict[str, Any] = {
+        "samples": pl.Int64, "rate": pl.Float64, "duration": pl.Float64, "model": pl.String, "p_value": pl.Float64,
+        "robust": pl.Boolean, "contaminated": pl.Boolean, "certified": pl.Boolean, "cautions": pl.Int64,
+    }  # fmt: skip
+    schema: dict[str, Any] = dict.fromkeys(TEXTS, pl.String) | numbers
+    for symbol in symbols_of(given):
+        schema |= {f"{symbol}{end}": pl.String if end == "_unit" else pl.Float64 for end in LIMITS}
+    # Empty rather than of no columns, where a fleet has no units.
+    return pl.DataFrame({name: [row.get(name) for row in given] for name in schema}, schema=schema)
+
+
+def symbols_of(rows: Iterable[Row]) -> list[str]:
+    """The symbols of all numbers in some rows, in the order of datasheets."""
+    each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
+    # Rows of the same model are many; each order is looked at once.
+    return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
+
+
+def write_table(table: DataFrame, path: Path) -> None:
+    """Write the table to a Parquet file, whole or not at all."""
+    with written_whole(path) as temporary:
+        table.write_parquet(temporary)
+
+
+def read_table(path: Path) -> DataFrame:
+    """The table in a file that `write_table` wrote.
+
+    Raises
+    ------
+    ReadError
+        If there is none, or it is no table of a fleet.
+    """
+    import polars as pl
+
+    if not path.is_file():
+        raise ReadError(
+            f"{path} does not exist: no run of this fleet came to its end; run it again, what is done is not done twice"
+        )
+    try:
+        table = pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise ReadError(f"{path} is not the table of a fleet: {error}") from error
+    if missing := [name for name in TEXTS if name not in table.columns]:
+        raise ReadError(f"{path} is not the table of a fleet: it has no column {missing[0]!r}")
+    return table

@@ -1,0 +1,248 @@
+"""A fleet: every number of every axis, unit by unit, with where a further unit lies and the units unlike the others."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm._words import counted
+from gmwm.errors import OptionError
+from gmwm.fleets.samples import Reading, Sample
+from gmwm.fleets.words import shown_unit
+from gmwm.plots.axes import limits_of, value_axis
+from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Text, Tick
+from gmwm.plots.imu import PAGE
+from gmwm.plots.labels import sensor_and_letter, sensor_title
+from gmwm.plots.linear import even_axis, power_of, scaled_unit
+from gmwm.plots.style import BLACK, DASHED, GREY, curve_stroke, letter_stroke
+
+if TYPE_CHECKING:
+    import polars
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.fleets.numbers import FleetNumber, FleetStatistics
+
+SINGLY = 40
+"""Up to so many units each is a dot with its interval; more are a curve."""
+POINTS = 400
+"""Of a curve of many units."""
+HALF = 0.4
+"""Half of the width of an axis' strip, where strips are 1 apart."""
+COLUMNS = 3
+EVEN = 4.0
+"""Up to this ratio of the largest to the smallest an even axis is as good as a logarithmic one, and has more ticks."""
+NAMED, LETTERS = 3, 14
+"""Outliers in a panel whose names are written, and how long those may be."""
+CLEAR, LETTER = 0.07, 0.036
+"""Height of a name and width of a letter, as shares of a panel."""
+SMALL = 0.005
+"""Panels whose largest number is below are written with a power of ten."""
+REACH = 3.0
+"""An interval stretches the picture by no more than this factor."""
+ROW, BELOW = 52.0, 22.0
+"""Height (mm) of a row of panels, and of the legend."""
+
+
+class Told(Protocol):
+    """What is drawn of a fleet."""
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """A row for each unit and axis."""
+        ...
+
+    @property
+    def statistics(self) -> FleetStatistics:
+        """What the units say together."""
+        ...
+
+
+def fleet_figure(fleet: Told) -> Figure:
+    """What `plot_fleet` draws, as data: for each sensor a panel a number, in each panel a strip an axis."""
+    found = fleet.statistics
+    if not found.rows:
+        raise OptionError("fleet must have a number to draw; no unit gives one")
+    reading = Reading(fleet.table, found.confidence)
+    groups: dict[str, dict[str, list[Sample]]] = {}
+    for sample in reading.samples():
+        sensor = sensor_and_letter(sample.axis)[0] or sample.axis
+        groups.setdefault(sensor, {}).setdefault(sample.symbol, []).append(sample)
+    rows: list[tuple[Panel | None, ...]] = []
+    for sensor, symbols in groups.items():
+        panels: list[Panel | None] = [_panel(sensor, of, found, reading.units) for of in symbols.values()]
+        panels += [None] * (-len(panels) % COLUMNS if len(panels) > COLUMNS or len(groups) > 1 else 0)
+        width = min(COLUMNS, len(panels))
+        rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
+    odd = len({one.unit for one in found.outliers})
+    title = counted(found.units, "unit") + (f", {odd} not like the others" if odd else "")
+    return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
+
+
+def plot_fleet(fleet: Told, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw the numbers of all units, axis by axis, from the smallest to the largest.
+
+    Up to 40 units are dots with their intervals, more are a curve. The shaded region is where the true number of a
+    further unit lies, the line across it the typical one; units that are not like the others are stars with their
+    names, upper limits are triangles.
+
+    Parameters
+    ----------
+    fleet : Fleet
+        With its table and its statistics.
+    path : path, optional
+        Write the picture there too, as .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+
+    Raises
+    ------
+    OptionError
+        If there is nothing to draw, or the picture cannot be written there.
+    """
+    from gmwm.plots.matplotlib import draw
+
+    return draw(fleet_figure(fleet), path=path)
+
+
+# --- one panel --------------------------------------------------------------------------------------
+
+
+def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units: Sequence[str]) -> Panel:
+    first = samples[0]
+    signed = found[f"{first.axis}.{first.symbol}"].signed
+    unit, factor = shown_unit(first.unit)
+    power, strips = 0, _strips(samples, found, factor, units)
+    size = float(np.nanmax(np.abs(np.concatenate([strip.heights for strip in strips])), initial=0.0))
+    if size < SMALL:
+        power = power_of(size)
+        strips = _strips(samples, found, factor / 10.0**power, units)
+    x = Axis("", (0.5, len(samples) + 0.5), _ticks(samples), linear=math.inf)
+    label = f"{first.symbol} ({scaled_unit(unit, power)})"
+    y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
+    marks = tuple(mark for strip in strips for mark in strip.marks)
+    stars = [star for strip in strips for star in strip.stars]
+    return Panel(x, y, marks, f"{sensor_title(sensor)} {first.symbol}", _names(stars, x, y))
+
+
+def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
+    return tuple(Tick(k, sensor_and_letter(sample.axis)[1].upper()) for k, sample in enumerate(samples, start=1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Strip:
+    """What is drawn of one axis, the heights that must be seen, and where the outliers are with their names."""
+
+    marks: list[Mark]
+    heights: Vector
+    stars: list[tuple[float, float, str]]
+
+
+def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
+    return [_strip(place, sample, found, factor, units) for place, sample in enumerate(samples, start=1)]
+
+
+def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
+    row = found[f"{sample.axis}.{sample.symbol}"]
+    there = np.isfinite(sample.x)
+    order = np.flatnonzero(there)[np.argsort(sample.x[there], kind="stable")]
+    across = place + HALF * np.linspace(-1, 1, order.size) if order.size > 1 else np.full(order.size, float(place))
+    value, low, high = (factor * part[order] for part in (sample.value, sample.low, sample.high))
+    odd = {one.unit for one in found.outliers if (one.axis, one.symbol) == (sample.axis, sample.symbol)}
+    alike = np.array([units[k] not in odd for k in order], dtype=bool)
+    stroke = _stroke(place, sample.axis)
+    marks, limits = _limited(place, sample, row, factor)
+    if order.size <= SINGLY:
+        bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
+        marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
+        dots = Stroke(stroke.colour, 0.0, symbol="circle")
+        marks.append(Line(across[alike], value[alike], dots, "A unit, with its interval", MIDDLE))
+        heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
+        heights = np.concatenate([value, low, high]) if row.signed else heights
+    else:
+        shown = np.flatnonzero(alike)
+        some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
+        marks.append(Line(across[some], value[some], Stroke(stroke.colour, 1.8), "Units, in order", MIDDLE))
+        heights = value
+    ends = place + np.array([-HALF, HALF])
+    if row.predicted_low is not None and row.predicted_high is not None and row.typical is not None:
+        edges = np.array([[factor * end] * 2 for end in (row.predicted_low, row.predicted_high)])
+        label = f"A further unit lies here ({100 * found.confidence:g} %)"
+        marks.insert(0, Band(ends, edges[0], edges[1], stroke.colour, 0.16, label, BAND, swatch=GREY))
+        marks.append(Line(ends, np.full(2, factor * row.typical), Stroke(BLACK, 0.9, DASHED), "Typical", BEHIND))
+        heights = np.concatenate([heights, edges.ravel()])
+    stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
+    if stars:
+        spots = np.array([star[:2] for star in stars])
+        marks.append(Line(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), "Not like the others", FRONT))
+    return _Strip(marks, np.concatenate([heights, limits]), stars)
+
+
+def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
+    """Upper limits: a triangle each, or where they are many a bar that reaches over the middle 90 %."""
+    if row.signed or not np.any(sample.limited):
+        return [], np.array([])
+    high = np.sort(factor * sample.high[sample.limited])
+    at = place + HALF + 0.05
+    label = "Upper limits"
+    if high.size <= SINGLY:
+        return [Line(np.full(high.size, at), high, Stroke(GREY, 0.0, symbol="down", filled=False), label, BEHIND)], high
+    ends = np.quantile(high, (0.05, 0.5, 0.95))
+    return [Line(np.full(3, at), ends, Stroke(GREY, 0.8, symbol="down", filled=False), label, BEHIND)], ends
+
+
+def _stroke(place: int, axis: str) -> Stroke:
+    return letter_stroke(sensor_and_letter(axis)[1]) or curve_stroke(place - 1)
+
+
+def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
+    """Logarithmic, but even for numbers with a sign and for those that are close together."""
+    shown = values[np.isfinite(values)]
+    if signed:
+        return even_axis(float(shown.min(initial=0.0)), float(shown.max(initial=0.0)), label, margin=0.1, at_most=6)
+    shown = shown[shown > 0]
+    if not shown.size:
+        return value_axis(limits_of(shown), label)
+    low, high = float(shown.min()), float(shown.max())
+    if high < EVEN * low:
+        # Room above for the names of outliers.
+        return even_axis(low, high, label, margin=0.16, at_most=6)
+    room = (high / low) ** 0.16
+    return value_axis((low / room, high * room), label)
+
+
+def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
+    """Names beside the stars, as far as there is room for them."""
+    texts: list[Text] = []
+    for across, tall, unit in stars:
+        low, high = y.limits
+        share = (tall - low) / (high - low) if y.linear else math.log(tall / low) / math.log(high / low)
+        up = share + CLEAR if share + CLEAR < 1 - CLEAR / 2 else share - CLEAR
+        half = LETTER * (len(_short(unit)) + 1) / 2
+        side = min(1 - half, max(half, (across - x.limits[0]) / (x.limits[1] - x.limits[0])))
+        clear = all(
+            abs(up - text.y) > CLEAR or abs(side - text.x) > half + LETTER * len(text.text) / 2 for text in texts
+        )
+        if len(texts) < NAMED and clear:
+            texts.append(Text(_short(unit), side, up))
+    return tuple(texts)
+
+
+def _short(unit: str) -> str:
+    """The end of a name, without folder and suffix: what most names of files differ in.
+
+    >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
+    ('unit_0005', '…g_of_unit_0005')
+    """
+    name = PurePosixPath(unit).stem
+    return name if len(name) <= LETTERS else f"…{name[-LETTERS:]}"

@@ -1,0 +1,131 @@
+"""gmwm fleet: a folder of recordings, each calibrated, printed and written."""
+
+import polars as pl
+import pytest
+
+import gmwm as library
+from gmwm import Fleet
+from gmwm.cli.fleet import SHOWN
+from gmwm.writers import write
+
+WITHIN = "WN + RW"
+FILES = ["fleet.json", "fleet.parquet", "fleet.png", "summary.txt", "units"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Eight units with two axes, one that is cut off, and a picture."""
+    folder = tmp_path_factory.mktemp("recordings")
+    models = {"gyro_x": "WN(sigma2=4e-7)", "accel_z": "WN(sigma2=2e-5)"}
+    for k in range(8):
+        write(library.simulate(models, rate=100.0, samples=2000, seed=k), folder / f"unit {k}.parquet")
+    (folder / "broken.parquet").write_bytes((folder / "unit 0.parquet").read_bytes()[:500])
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0" + bytes(range(64)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def run(gmwm, folder, tmp_path_factory):
+    target = tmp_path_factory.mktemp("fleet") / "new" / "results"
+    return target, gmwm("fleet", folder, "--within", WITHIN, "--output", target, "--workers", 0)
+
+
+def test_it_prints_the_summary_and_what_it_wrote(run):
+    target, outcome = run
+    assert outcome.code == 0
+    found = Fleet.load(target)
+    assert (len(found), list(found.failed)) == (8, ["broken.parquet"])
+    # Of a fleet that was loaded nothing was done now; the rest is the same.
+    assert outcome.out.startswith(found.summary())
+    assert (target / "summary.txt").read_text(encoding="utf-8") == found.summary() + "\n"
+    assert sorted(path.name for path in target.iterdir()) == FILES
+    assert (target / "fleet.png").read_bytes().startswith(b"\x89PNG")
+    assert all(str(target / name) in outcome.out for name in FILES[1:4])
+    assert max(map(len, outcome.out.partition("\nWrote")[0].splitlines())) <= 80
+
+
+def test_what_failed_and_what_is_left_out_is_told(run):
+    _, outcome = run
+    told = [line for line in outcome.err.splitlines() if line.startswith("warning: ")]
+    assert len(told) == len(outcome.err.splitlines()) == 2
+    assert told[0].startswith("warning: broken.parquet is not calibrated: ")
+    assert "photo.jpg" in told[1]
+
+
+def test_a_unit_s_file_is_its_calibration(gmwm, run, folder):
+    target, _ = run
+    alone = gmwm("calibrate", folder / "unit 3.parquet", "--within", WITHIN, "--json").json
+    found = library.Calibration.load(target / "units" / "unit 3.parquet.json").to_dict()
+    assert found["axes"] == alone["axes"]
+    assert found["settings"] == alone["settings"]
+
+
+def test_the_same_again_does_nothing_anew_and_json_says_so(gmwm, run, folder):
+    target, _ = run
+    outcome = gmwm("fleet", folder, "--within", WITHIN, "--output", target, "--workers", 0, "--json")
+    content = outcome.json
+    assert (content["command"], content["done"], content["kept"]) == ("fleet", 0, 8)
+    assert content["units"] == ["broken.parquet", *(f"unit {k}.parquet" for k in range(8))]
+    assert list(content["failed"]) == ["broken.parquet"]
+    assert content["left_out"] == ["photo.jpg"]
+    assert content["written"] == [str(target / name) for name in ("fleet.parquet", "summary.txt", "fleet.png")]
+    assert content["statistics"]["units"] == 8
+    assert len(content["warnings"]) == 2
+
+
+def test_options_reach_every_unit(gmwm, folder, tmp_path):
+    arguments = ("--axis", "gyro", "--robust", "yes", "--confidence", 0.9, "--stop", "15s", "--pattern", "unit [0-3]*")
+    outcome = gmwm("fleet", folder, "--within", "WN", "--output", tmp_path, "--workers", 0, *arguments)
+    assert (outcome.code, outcome.err) == (0, "")
+    found = Fleet.load(tmp_path)
+    assert found.settings.confidence == 0.9
+    assert found.reading == {"stop": 15.0}
+    rows = found.table.select("unit", "axis", "samples", "robust").rows()
+    assert rows == [(f"unit {k}.parquet", "gyro_x", 1500, True) for k in range(4)]
+
+
+def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tmp_path):
+    (tmp_path / "in").mkdir()
+    for k in range(SHOWN + 2):
+        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,gyro_x [deg/s]\n1,2\n")
+    outcome = gmwm("fleet", tmp_path / "in", "--output", tmp_path / "out", "--workers", 0)
+    assert outcome.code == 2
+    assert outcome.err.startswith(f"error: none of {SHOWN + 2} units can be calibrated; 00.csv: ")
+    assert pl.read_parquet(tmp_path / "out" / "fleet.parquet")["status"].to_list() == ["failed"] * (SHOWN + 2)
+
+
+def test_not_all_of_many_failures_are_told_one_by_one(gmwm, folder, tmp_path):
+    (tmp_path / "in").mkdir()
+    for k in range(SHOWN + 2):
+        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,gyro_x [deg/s]\n1,2\n")
+    (tmp_path / "in" / "good.parquet").write_bytes((folder / "unit 1.parquet").read_bytes())
+    outcome = gmwm("fleet", tmp_path / "in", "--within", "WN", "--output", tmp_path / "out", "--workers", 0)
+    assert outcome.code == 0
+    assert len(outcome.err.splitlines()) == SHOWN + 1
+    assert "2 more units are not calibrated" in outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--robust", "no", "--efficiency", 0.8), "--efficiency belongs to"),
+        (("--workers", 2, "--scheduler", "tcp://127.0.0.1:9"), "leave one of them out"),
+        (("--within", "WN + XX"), "--within"),
+        (("--units", "gyro"), "--units takes"),
+        (("--pattern", "*.mat"), "no files that fit"),
+        (("--axis", "gyro_w"), "gyro_w"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_work(arguments, words, gmwm, folder, tmp_path):
+    outcome = gmwm("fleet", folder, "--output", tmp_path / "out", *arguments)
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: ")
+    assert words in outcome.err
+    assert len(outcome.err.splitlines()) == 1
+
+
+def test_a_scheduler_that_is_not_there_is_told(gmwm, folder, tmp_path):
+    pytest.importorskip("distributed")
+    outcome = gmwm("fleet", folder, "--output", tmp_path, "--scheduler", "127.0.0.1")
+    assert outcome.code == 2
+    assert "scheduler must be an address" in outcome.err

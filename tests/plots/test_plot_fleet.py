@@ -1,0 +1,98 @@
+"""The picture of a fleet: its units in order, where a further one lies, and those unlike the others by name."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import polars as pl
+import pytest
+
+from gmwm.errors import OptionError
+from gmwm.fleets.statistics import fleet_statistics
+from gmwm.plots.fleet import fleet_figure, plot_fleet
+from gmwm.units import datasheet_units
+
+DEG = datasheet_units("rad/s/√Hz")["deg/√h"]
+
+
+def fleet(n, odd=None, sensors=("gyro", "accel")):
+    rng = np.random.default_rng(n)
+    rows = []
+    for unit in range(n):
+        for sensor in sensors:
+            for letter in "xyz":
+                N = 1e-4 * math.exp(0.1 * rng.normal()) * (8.0 if (unit, letter) == odd else 1.0)
+                bounded = unit % 3 == 0
+                rows.append({
+                    "unit": f"lot/unit_{unit}.csv", "axis": f"{sensor}_{letter}", "status": "calibrated", "model": "WN",
+                    "N": N, "N_low": 0.95 * N, "N_high": 1.05 * N,
+                    "N_unit": "rad/s/√Hz" if sensor == "gyro" else "m/s²/√Hz",
+                    "K": None if bounded else N / 100, "K_low": 0.0 if bounded else N / 200, "K_high": N / 50,
+                    "K_unit": "rad/s/√s" if sensor == "gyro" else "m/s²/√s",
+                })  # fmt: skip
+    table = pl.DataFrame(rows, infer_schema_length=None)
+    return SimpleNamespace(table=table, statistics=fleet_statistics(table))
+
+
+@pytest.mark.parametrize("n", [12, 300])
+def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
+    told = fleet(n, odd=(5, "y"))
+    figure = fleet_figure(told)
+    assert [panel.title for panel in figure.panels] == [
+        "Gyroscope N", "Gyroscope K", "Accelerometer N", "Accelerometer K",
+    ]  # fmt: skip
+    panel = figure.panels[0]
+    assert panel.y.label == "N (deg/√h)"
+    assert [tick.label for tick in panel.x.ticks] == ["X", "Y", "Z"]
+    name = "A unit, with its interval" if n == 12 else "Units, in order"
+    curves = [line for line in panel.lines if line.label == name]
+    assert len(curves) == 3
+    assert len({line.stroke.colour for line in curves}) == 3
+    values = told.table.filter(pl.col("axis") == "gyro_x")["N"].sort().to_numpy() * DEG
+    np.testing.assert_allclose(curves[0].y[[0, -1]], values[[0, -1]])
+    for place, line in enumerate(curves, start=1):
+        assert np.all(np.diff(line.y) >= 0)
+        assert np.all(np.diff(line.x) > 0)
+        assert place - 0.5 < line.x[0] < line.x[-1] < place + 0.5
+    row = told.statistics["gyro_z.N"]
+    np.testing.assert_allclose([panel.bands[2].lower[0], panel.bands[2].upper[0]], np.array(
+        [row.predicted_low, row.predicted_high]) * DEG)  # fmt: skip
+
+
+@pytest.mark.parametrize("n", [12, 300])
+def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
+    told = fleet(n, odd=(5, "y"))
+    panel = fleet_figure(told).panels[0]
+    (odd,) = [one for one in told.statistics.outliers if (one.axis, one.symbol) == ("gyro_y", "N")]
+    stars = panel["Not like the others"]
+    np.testing.assert_allclose(stars.y, [odd.value * DEG])
+    assert [text.text for text in panel.texts] == ["unit_5"]
+    assert panel.y.limits[0] < stars.y[0] < panel.y.limits[1]
+    others = [line for line in panel.lines if line is not stars and line.label and line.stroke.width != 0.8]
+    assert all(not np.any(np.isclose(line.y, stars.y[0])) for line in others)
+    assert "1 not like the others" in fleet_figure(told).title
+    assert fleet_figure(fleet(n)).title == f"{n} units"
+
+
+def test_limits_are_triangles_beside_the_strip():
+    few, many = (fleet_figure(fleet(n)).panels[1]["Upper limits"] for n in (12, 300))
+    assert few.y.size == 4
+    assert many.y.size == 3
+    assert few.stroke.symbol == many.stroke.symbol == "down"
+
+
+def test_small_numbers_are_written_with_a_power_of_ten():
+    told = fleet(12)
+    table = told.table.with_columns([pl.col(name) * 1e-6 for name in ("N", "N_low", "N_high")])
+    panel = fleet_figure(SimpleNamespace(table=table, statistics=fleet_statistics(table))).panels[0]
+    assert panel.y.label == "N (10⁻⁹ deg/√h)" or panel.y.label == "N (10⁻⁶ deg/√h)"
+    assert 0.1 < panel.y.limits[1] < 1000
+
+
+def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
+    for told in (fleet(9, sensors=("gyro",)), fleet(1)):
+        plot_fleet(told, path=tmp_path / "fleet.svg")
+        assert (tmp_path / "fleet.svg").read_bytes().startswith(b"<?xml")
+    empty = told.table.with_columns(status=pl.lit("failed"))
+    with pytest.raises(OptionError, match="no unit gives one"):
+        fleet_figure(SimpleNamespace(table=empty, statistics=fleet_statistics(empty)))
