@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -42,6 +42,9 @@ STAGES = ("measured", "model chosen", "fitted", "judged")
 LONGER = 10
 """Doublings of the recording that are looked at for it."""
 
+if TYPE_CHECKING:
+    from distributed import Client
+
 Progress = Callable[[int, int, str], None]
 """Called with the number of steps done, that of all, and what was done."""
 
@@ -74,6 +77,8 @@ def calibrate(
     seed: int = 0,
     axes: str | Sequence[str] | None = None,
     threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Find the noise model of every axis of a unit, and its numbers.
@@ -101,6 +106,9 @@ def calibrate(
         Those to be calibrated, "gyro" for all of that sensor; all by default.
     threads : int, optional
         Axes at a time; as many as there are processors by default.
+    scheduler, workers : optional
+        Who reads a stream, a part each: a Dask scheduler (its address or a client), or a number of processes begun
+        here. The rest of the work is done in this process.
     progress : function of (done, all, text), optional
         Called after each step, from one thread at a time; while a stream is read also within a step.
 
@@ -130,7 +138,7 @@ def calibrate(
     check_settings(settings, threads)
     chosen = _chosen(data, axes)
     told = _Told(len(chosen) * len(STAGES), progress)
-    items, looked = _looked_at(data, chosen, settings, threads, told)
+    items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
     warned = () if looked is None else cautions(looked.warnings, robust)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
@@ -174,14 +182,23 @@ def check_settings(settings: Settings, threads: int | None = None) -> None:
 
 
 def _looked_at(
-    data: Any, chosen: Mapping[str, Measured | None], settings: Settings, threads: int | None, told: _Told
+    data: Any,
+    chosen: Mapping[str, Measured | None],
+    settings: Settings,
+    threads: int | None,
+    scheduler: str | Client | None,
+    workers: int | None,
+    told: _Told,
 ) -> tuple[dict[str, Measured], Inspection | None]:
     """What is to be calibrated, measured already if it comes from a stream; and what a recording looks like."""
     if isinstance(data, Stream):
         curves, looked = measured_and_seen(
-            data, tuple(chosen), efficiency=settings.efficiency, threads=threads, done=told.read
-        )
+            data, tuple(chosen), efficiency=settings.efficiency, threads=threads, scheduler=scheduler, workers=workers,
+            done=told.read,
+        )  # fmt: skip
         return {axis: Pair(*pair) for axis, pair in curves.items()}, looked
+    if scheduler is not None or workers is not None:
+        raise OptionError("scheduler= and workers= read a stream: pass calibrate(gmwm.stream(path), …)")
     items = {axis: item for axis, item in chosen.items() if item is not None}
     return items, inspect(data) if isinstance(data, Imu) else None
 

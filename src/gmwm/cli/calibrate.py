@@ -10,7 +10,7 @@ import typer
 
 from gmwm.calibration.calibrate import WITHIN
 from gmwm.cli.export import written_for_kalibr
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.opening import Axes, File, Opening, chosen_names, opens
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -24,11 +24,13 @@ from gmwm.cli.options import (
     Within,
     parse_within,
 )
+from gmwm.cli.pieces import InPieces, Scheduler, Workers, opened
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.processes.model import ModelLike
+    from gmwm.readers.chunks import Stream
     from gmwm.signals import Imu
 
 EXAMPLES = (
@@ -59,6 +61,9 @@ def calibrate(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
+    in_pieces: InPieces = "auto",
+    scheduler: Scheduler = None,
+    workers: Workers = None,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -87,13 +92,14 @@ def calibrate(
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
     largest = parse_within(within)
     with told_warnings() as told:
-        imu = load(file, opening)
-        chosen = tuple(chosen_axes(imu, axis))
+        recording = opened(file, opening, in_pieces, spread=scheduler is not None or workers is not None)
+        chosen = tuple(chosen_names(recording.axes, axis))
         if output is not None:
             made_directory(output)
         found = calibrated(
-            imu, largest, axes=chosen, robust=ROBUST[robust], efficiency=0.6 if efficiency is None else efficiency,
-            weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
+            recording, largest, axes=chosen, robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+            efficiency=0.6 if efficiency is None else efficiency, confidence=confidence, seed=seed,
+            scheduler=scheduler, workers=workers,
         ).of_file(file)  # fmt: skip
         for caution in found.cautions if json else ():  # else the summary has them
             tell(told, caution)
@@ -109,7 +115,7 @@ def calibrate(
 
 
 def calibrated(
-    imu: Imu,
+    recording: Imu | Stream,
     within: ModelLike,
     *,
     axes: tuple[str, ...] | None = None,
@@ -119,15 +125,24 @@ def calibrated(
     criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
     confidence: float = 0.95,
     seed: int = 0,
+    scheduler: str | None = None,
+    workers: int | None = None,
 ) -> Calibration:
     """The calibration, with a progress bar."""
     from gmwm.calibration.calibrate import STAGES, calibrate
     from gmwm.cli.output import progress
 
-    with progress("calibrating", len(STAGES) * len(imu.axes if axes is None else axes)) as advance:
+    before = 0
+    with progress("calibrating", len(STAGES) * len(recording.axes if axes is None else axes)) as advance:
+
+        def tell(done: int, _: int, text: str) -> None:
+            nonlocal before
+            advance(text, done - before)
+            before = done
+
         return calibrate(
-            imu, within, axes=axes, robust=robust, efficiency=efficiency, weighting=weighting, criterion=criterion,
-            confidence=confidence, seed=seed, progress=lambda _, __, text: advance(text),
+            recording, within, axes=axes, robust=robust, efficiency=efficiency, weighting=weighting,
+            criterion=criterion, confidence=confidence, seed=seed, scheduler=scheduler, workers=workers, progress=tell,
         )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ import typer
 
 from gmwm.cli.likelihood import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
 from gmwm.cli.likelihood import as_dict as likelihood_as_dict
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, opens
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
@@ -23,6 +23,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     confidence_level,
 )
+from gmwm.cli.pieces import InPieces, needs_memory, opened, signals_or_curves
 from gmwm.processes import families, registry
 
 if TYPE_CHECKING:
@@ -114,6 +115,7 @@ def fit(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the bootstrap and the draws.", min=0, rich_help_panel=RESULT)] = 0,
+    in_pieces: InPieces = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -135,27 +137,30 @@ def fit(
     """
     import gmwm
     from gmwm import parse_model
-    from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, tell_cautions, told_warnings
+    from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, told_warnings
 
     parsed = parse_model(model)
     if likelihood:
         require_states(parsed, LIKELIHOOD[0])
     way = _way(confidence, bootstrap, seed)
     with told_warnings() as told:
-        imu = load(file, opening)
-        signals = chosen_axes(imu, axis)
+        whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
+        recording = opened(file, opening, in_pieces, whole=whole)
         if output is not None:
             made_directory(output)
-        tell_cautions(told, imu)
+        strength = chosen_efficiency(robust, efficiency)
+        signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength, told=told)
         fits = fit_axes(
-            dict.fromkeys(imu.axes, parsed), signals, weighting=weighting, robust=robust,
-            efficiency=chosen_efficiency(robust, efficiency), certify=certify, filter=filter, transform=transform,
+            dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
+            efficiency=strength, certify=certify, filter=filter, transform=transform,
             start=None if draws is None else gmwm.Sampled(draws, seed),
         )  # fmt: skip
         for name, found in fits.items():
             for note in found.wavelet_variance.notes():
                 tell(told, f"{name}: {note}")
-        carried = judged(likelihood_fits(fits, signals, parsed), confidence) if likelihood else {}
+        carried = {}
+        if likelihood and isinstance(recording, gmwm.Imu):
+            carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed), confidence)
         if json:
             for name, found in fits.items():
                 for note in found.diagnostics.notes():
@@ -214,8 +219,10 @@ def fit_axes(
     import gmwm
     from gmwm.cli.parallel import over_axes
 
-    def measured_and_fitted(signal: Signal) -> Fit:
-        wv = gmwm.wavelet_variance(signal, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+    def measured_and_fitted(signal: Signal | gmwm.WaveletVariance) -> Fit:
+        wv = signal
+        if not isinstance(wv, gmwm.WaveletVariance):
+            wv = gmwm.wavelet_variance(wv, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
         return gmwm.fit(models[signal.axis], wv, weighting=weighting, certify=certify, start=start)
 
     return over_axes(measured_and_fitted, signals, "fitting")

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.opening import File, Opening, load, opens
+from gmwm.cli.opening import File, Opening, opens
 from gmwm.cli.options import RESULT, Json
+from gmwm.cli.pieces import InPieces, opened
 
 EXAMPLES = (
     "gmwm info static.csv",
@@ -21,6 +22,7 @@ EXAMPLES = (
 def info(
     file: File,
     opening: Opening,
+    in_pieces: InPieces = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -39,14 +41,15 @@ def info(
     from gmwm.cli.errors import as_options
     from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
     from gmwm.inspection import inspect
+    from gmwm.signals import Imu
 
     with told_warnings() as told:
-        imu = load(file, opening)
+        recording = opened(file, opening, in_pieces, whole="" if plot is None else "--plot")
         with progress("inspecting"):
-            inspection = inspect(imu)
-        if plot is not None:
+            inspection = inspect(recording)
+        if plot is not None and isinstance(recording, Imu):
             with progress(f"drawing {plot.name}"):
-                imu.plot(path=plot)
+                recording.plot(path=plot)
         if json:
             for warning in inspection.warnings:
                 tell(told, warning)

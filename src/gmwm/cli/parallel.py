@@ -8,12 +8,14 @@ from typing import TypeVar
 from gmwm._threads import in_threads
 from gmwm.cli.output import progress
 from gmwm.signals import Signal
+from gmwm.variance.result import WaveletVariance
 
 T = TypeVar("T")
+Item = TypeVar("Item", bound=Signal | WaveletVariance)
 
 
-def over_axes(work: Callable[[Signal], T], signals: Mapping[str, Signal], what: str) -> dict[str, T]:
-    """`work` done on every signal, by axis; an error names its axis."""
+def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
+    """`work` done on every signal, or its curve, by axis; an error names its axis."""
     with progress(what, len(signals)) as advance:
         return in_threads(
             lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")

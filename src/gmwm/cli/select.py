@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.calibration.calibrate import WITHIN
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.opening import Axes, File, Opening, chosen_names, opens
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -23,11 +23,13 @@ from gmwm.cli.options import (
     chosen_efficiency,
     parse_within,
 )
+from gmwm.cli.pieces import InPieces, opened, signals_or_curves
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
     from gmwm.selection import Ranking
     from gmwm.signals import Signal
+    from gmwm.variance.result import WaveletVariance
 
 EXAMPLES = (
     "gmwm select static.csv --axis gyro_y --within '3*GM + WN + QN + RW'",
@@ -48,6 +50,7 @@ def select(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
+    in_pieces: InPieces = "auto",
     limit: Annotated[int, typer.Option(help="Models to print for each axis.", min=1, rich_help_panel=RESULT)] = 10,
     plot: Annotated[
         Path | None,
@@ -70,28 +73,29 @@ def select(
     same kind. All models have the weights of the general one. Those that the data cannot tell from the best are
     marked, and the simplest of them is recommended.
     """
-    from gmwm.cli.output import made_directory, print_json, print_written, tell_cautions, told_warnings
+    from gmwm.cli.output import made_directory, print_json, print_written, told_warnings
     from gmwm.cli.parallel import over_axes
 
     largest = parse_within(within)
     with told_warnings() as told:
-        imu = load(file, opening)
-        signals = chosen_axes(imu, axis)
+        recording = opened(file, opening, in_pieces)
+        signals = chosen_names(recording.axes, axis)
         if plot is not None and len(signals) > 1:
             raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis, or take --output")
         if output is not None:
             made_directory(output)
-        tell_cautions(told, imu)
+        strength = chosen_efficiency(robust, efficiency)
+        measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength, told=told)
 
-        def ranked(signal: Signal) -> Ranking:
+        def ranked(signal: Signal | WaveletVariance) -> Ranking:
             from gmwm.selection import select as select_within
 
             return select_within(
                 largest, signal, weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
-                robust=robust, efficiency=chosen_efficiency(robust, efficiency),
+                robust=robust, efficiency=strength,
             )  # fmt: skip
 
-        rankings = over_axes(ranked, signals, "comparing models")
+        rankings = over_axes(ranked, measured, "comparing models")
         content = {
             "file": str(file), "within": within,
             "axes": {name: ranking.to_dict() for name, ranking in rankings.items()},

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.opening import Axes, File, Opening, chosen_axes, chosen_names, opens
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Json, Robust, TransformName, View, chosen_efficiency
+from gmwm.cli.pieces import InPieces, Scheduler, Workers, curves_and_cautions, needs_memory, opened
 
 if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
@@ -33,6 +34,9 @@ def wv(
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
+    in_pieces: InPieces = "auto",
+    scheduler: Scheduler = None,
+    workers: Workers = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
     csv: Annotated[
@@ -64,15 +68,26 @@ def wv(
     from gmwm import wavelet_variance
     from gmwm.cli.output import print_json, print_written, progress, tell, tell_cautions, told_warnings
     from gmwm.cli.parallel import over_axes
+    from gmwm.readers.chunks import Stream
 
     with told_warnings() as told:
-        imu = load(file, opening)
-        measure = partial(
-            wavelet_variance, filter=filter, transform=transform,
-            robust=robust, efficiency=chosen_efficiency(robust, efficiency),
+        recording = opened(
+            file, opening, in_pieces, spread=scheduler is not None or workers is not None,
+            whole=needs_memory(filter, transform),
         )  # fmt: skip
-        results = over_axes(measure, chosen_axes(imu, axis), "wavelet variance")
-        tell_cautions(told, imu)
+        chosen, strength = chosen_names(recording.axes, axis), chosen_efficiency(robust, efficiency)
+        if isinstance(recording, Stream):
+            results, seen = curves_and_cautions(
+                recording, chosen, robust=robust, efficiency=strength, scheduler=scheduler, workers=workers
+            )
+            for warning in seen:
+                tell(told, warning)
+        else:
+            measure = partial(
+                wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=strength
+            )  # fmt: skip
+            results = over_axes(measure, chosen_axes(recording, axis), "wavelet variance")
+            tell_cautions(told, recording)
         for name, result in results.items():
             for note in result.notes():
                 tell(told, f"{name}: {note}")

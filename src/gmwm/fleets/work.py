@@ -17,7 +17,8 @@ from gmwm.calibration.result import Settings
 from gmwm.errors import GmwmError, GmwmWarning
 from gmwm.fleets.rows import Row, plain, rows_of
 from gmwm.processes.model import Model
-from gmwm.readers import read
+from gmwm.readers import read, stream
+from gmwm.readers.chunks import Stream, is_large
 from gmwm.signals import Imu
 
 PART = "fleet"
@@ -90,9 +91,9 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and what it was made of and how."""
     path, asked, settings = Path(job.path), job.asked, job.asked.settings
     stamp = stamp_of(path)  # before it is read: what changes from here on is seen next time
-    imu, warned = _read(path, asked.reading)
+    recording, warned = _read(path, asked.reading)
     found = calibrate(
-        imu, asked.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
+        recording, asked.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
         confidence=settings.confidence, efficiency=settings.efficiency, draws=settings.draws, seed=settings.seed,
         axes=asked.axes, threads=job.threads,
     ).of_file(path)  # fmt: skip
@@ -101,13 +102,15 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     return found, {**stamp, **asked.to_dict()}
 
 
-def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu, list[str]]:
-    """The recording, and what reading it warned of, without the file's name."""
+def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[str]]:
+    """The recording, a large one in pieces, and what reading it warned of, without the file's name."""
+    kept = {name: value for name, value in reading.items() if name != "gaps"}
+    in_pieces = is_large(path) and reading.get("gaps", "keep") == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
-        imu = read(path, **reading)
+        recording = stream(path, **kept) if in_pieces else read(path, **reading)
     said = [one for one in caught if issubclass(one.category, GmwmWarning)]
-    return imu, list(dict.fromkeys(str(one.message).removeprefix(f"{path}: ") for one in said))
+    return recording, list(dict.fromkeys(str(one.message).removeprefix(f"{path}: ") for one in said))
 
 
 def stamp_of(path: Path) -> dict[str, int]:

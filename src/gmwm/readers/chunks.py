@@ -42,6 +42,15 @@ HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
 
 
+LARGE = 300_000_000
+"""Bytes of a file from which on commands and fleets read it in pieces."""
+
+
+def is_large(path: Path) -> bool:
+    """Whether a file is better read in pieces."""
+    return path.is_file() and path.stat().st_size >= LARGE
+
+
 @dataclass(frozen=True, eq=False)
 class Origin:
     """Where the rows of a recording come from: file, reader, columns, and the topic that was asked for."""
@@ -107,6 +116,13 @@ class Stream:
 
     def _ended(self, base: TimeBase) -> None:
         self.time_base = base
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # In another process the file is opened anew.
+        if self._origin is None:
+            raise TypeError("a recording that is still being made cannot be sent to another process")
+        origin = self._origin
+        return _again, (origin.path, origin.reader.name, origin.topic, self._found, self._size, self._kept)
 
     def __repr__(self) -> str:
         return f"Stream({', '.join(self.axes)} at {self.rate:g} Hz, from {self.source})"
@@ -187,6 +203,16 @@ def stream(
     tell(found, file)
     origin = Origin(file, reader, layout, tuple(wanted), topic)
     return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
+
+
+def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
+    """A stream as it was made elsewhere; all there is to warn of was told there."""
+    reader = find_reader(existing_file(path), format)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        layout = one_layout(reader, path, topic)
+    origin = Origin(path, reader, layout, tuple(found.choice.columns.values()), topic)
+    return Stream(str(path), found, origin.chunks, size, origin, kept)
 
 
 def streamed(choice: Choice) -> Choice:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
 from gmwm.errors import OptionError
+from gmwm.readers.chunks import Stream
 from gmwm.readers.pieces import Piece
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
@@ -17,6 +18,9 @@ from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.gathering import EXACT, Gathering
 from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 
 class Source(Protocol):
@@ -45,6 +49,9 @@ def stream_variance(
     passes: int = 2,
     confidence: float = 0.95,
     threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
     """The wavelet variance of each axis of a recording of any length; a robust one reads it twice, unless told not to.
@@ -69,6 +76,9 @@ def stream_variance(
         Level of the limits, between 0 and 1.
     threads : int, optional
         Axes that are worked on at once; as many as there are processors by default.
+    scheduler, workers, parts : optional
+        Where others are to read the recording, a part each: a Dask scheduler, or a number of processes begun here; see
+        `spread_variance`.
     done : callable, optional
         Called with the number of samples so far after every piece, in the calling thread; in a second pass the count
         goes on, to twice the number of samples.
@@ -95,6 +105,13 @@ def stream_variance(
     >>> folder.cleanup()
     """
     require_robust(robust, efficiency)
+    if scheduler is not None or workers is not None:
+        from gmwm.streaming.cluster import spread_variance
+
+        return spread_variance(
+            whole(stream), scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
+            robust=robust, efficiency=efficiency, passes=passes, confidence=confidence, done=done,
+        )  # fmt: skip
     if robust:
         pairs = measured_pairs(
             stream, levels=levels, exact=exact, efficiency=efficiency, passes=passes, confidence=confidence,
@@ -174,6 +191,13 @@ def _until(piece: Piece, end: int) -> Piece:
     if piece.first + len(piece) <= end:
         return piece
     return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
+
+
+def whole(source: Source) -> Stream:
+    """What can be divided: a stream itself."""
+    if not isinstance(source, Stream):
+        raise OptionError(f"a stream of gmwm.stream is divided among workers, got {type(source).__name__}")
+    return source
 
 
 def accumulators(

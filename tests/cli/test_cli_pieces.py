@@ -1,0 +1,82 @@
+"""Recordings in pieces at the command line: what is said of them in memory, and by worker processes too."""
+
+import pytest
+
+import gmwm as library
+from gmwm.readers import chunks
+from gmwm.writers import write
+
+WITHIN = "GM + WN + RW"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    models = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_z": "WN(sigma2=2e-5)"}
+    path = tmp_path_factory.mktemp("pieces") / "static.csv"
+    write(library.simulate(models, rate=100.0, samples=20_000, seed=1), path)
+    return path
+
+
+def same(gmwm, *arguments):
+    """What both ways print, to the last digit that is shown."""
+    whole, parts = (gmwm(*arguments, "--in-pieces", how) for how in ("no", "yes"))
+    assert whole.code == parts.code == 0, parts.err
+    assert whole.out == parts.out
+    assert whole.err == parts.err
+    return parts.out
+
+
+def test_info(gmwm, file):
+    assert "19000 samples" in gmwm("info", file, "--start", "10s", "--in-pieces", "yes").out
+    same(gmwm, "info", file)
+
+
+@pytest.mark.parametrize("robust", [(), ("--robust",)])
+def test_wv(gmwm, file, robust):
+    assert "accel" not in same(gmwm, "wv", file, "--axis", "gyro", *robust)
+
+
+def test_fit_and_select(gmwm, file):
+    same(gmwm, "fit", file, "--model", "WN + RW", "--axis", "gyro_x")
+    same(gmwm, "select", file, "--within", WITHIN, "--robust")
+
+
+def test_calibrate(gmwm, file):
+    assert "WN+RW" in same(gmwm, "calibrate", file, "--within", WITHIN)
+
+
+def test_worker_processes(gmwm, file):
+    arguments = ("wv", file, "--robust")
+    assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
+    arguments = ("calibrate", file, "--within", "WN + RW", "--axis", "accel")
+    assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
+
+
+def test_large_files_are_read_in_pieces(gmwm, file, monkeypatch):
+    monkeypatch.setattr(chunks, "LARGE", 1000)
+    read = []
+    stream = library.readers.stream
+    monkeypatch.setattr("gmwm.readers.stream", lambda *a, **k: read.append(a) or stream(*a, **k))
+    assert gmwm("wv", file).code == 0
+    assert len(read) == 1
+    for memory in (("--in-pieces", "no"), ("--filter", "la8"), ("--gaps", "longest")):
+        assert gmwm("wv", file, *memory).code == 0
+        assert len(read) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("wv", "--filter", "la8", "--in-pieces", "yes"), "--filter la8 needs the whole recording in memory"),
+        (("wv", "--transform", "dwt", "--workers", "2"), "--transform dwt needs the whole recording in memory"),
+        (("calibrate", "--gaps", "longest", "--in-pieces", "yes"), "--gaps longest needs the whole recording"),
+        (("calibrate", "--in-pieces", "no", "--workers", "2"), "leave --in-pieces no out"),
+        (("fit", "--model", "WN", "--likelihood", "--in-pieces", "yes"), "--likelihood needs the whole recording"),
+        (("info", "--plot", "a.png", "--in-pieces", "yes"), "--plot needs the whole recording in memory"),
+        (("calibrate", "--scheduler", "10.0.0.5"), "must be an address as tcp://"),
+    ],
+)
+def test_what_does_not_go_together(gmwm, file, arguments, message):
+    found = gmwm(arguments[0], file, *arguments[1:])
+    assert found.code == 2
+    assert message in " ".join(found.err.split())
