@@ -150,9 +150,7 @@ class Signal:
         return replace_values(self, self.values[first:last], start=self.starts[k])
 
 
-def times_of(
-    indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]
-) -> Vector:
+def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
     """When the samples with these indices were taken (s), by the segments they lie in and when those begin (s)."""
     index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
     segment = np.searchsorted(firsts, index, side="right") - 1
