@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+import errno
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gmwm._files import write_text
 from gmwm.errors import OptionError
 from gmwm.readers import read
 from gmwm.signals import AXES, Imu, Signal
@@ -81,3 +86,14 @@ def test_unknown_suffix(tmp_path):
     with pytest.raises(OptionError, match=r"path must end in .csv, .parquet or .imu, got 'a.xlsx'"):
         write(Imu.from_arrays({"gyro_x": [1.0]}, 1), tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_is_told_by_the_name_that_was_wanted(tmp_path, monkeypatch):
+    def full(self, *_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="No space left on device") as told:
+        write_text(tmp_path / "summary.txt", "all of it")
+    assert told.value.filename == str(tmp_path / "summary.txt")
+    assert list(tmp_path.iterdir()) == []

@@ -28,8 +28,11 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         temporary.replace(target)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.errno is not None and error.filename in (None, name):
+            # As of a disk that is full: the name is that of the file that was wanted.
+            raise OSError(error.errno, error.strerror, str(target)) from error
         raise
 
 

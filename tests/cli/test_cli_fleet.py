@@ -68,7 +68,8 @@ def test_the_same_again_does_nothing_anew_and_json_says_so(gmwm, run, folder):
     assert content["units"] == ["broken.parquet", *(f"unit {k}.parquet" for k in range(8))]
     assert list(content["failed"]) == ["broken.parquet"]
     assert content["left_out"] == ["photo.jpg"]
-    assert content["written"] == [str(target / name) for name in ("fleet.parquet", "summary.txt", "fleet.png")]
+    names = ("fleet.json", "fleet.parquet", "summary.txt", "fleet.png")
+    assert content["written"] == [str(target / name) for name in names]
     assert content["statistics"]["units"] == 8
     assert len(content["warnings"]) == 2
 

@@ -5,11 +5,13 @@ import json
 import os
 import signal
 
+import numpy as np
 import polars as pl
 import pytest
 
 import gmwm
 from gmwm import Calibration, DataError, Fleet, GmwmError, OptionError, ReadError, calibrate, fleet, read, simulate
+from gmwm.errors import GmwmWarning
 from gmwm.fleets import work
 from gmwm.fleets.finding import find_units
 from gmwm.fleets.spread import patient, spread
@@ -238,7 +240,8 @@ def test_another_recording_is_done_anew_a_touched_one_is_not(few, tmp_path):
     (few / "4.parquet").unlink()
     made(few / "new" / "4.parquet", seed=4)
     assert fixed("6.csv", seed=7) == size
-    found = fleet(few, output, within=WITHIN, workers=0)
+    with pytest.warns(GmwmWarning, match=r"1 result of units that are not of this fleet stays in .*: 4\.parquet;"):
+        found = fleet(few, output, within=WITHIN, workers=0)
     assert (found.kept, found.done) == (4, 3)
     samples = dict(found.table.select("unit", "samples").iter_rows())
     units = [*(f"{k}.parquet" for k in (0, 1, 2, 3, 5)), "6.csv", "new/4.parquet"]
@@ -483,3 +486,29 @@ def test_a_folder_that_is_none_of_a_fleet_is_refused(few, tmp_path):
     (output / "fleet.parquet").unlink()
     with pytest.raises(ReadError, match="run it again"):
         Fleet.load(output)
+
+
+def test_results_of_another_fleet_are_told(few, tmp_path):
+    output = tmp_path / "out"
+    fleet(few, output, within=WITHIN, workers=0)
+    fewer = {"unit a": next(iter(sorted(few.rglob("*.*"))))}
+    with pytest.warns(GmwmWarning, match="6 results of units that are not of this fleet stay in"):
+        assert len(fleet(fewer, output, within=WITHIN, workers=0)) == 1
+
+
+def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("gmwm.streaming.scheduling.PATIENCE", 0.5)
+    with pytest.raises(OptionError, match="does not answer"):
+        fleet(few, tmp_path / "out", within=WITHIN, scheduler="tcp://127.0.0.1:9")
+    assert not (tmp_path / "out").exists()
+
+
+def test_large_recordings_are_read_in_pieces(few, tmp_path, monkeypatch):
+    whole = fleet(few, tmp_path / "whole", within=WITHIN, workers=0)
+    monkeypatch.setattr("gmwm.readers.chunks.LARGE", 1000)
+    monkeypatch.setattr(work, "read", None)  # not come to
+    found = fleet(few, tmp_path / "pieces", within=WITHIN, workers=0)
+    assert found.done == 6
+    assert found.table["model"].to_list() == whole.table["model"].to_list()
+    np.testing.assert_allclose(found.table["N"].to_numpy(), whole.table["N"].to_numpy(), rtol=1e-6)

@@ -287,3 +287,16 @@ def test_the_kernel_refuses_what_would_crash():
     with pytest.raises(ValueError, match="begin must be less than 101, got 101"):
         _core.haar_biweight_sums(total, np.ones(3), 1, 101)
     assert _core.haar_biweight_sums(total, np.ones(3), 1, 100)[2].tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("change", [lambda x: 3 * x, lambda x: np.where(np.arange(x.size) < 20_000, 0.0, x)])
+def test_other_samples_are_refused(change):
+    x = np.random.default_rng(1).normal(size=60_000)
+    first = WaveletAccumulator(100.0, robust=True)
+    first.update(x)
+    second = first.second_pass()
+    second.update(change(x))
+    with pytest.raises(
+        DataError, match=r"must take the samples of the first again; at level 1 the variance .* another"
+    ):
+        second.result()

@@ -93,6 +93,8 @@ class Seen:
 
     Attributes
     ----------
+    source : str
+        Where it comes from.
     axes : tuple of str
         Those that the other one is to measure.
     rate : float
@@ -100,7 +102,7 @@ class Seen:
     """
 
     def __init__(self, stream: Stream, axes: Sequence[str], done: Callable[[str], None] | None = None) -> None:
-        self.axes, self.rate = tuple(axes), stream.rate
+        self.source, self.axes, self.rate = stream.source, tuple(axes), stream.rate
         self._stream, self._survey = stream, Survey(stream)
         self._looks: Looks | None = None
         self._reading, self._done = 0, done

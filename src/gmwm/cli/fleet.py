@@ -50,8 +50,8 @@ def fleet(
         typer.Option(
             "--output",
             "-o",
-            help="Write units/<unit>.json, fleet.parquet, summary.txt and fleet.png into this directory. What an "
-            "earlier run left there is not done again.",
+            help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png into this directory. "
+            "What an earlier run left there is not done again.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -112,16 +112,18 @@ def fleet(
     fleet.parquet has a row for each unit and axis; Fleet.load reads the directory.
     """
     from gmwm import fleet as calibrate_all
-    from gmwm.cli.output import made_directory, print_json, print_written, tell, told_warnings
+    from gmwm.cli.errors import as_options
+    from gmwm.cli.output import print_json, print_written, tell, told_warnings
 
     if efficiency is not None and robust == "no":
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
     if workers is not None and scheduler is not None:
         raise OptionError("--workers are those begun on this machine, a scheduler has its own: leave one of them out")
+    if folder.is_file():
+        raise OptionError(f"{folder} is one recording, not a folder of them: gmwm calibrate is for one")
     largest, arguments = parse_within(within), reading(opening)
     axes = [part.strip() for text in axis or () for part in text.split(",")] or None
     with told_warnings() as told:
-        made_directory(output)
         with _bar() as progress:
             found = calibrate_all(
                 folder, output, within=largest, robust=ROBUST[robust], weighting=weighting, criterion=criterion,
@@ -138,7 +140,7 @@ def fleet(
         if json:
             print_json("fleet", {**document(found), "written": list(map(str, written))}, told)
             return
-        print(found.summary())
+        print(as_options(found.summary()))
         print_written(written)
 
 
@@ -153,14 +155,16 @@ def document(found: Fleet) -> dict[str, object]:
 def write_all(found: Fleet, folder: Path) -> list[Path]:
     """The summary and the picture, each whole or not at all; the rest is there."""
     from gmwm._files import write_text
+    from gmwm.cli.errors import as_options
     from gmwm.cli.output import progress
+    from gmwm.fleets.finding import FILE
     from gmwm.fleets.kept import TABLE
 
-    table, text, picture = (folder / name for name in (TABLE, "summary.txt", "fleet.png"))
-    write_text(text, found.summary() + "\n")
+    facts, table, text, picture = (folder / name for name in (FILE, TABLE, "summary.txt", "fleet.png"))
+    write_text(text, as_options(found.summary()) + "\n")
     with progress("drawing"):
         found.plot(path=picture)
-    return [table, text, picture]
+    return [facts, table, text, picture]
 
 
 def _trouble(found: Fleet) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
@@ -13,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm._arrays import as_rate
 from gmwm._threads import processors
+from gmwm._words import counted
 from gmwm.calibration.calibrate import WITHIN, check_settings
 from gmwm.calibration.result import Settings
-from gmwm.errors import OptionError
+from gmwm.errors import GmwmWarning, OptionError
 from gmwm.fleets.finding import Found, Recordings, find_units
-from gmwm.fleets.kept import TABLE, drop, keep, kept_rows, write_facts
+from gmwm.fleets.kept import TABLE, drop, keep, kept_rows, strangers, write_facts
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
 from gmwm.fleets.spread import here, patient, spread
@@ -98,6 +100,11 @@ def fleet(
     MissingDependencyError
         If a cluster or workers are asked for and Dask is not installed.
 
+    Warns
+    -----
+    GmwmWarning
+        If results of units that are not of this fleet stand in the output.
+
     Examples
     --------
     >>> import pathlib, tempfile, gmwm
@@ -122,12 +129,21 @@ def fleet(
     found = find_units(recordings, folder, pattern)
     if folder.exists() and not folder.is_dir():
         raise OptionError(f"output must be a folder, {folder} is a file; name another one")
-    folder.mkdir(parents=True, exist_ok=True)
-    write_facts(folder, found, asked)
     run = _Run(folder, found, progress)
-    with run.telling():
-        jobs = run.jobs(asked)
-        with _outcomes(jobs, scheduler, workers, retries) as outcomes:
+    jobs = run.jobs(asked)
+    # Nothing is written before there is somebody to do the work.
+    with _outcomes(jobs, scheduler, workers, retries) as outcomes:
+        folder.mkdir(parents=True, exist_ok=True)
+        if others := strangers(folder, found.paths):
+            warnings.warn(
+                f"{counted(len(others), 'result')} of units that are not of this fleet "
+                f"{'stays' if len(others) == 1 else 'stay'} in {folder / 'units'}: {', '.join(others[:3])}"
+                f"{' …' if len(others) > 3 else ''}; remove them, or name another output",
+                GmwmWarning,
+                stacklevel=2,
+            )
+        write_facts(folder, found, asked)
+        with run.telling():
             for outcome in outcomes:
                 run.take(outcome)
     paths = {unit: str(path) for unit, path in found.paths.items()}

@@ -41,6 +41,13 @@ def drop(folder: Path, unit: str) -> None:
     unit_file(folder, unit).unlink(missing_ok=True)
 
 
+def strangers(folder: Path, units: Mapping[str, Path]) -> list[str]:
+    """Units whose results stand in the folder, but that are not of this fleet."""
+    inside = folder / UNITS
+    there = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
+    return sorted(unit for unit in there if unit not in units)
+
+
 def kept_rows(folder: Path, unit: str, path: Path, asked: Asked) -> list[Row] | None:
     """The rows of a unit that is done; None where it is to be done, anew or at all.
 

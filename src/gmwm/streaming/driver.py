@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
-from gmwm.errors import OptionError
+from gmwm.errors import DataError, OptionError
 from gmwm.readers.chunks import Stream
 from gmwm.readers.pieces import Piece
 from gmwm.signals import axis_quantity
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 class Source(Protocol):
     """A Stream, or what is iterated over as one."""
+
+    @property
+    def source(self) -> str:
+        """Where it comes from."""
+        ...
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -151,7 +156,13 @@ def measured_pairs(
     else:
         second = in_threads(lambda _, one: one.second_pass(efficiency), first, threads=threads)
         _pass(stream, second, threads, done, again=samples)
-        robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
+        try:
+            robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
+        except DataError as error:
+            raise DataError(
+                f"{stream.source} has changed between its two readings: {error}. Take a copy of it that does not "
+                "change, or read it once only: wavelet_variance(robust=True, passes=1)"
+            ) from error
     return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
 
 

@@ -67,10 +67,22 @@ def connected(scheduler: str | Client | None = None, workers: int | None = None)
     with ExitStack() as stack:
         if scheduler is None:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="gmwm-", ignore_cleanup_errors=True))
+            stack.enter_context(_quiet())
             cluster = stack.enter_context(_processes(distributed, workers or processors(), folder))
             yield stack.enter_context(distributed.Client(cluster, set_as_default=False))
         else:
             yield stack.enter_context(_client(distributed, scheduler))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without a word of asyncio on what Ctrl-C leaves unfinished where workers are just begun."""
+    logger = logging.getLogger("asyncio")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
 
 
 def library() -> Any:

@@ -29,6 +29,8 @@ from gmwm.variance.sketched import SketchCoefficients
 if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator
 
+OTHERS = 0.05
+"""By how much, relatively, the second pass moves no variance of the same samples: 1e-4 is usual."""
 NEAR = 0.02
 """Of log σ²: how far from where the sums were taken they are followed in a straight line."""
 DOUBT = 0.01
@@ -86,7 +88,7 @@ class SecondPass(Gathering):
         Raises
         ------
         DataError
-            If the samples were not as many, between the same gaps, as in the first pass.
+            If the samples were not those of the first pass: of another number, between other gaps, or of another size.
         """
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:
@@ -100,6 +102,13 @@ class SecondPass(Gathering):
         exact = robust_variances(Corrected(sketched, self._wanted, known), self.efficiency)
         before = robust_variances(sketched, self.efficiency).variance
         moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
+        rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
+        # The counts of the first pass are good to some 1e-4, so that these are not the samples that were counted.
+        if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
+            raise DataError(
+                f"the second pass must take the samples of the first again; at level {others[0] + 1} the variance of "
+                f"those that it took is another one, by {100 * moved[others[0]]:.2g} %"
+            )
         found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
         return self._seen._curve(confidence, found, self.efficiency, self._rise)
 
