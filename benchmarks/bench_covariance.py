@@ -17,6 +17,8 @@ MODELS = (
     "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
     " + QN(q2=2e-6) + RW(gamma2=1e-13)",
 )
+# A sum over all lags: its autocovariance has no closed running sum.
+AUTOREGRESSION = "AR(2, phi1=1.4, phi2=-0.6, sigma2=1) + WN(sigma2=1)"
 
 
 def cases() -> Iterable[Case]:
@@ -31,3 +33,7 @@ def cases() -> Iterable[Case]:
     yield Case("its diagonal", partial(variances, model, setting), "np.cumsum of 10^6", cumsum, 15, 1.5)
     run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0, robust=True)
     yield Case("the same, robust", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
+    for text, repeats in ((AUTOREGRESSION, 3), (f"{AUTOREGRESSION} + RW(gamma2=1e-4)", 1)):
+        model = gmwm.parse_model(text)
+        run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0)
+        yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, repeats)

@@ -30,3 +30,6 @@ def cases() -> Iterable[Case]:
         ("from 10^6 samples to a certified fit", 30.0, partial(gmwm.fit, model, x, RATE)),
     ):
         yield Case(name, run, "np.cumsum of 10^6", cumsum, 31, target)
+    given = (wv.upper - wv.lower) ** -2.0
+    run = partial(gmwm.fit, model, wv, weighting=given)
+    yield Case("fit with weights given, certified", run, "np.cumsum of 10^6", cumsum, 31)

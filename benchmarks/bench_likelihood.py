@@ -22,6 +22,11 @@ from gmwm.likelihood.record import as_record
 
 RATE = 100.0
 WALK = gmwm.parse_model("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-7)")
+WEAK = gmwm.parse_model("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-13)")
+LARGE = gmwm.parse_model(
+    "GM(beta=10.0, sigma2=0.2) + GM(beta=0.5, sigma2=0.03) + GM(beta=0.02, sigma2=0.03) + WN(sigma2=1.0) + QN(q2=2.0)"
+    " + RW(gamma2=1e-7)"
+)
 STATIONARY = gmwm.parse_model("GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0)")
 
 
@@ -49,6 +54,20 @@ def other_hand(model: gmwm.Model, x: np.ndarray) -> object:
     return kalman
 
 
+def restless() -> Iterable[Case]:
+    """Gains that do not come to rest within the record, as beside a weak walk; many states and parameters."""
+    x = WALK.simulate(10**6, RATE, np.random.default_rng(1))
+    cumsum = partial(np.cumsum, x, out=np.empty_like(x))
+    problem = Problem(WEAK, as_record(x, RATE))
+    name = "log-likelihood of GM+WN+RW with a weak walk, 10^6 samples"
+    yield Case(name, partial(problem.value, WEAK), "np.cumsum", cumsum, 5, items=x.size)
+    large = Problem(LARGE, as_record(x[: 10**5], RATE))
+    z = large.start()
+    slopes, few = partial(large.evaluate, z, range(z.size)), partial(np.cumsum, x[: 10**5], out=np.empty(10**5))
+    name = f"value, slope and information of {LARGE.structure}, 10^5 samples"
+    yield Case(name, slopes, "np.cumsum", few, 5, items=10**5)
+
+
 def cases() -> Iterable[Case]:
     """Records of 10^3 to 10^7 samples."""
     x = WALK.simulate(10**5, RATE, np.random.default_rng(1))
@@ -62,6 +81,7 @@ def cases() -> Iterable[Case]:
     yield Case(name, partial(ours.value, WALK), "statsmodels", kalman, 15, 1 / 20, items=10**5)
     yield Case(f"{name}, from an array", partial(gmwm.loglikelihood, WALK, x, RATE), "statsmodels", kalman, 15)
 
+    yield from restless()
     for exponent in range(3, 8):
         n = 10**exponent
         y = STATIONARY.simulate(n, RATE, np.random.default_rng(2))

@@ -14,12 +14,12 @@ RATE = 400.0
 SIZE = 10**7
 
 
-def streamed(x: np.ndarray, chunk: int) -> gmwm.WaveletVariance:
+def streamed(x: np.ndarray, chunk: int, robust: bool = False) -> gmwm.WaveletVariance:
     """The wavelet variance from chunks."""
-    live = gmwm.WaveletAccumulator(RATE)
+    live = gmwm.WaveletAccumulator(RATE, robust=robust)
     for k in range(0, x.size, chunk):
         live.update(x[k : k + chunk])
-    return live.result()
+    return live.result(robust=robust)
 
 
 def merged(parts: list[gmwm.WaveletAccumulator]) -> gmwm.WaveletVariance:
@@ -38,6 +38,10 @@ def cases() -> Iterable[Case]:
         name, ours = f"10^7 samples in chunks of {chunk}", partial(streamed, x, chunk)
         yield Case(name, ours, "in memory", whole, 7, 2.0, items=SIZE)
         yield Case(name, ours, "np.cumsum", cumsum, 7)
+    robust = partial(streamed, x, 10**6, True)
+    yield Case("10^7 samples in chunks of 1000000, robust", robust, "in memory", whole, 5, items=SIZE)
+    plain = partial(streamed, x, 10**6)
+    yield Case("10^7 samples in chunks of 1000000, robust", robust, "in chunks", plain, 5, 5.0, items=SIZE)
     parts = []
     for k in range(0, SIZE, SIZE // 100):
         part = gmwm.WaveletAccumulator(RATE, start=k)

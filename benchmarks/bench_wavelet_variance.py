@@ -1,4 +1,4 @@
-"""The Haar wavelet variance against `numpy.cumsum` of the same array, and against a plain pyramid in NumPy."""
+"""The Haar wavelet variance against `numpy.cumsum` of the same array, a plain pyramid in NumPy, and PyWavelets."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
+import pywt
 from numpy.typing import NDArray
 
 import gmwm
@@ -31,8 +32,35 @@ def pyramid(x: NDArray[np.float64], levels: int) -> NDArray[np.float64]:
     return variance
 
 
+def stationary(x: NDArray[np.float64], levels: int) -> NDArray[np.float64]:
+    """The same numbers by PyWavelets' stationary transform, of 2^k samples, without what it wraps around the end."""
+    found = pywt.swt(x, "haar", levels, trim_approx=True, norm=True)
+    inside = (w[: w.size - 2**j + 1] for j, w in enumerate(found[:0:-1], 1))
+    return np.array([w @ w / w.size for w in inside])
+
+
+def decimated(x: NDArray[np.float64], levels: int) -> NDArray[np.float64]:
+    """The wavelet variance by PyWavelets' decimated transform, of 2^k samples."""
+    found = pywt.wavedec(x, "haar", level=levels)
+    return np.array([w @ w / w.size / 2**j for j, w in enumerate(found[:0:-1], 1)])
+
+
+def other_hand() -> Iterable[Case]:
+    """PyWavelets: a stationary transform of few levels and of all, twice as dear with each; and a decimated one."""
+    for power, levels in ((20, 8), (14, 13)):
+        x = np.random.default_rng(1).standard_normal(2**power)
+        ours, theirs = partial(gmwm.wavelet_variance, x, 1.0, levels=levels), partial(stationary, x, levels)
+        np.testing.assert_allclose(ours().variance, theirs(), rtol=1e-9)
+        yield Case(f"gmwm.wavelet_variance, {levels} levels of 2^{power}", ours, "pywt.swt", theirs, 7)
+    x = np.random.default_rng(1).standard_normal(2**20)
+    ours, theirs = partial(gmwm.wavelet_variance, x, 1.0, levels=19, transform="dwt"), partial(decimated, x, 19)
+    np.testing.assert_allclose(ours().variance, theirs(), rtol=1e-9)
+    yield Case("the same, decimated, 19 levels of 2^20", ours, "pywt.wavedec", theirs, 11)
+
+
 def cases() -> Iterable[Case]:
     """10^6 and 10^7 samples, all levels that exist."""
+    yield from other_hand()
     for n, repeats, target in ((10**6, 31, 1.3), (10**7, 9, None)):
         x = np.random.default_rng(1).standard_normal(n)
         buffer = np.empty(n)
@@ -59,6 +87,10 @@ def cases() -> Iterable[Case]:
         yield Case(
             f"levels of {size}", squares, "np.cumsum", cumsum, repeats, None, total.nbytes, coefficients
         )  # fmt: skip
+        if n == 10**7:
+            # What the kernel's running sum, too large to be kept by malloc, pays at every call.
+            fresh = partial(np.full, n, 1.0)
+            yield Case(f"fresh pages for {size}", fresh, "pages that are there", partial(buffer.fill, 1.0), repeats)
         if n <= 10**6:
             yield Case(
                 f"kernel, {levels} levels of {size}", kernel, "NumPy pyramid", partial(pyramid, x, levels), 7

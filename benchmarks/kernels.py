@@ -1,0 +1,99 @@
+"""How far each kernel is from what memory can deliver, and what holds it back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.results import Results
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Bytes a sample that cannot but pass between memory and processor, how long a sample takes, and why."""
+
+    name: str
+    samples: int
+    moved: int
+    took: Callable[[Results], float]
+    reason: str
+
+
+def _timed(name: str, against: str = "np.cumsum") -> Callable[[Results], float]:
+    return lambda results: results.took(name, against)
+
+
+def _curve(name: str, samples: int) -> Callable[[Results], float]:
+    return lambda results: results.per_sample(name, samples) * samples
+
+
+KERNELS = (
+    Kernel("`np.cumsum`", 10**6, 16, _curve("np.cumsum", 10**6), "each addition waits for the one before"),
+    Kernel("`np.cumsum`", 10**7, 16, _curve("np.cumsum", 10**7), "the same"),
+    Kernel("running sum", 10**6, 24, _timed("running sum of 10^6"), "a few samples are summed among themselves first"),
+    Kernel("running sum", 10**7, 24, _timed("running sum of 10^7"), "memory, two passes (mean, sum)"),
+    Kernel("all levels, 19", 10**6, 8, _timed("levels of 10^6"), "reads from the near caches and arithmetic, 19 times"),
+    Kernel("all levels, 23", 10**7, 8, _timed("levels of 10^7"), "the same; lags beyond the caches, read again"),
+    Kernel("wavelet variance", 10**6, 32, _timed("gmwm.wavelet_variance of 10^6"), "the levels"),
+    Kernel("wavelet variance", 10**7, 32, _timed("gmwm.wavelet_variance of 10^7"), "the levels, then memory"),
+    Kernel("in chunks of 10⁶", 10**7, 8, _timed("10^7 samples in chunks of 1000000", "in memory"),
+           "the levels; the running sum never leaves the cache"),
+    Kernel("robust", 10**6, 8, _timed("robust, efficiency 0.6: white noise", "np.cumsum of 10^6"),
+           "arithmetic: a scale of each level, found in several looks at its coefficients"),
+    Kernel("log-likelihood, GM + WN", 10**7, 8, _timed("log-likelihood of GM+WN, 10^7 samples"),
+           "two multiply-and-adds a sample that wait for those before"),
+)  # fmt: skip
+
+WORDS = """The share is that of what must pass between memory and processor at least, at the speed of a plain copy of as
+many samples (a copy reads 8 bytes a sample and writes 8).
+
+{table}
+
+- **The running sum** is the step of the wavelet variance that memory limits. For 10⁷ samples it takes {sum:.1f} times
+  as long as a copy takes for as many bytes, {fresh:.0f} % of that for pages that the system hands out and zeroes at
+  every call. `np.cumsum` is further off: it adds one number after another, and each waits for the last.
+- **The levels** read one running sum and write nothing. A tile of 4096 samples (32 KiB) passes five levels at
+  once, which share their reads; what lies h and 2h back is in a near cache up to h of some 10⁵ samples. So a
+  sample passes from memory once, and through the registers 19 or 23 times: {near:.2f} ns a sample and level at
+  10⁶, which is the reads and the arithmetic (a load and a half and three or four operations for a vector of
+  coefficients).
+- **Beyond the caches** (10⁷ samples, a running sum of 80 MB) the coarsest levels look back further than the last
+  cache holds. Each such level is one more stream from memory, and all levels cost {far:.2f} ns a sample on average
+  instead of {near:.2f}. In chunks these levels take 64 coefficients a scale, so that their streams are gone:
+  {chunks:.1f} ns a sample where memory needs {memory:.1f}.
+- **What is left**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
+  {real:.1f}. Coarse levels from every τ/64-th coefficient, as the stream takes them, are the way there; in memory
+  every coefficient counts, and the answer is that of the definition.
+- **Robust, likelihood, fit**: arithmetic and chains of dependence, at a small share of the bandwidth; threads
+  over axes help, a faster memory would not."""
+
+
+def bandwidth_words(results: Results) -> str:
+    """Table and reasons."""
+    rows = []
+    for kernel in KERNELS:
+        took = kernel.took(results) / kernel.samples
+        share = kernel.moved / took / copy_speed(results, kernel.samples)
+        rows.append(
+            f"| {kernel.name} | 10{'⁶' if kernel.samples == 10**6 else '⁷'} | {1e9 * took:.2f} | {kernel.moved} "
+            f"| {'< 1' if share < 0.01 else f'{100 * share:.0f}'} % | {kernel.reason} |"
+        )
+    head = "| kernel | samples | ns a sample | bytes | share | what limits it |\n| :-- | --: | --: | --: | --: | :-- |"
+    running = results.took("running sum of 10^7", "np.cumsum") / 1e7
+    fresh = results.timing("fresh pages for 10^7", "pages that are there")
+    return WORDS.format(
+        table="\n".join([head, *rows]),
+        fresh=100 * (fresh["seconds"] - fresh["reference_seconds"]) / (1e7 * running),
+        sum=running * copy_speed(results, 10**7) / 24,
+        near=1e9 * results.took("levels of 10^6", "np.cumsum") / 1e6 / 19,
+        far=1e9 * results.took("levels of 10^7", "np.cumsum") / 1e7 / 23,
+        chunks=1e9 * results.took("10^7 samples in chunks of 1000000", "in memory") / 1e7,
+        memory=1e9 * 8 / copy_speed(results, 10**7),
+        ideal=1e3 * 32e6 / copy_speed(results, 10**6),
+        real=1e3 * results.took("gmwm.wavelet_variance of 10^6", "np.cumsum"),
+    )
+
+
+def copy_speed(results: Results, samples: int) -> float:
+    """Bytes per second of a copy of so many samples, read and written."""
+    return 16 / results.per_sample("copy (np.copyto)", samples)
