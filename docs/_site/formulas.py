@@ -1,0 +1,96 @@
+"""Formulas as pictures of their letters, set by Matplotlib when the site is built: pages need no script."""
+
+from __future__ import annotations
+
+import html
+import re
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from docutils import nodes
+from matplotlib.font_manager import FontProperties
+from matplotlib.mathtext import MathTextParser
+from matplotlib.path import Path
+from matplotlib.textpath import TextPath
+from sphinx.util import logging
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+logger = logging.getLogger(__name__)
+
+UNITS = 100.0
+"""Of the picture, in an em."""
+FONT = FontProperties(size=UNITS, math_fontfamily="stix")  # type: ignore[arg-type]
+# What authors are used to, in the words that Matplotlib knows.
+SPELLINGS = (
+    (re.compile(r"\\lvert\b"), r"|\\hspace{0.08}"),
+    (re.compile(r"\\rvert\b"), r"\\hspace{0.12}|"),
+    (re.compile(r"\\tfrac\b"), r"\\frac"),
+    (re.compile(r"\\dots\b"), r"\\ldots"),
+    (re.compile(r"\\(le|ge)\b"), r"\\\1q"),
+    (re.compile(r"\\(?:mathsf|mathrm) *([a-zA-Z])"), r"\\mathrm{\1}"),
+    (re.compile(r"\\mathsf\b"), r"\\mathrm"),
+    (re.compile(r"(?<=[a-zA-Z0-9)])\\(sinh?|cosh?|ln|log|exp)\b"), r"\\,\\\1"),
+    (re.compile(r"\\sqrt +(\w|\\[a-zA-Z]+)"), r"\\sqrt{\1}"),
+)
+
+
+@cache
+def as_svg(formula: str, block: bool) -> str:
+    """The formula as SVG in the colour of the text around it, on its line, 1 em high letters."""
+    text = " ".join(formula.split())
+    for found, spelt in SPELLINGS:
+        text = found.sub(spelt, text)
+    if block:
+        text = text.replace(r"\frac", r"\dfrac")
+    text = f"${text}$"
+    width, height, depth = MathTextParser("path").parse(text, dpi=72, prop=FONT)[:3]
+    drawn = _outline(TextPath((0, 0), text, size=UNITS, prop=FONT))
+    # Letters that lean out of their boxes are not cut.
+    box = f"-5 {-height:.0f} {width + 10:.0f} {height + depth + 5:.0f}"
+    size = f"width:{(width + 10) / UNITS:.2f}em;height:{(height + depth + 5) / UNITS:.2f}em"
+    words = html.escape(formula)
+    return (
+        f'<svg class="formula" role="img" aria-label="{words}" viewBox="{box}" '
+        f'style="{size};vertical-align:{-(depth + 5) / UNITS:.2f}em"><title>{words}</title><path d="{drawn}"/></svg>'
+    )
+
+
+def _outline(path: Path) -> str:
+    """A path in the letters of SVG, whose y points down."""
+    letters = {Path.MOVETO: "M", Path.LINETO: "L", Path.CURVE3: "Q", Path.CURVE4: "C", Path.CLOSEPOLY: "Z"}
+    parts = []
+    for vertices, code in path.iter_segments(curves=True, simplify=False):
+        points = vertices.reshape(-1, 2) if code != Path.CLOSEPOLY else ()
+        parts.append(letters[code] + " ".join(f"{x:.1f} {-y:.1f}" for x, y in points))
+    return "".join(parts)
+
+
+def written(node: nodes.Element, block: bool) -> str:
+    """The formula of a node; one that is not understood is a warning, and stays as it was typed."""
+    try:
+        return as_svg(node.astext(), block)
+    except ValueError as error:
+        logger.warning("formula not understood: %s: %s", node.astext(), str(error).splitlines()[-1], location=node)
+        return f"<code>{html.escape(node.astext())}</code>"
+
+
+def inline(translator: Any, node: nodes.Element) -> None:
+    """Write a formula in a line."""
+    translator.body.append(written(node, block=False))
+    raise nodes.SkipNode
+
+
+def block(translator: Any, node: nodes.Element) -> None:
+    """Write a formula of its own, which scrolls where it is wider than the page; its label is a target of links."""
+    label = f' id="equation-{node["label"]}"' if node.get("label") else ""
+    number = f'<span class="eqno">({node["number"]})</span>' if node.get("number") else ""
+    translator.body.append(f'<div class="math formula"{label}>{number}{written(node, block=True)}</div>')
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Offer the renderer by the name "outlines"."""
+    app.add_html_math_renderer("outlines", (inline, None), (block, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,1 @@
+"""From the sources to files that install where there is no compiler: `make wheel`."""

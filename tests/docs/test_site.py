@@ -1,0 +1,209 @@
+"""The site: it builds without a warning, links lead somewhere, every public name is on one page, no page is too wide.
+
+One file, so that one process builds the site for all of these tests.
+"""
+
+import inspect
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+import gmwm
+from gmwm._late import LateMethod, LateProperty
+from tests.docs.pages import DOCS, pages
+
+ENTRY = re.compile(r"^\.\. auto(?:function|class|exception):: gmwm\.(\S+)$", re.MULTILINE)
+
+
+class Page(HTMLParser):
+    """Places that can be linked to, links, and what a browser loads with the page."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.places, self.links, self.loaded = set(), set(), set()
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.places.update(values[key] for key in ("id", "name") if values.get(key))
+        if tag == "a" and values.get("href"):
+            self.links.add(values["href"])
+        if tag == "link" and values.get("href") and values.get("rel") in ("stylesheet", "icon", "preload"):
+            self.loaded.add(values["href"])
+        if values.get("src"):
+            self.loaded.add(values["src"])
+
+
+@pytest.fixture(scope="module")
+def built(site):
+    return {file: Page(file) for file in sorted(site.rglob("*.html"))}
+
+
+def is_outside(link):
+    return bool(urlsplit(link).scheme or urlsplit(link).netloc)
+
+
+def test_every_page_is_in_the_site(site):
+    left_out = {DOCS / "README.md"}
+    wanted = {page.relative_to(DOCS).with_suffix(".html") for page in [*pages(), *DOCS.glob("validation/*.md")]} - {
+        page.relative_to(DOCS).with_suffix(".html") for page in left_out
+    }
+    assert len(wanted) > 40
+    assert {str(page) for page in wanted if not (site / page).is_file()} == set()
+
+
+def broken_links(built):
+    """File and link, where the file or the place in it that it leads to is not there."""
+    broken = []
+    for file, page in built.items():
+        for link in page.links:
+            if is_outside(link):
+                continue
+            parts = urlsplit(link)
+            target = (file.parent / unquote(parts.path)).resolve() if parts.path else file
+            places = built[target].places if target in built else {unquote(parts.fragment)}
+            if not target.is_file() or (parts.fragment and unquote(parts.fragment) not in places):
+                broken.append((file.name, link))
+    return broken
+
+
+def test_no_link_is_broken(built):
+    assert sum(len(page.links) for page in built.values()) > 1000
+    assert broken_links(built) == []
+
+
+def test_broken_links_are_found(tmp_path):
+    links = ["#here", "#gone", "other.html", "gone.html", "other.html#gone", "https://example.org"]
+    one, other = tmp_path / "one.html", tmp_path / "other.html"
+    one.write_text('<p id="here">' + "".join(f'<a href="{link}">x</a>' for link in links), encoding="utf-8")
+    other.write_text("<p>", encoding="utf-8")
+    found = broken_links({file: Page(file) for file in (one, other)})
+    assert {link for _, link in found} == {"#gone", "gone.html", "other.html#gone"}
+
+
+def test_pages_load_nothing_from_a_network_and_miss_nothing(built):
+    for file, page in built.items():
+        local = {link for link in page.loaded if not link.startswith("data:")}
+        assert {link for link in local if is_outside(link)} == set(), file
+        missing = {link for link in local if not (file.parent / unquote(urlsplit(link).path)).is_file()}
+        assert missing == set(), file
+
+
+def test_links_to_the_world_are_safe_ones(built):
+    outside = {link for page in built.values() for link in page.links if is_outside(link)}
+    assert outside
+    # Whether they answer is not asked here, where there is no network; `pytest -rP -k world` lists them.
+    print(*sorted(outside), sep="\n")
+    assert {link for link in outside if urlsplit(link).scheme not in ("https", "mailto")} == set()
+
+
+def test_every_public_name_is_on_exactly_one_page_of_the_api():
+    entries = [name for page in (DOCS / "api").glob("*.md") for name in ENTRY.findall(page.read_text(encoding="utf-8"))]
+    public = {name for name in dir(gmwm) if not name.startswith("_") and not inspect.ismodule(getattr(gmwm, name))}
+    assert len(public) > 80
+    assert public - set(entries) == set()
+    assert {name for name in entries if entries.count(name) > 1} == set()
+
+
+def test_late_methods_are_documented_like_others(built):
+    places = set().union(*(page.places for page in built.values()))
+    late = [
+        f"gmwm.{name}.{attribute}"
+        for name, thing in vars(gmwm).items()
+        if inspect.isclass(thing)
+        for attribute, value in vars(thing).items()
+        if isinstance(value, LateMethod | LateProperty) and not attribute.startswith("_")
+    ]
+    assert len(late) > 25
+    assert [name for name in late if name not in places] == []
+
+
+def test_formulas_are_drawn_not_scripted(built, site):
+    theory = (site / "theory.html").read_text(encoding="utf-8")
+    assert theory.count('<svg class="formula"') > 20
+    scripts = {link for page in built.values() for link in page.loaded if "mathjax" in link.lower() or "katex" in link}
+    assert scripts == set()
+
+
+# --- in a browser, from files, without a network ------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def browser():
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None)
+    if chromium is None:
+        pytest.skip("needs Chromium on the path: apt install chromium")
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install '.[browser]'")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser):
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
+    yield context.new_page()
+    context.close()
+
+
+TOO_WIDE = """() => [...document.querySelectorAll('article *')].filter(thing => {
+    if (thing.ownerSVGElement || thing.getBoundingClientRect().right <= innerWidth + 1) return false;
+    for (let around = thing.parentElement; around.tagName !== 'ARTICLE'; around = around.parentElement)
+        if (['auto', 'scroll'].includes(getComputedStyle(around).overflowX)) return false;
+    return true;
+}).map(thing => thing.outerHTML.slice(0, 80))"""
+"""What goes beyond the window and cannot be scrolled into it: the theme cuts it off, and the page is never wide."""
+
+
+def test_no_page_is_wider_than_its_window(site, page):
+    files = sorted(site.rglob("*.html"))
+    assert len(files) > 40
+    wide = {}
+    for file in files:
+        page.goto(file.as_uri(), wait_until="load")
+        for width in (1280, 390):
+            page.set_viewport_size({"width": width, "height": 900})
+            found = page.evaluate(TOO_WIDE)
+            if found or page.evaluate("document.documentElement.scrollWidth") > width:
+                wide[f"{file.relative_to(site)} at {width}"] = found
+    assert wide == {}
+
+
+def test_what_is_too_wide_is_found(site, page):
+    page.set_viewport_size({"width": 390, "height": 900})
+    page.goto((site / "index.html").as_uri(), wait_until="load")
+    assert page.evaluate(TOO_WIDE) == []
+    page.evaluate(
+        """() => {
+            const line = document.createElement('p');
+            line.textContent = 'x'.repeat(900);
+            line.style.width = 'max-content';
+            document.querySelector('article').append(line);
+        }"""
+    )
+    assert [found[:2] for found in page.evaluate(TOO_WIDE)] == ["<p"]
+
+
+@pytest.mark.parametrize(("words", "expected"), [("quantization", "processes"), ("wavelet_variance", "variance")])
+def test_search_finds_without_a_server(site, page, words, expected):
+    page.goto(f"{(site / 'search.html').as_uri()}?q={words}")
+    page.wait_for_selector("#search-results li a", timeout=10_000)
+    found = page.locator("#search-results li a").evaluate_all("links => links.map(a => a.getAttribute('href'))")
+    assert any(expected in link for link in found), found
+
+
+def test_pages_ask_for_nothing_but_files_and_complain_of_nothing(site, page):
+    asked, said = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    for name in ("index.html", "theory.html", "api/fitting.html"):
+        page.goto((site / name).as_uri(), wait_until="load")
+    assert asked
+    assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
+    assert said == []

@@ -1,0 +1,164 @@
+"""What is passed on: the source archive, the wheel's promise to run on any processor, and the workflows."""
+
+import re
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from gmwm import _core
+from release import __main__ as release
+
+ROOT = Path(__file__).resolve().parent.parent
+WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
+LARGEST = 1_500_000
+"""Bytes of the source archive, most of which are the plotting script of the HTML report."""
+
+
+def workflow(path: Path) -> dict:
+    return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+
+
+def steps(path: Path) -> list[dict]:
+    return [step for job in workflow(path)["jobs"].values() for step in job["steps"]]
+
+
+def described() -> dict:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return tomllib.load(file)
+
+
+# --- the archive and the wheel ------------------------------------------------------------------------
+
+
+def test_the_source_archive_is_whole_and_small(tmp_path, monkeypatch):
+    from scikit_build_core.build import build_sdist
+
+    monkeypatch.chdir(ROOT)
+    archive = tmp_path / build_sdist(str(tmp_path))
+    release.look_into_archive(archive)
+    assert archive.stat().st_size < LARGEST
+    with tarfile.open(archive) as files:
+        packed = {name.partition("/")[2] for name in files.getnames()}
+    missing = [str(file.relative_to(ROOT)) for file in (ROOT / "src").rglob("*.py")]
+    missing += [str(file.relative_to(ROOT)) for file in (ROOT / "cpp").rglob("*.[ch]pp")]
+    assert sorted(set(missing) - packed) == []
+
+
+@pytest.mark.parametrize("surplus", ["tests/test_house.py", "docs/index.md", ".venv/pyvenv.cfg"])
+def test_an_archive_with_tests_is_refused(tmp_path, surplus):
+    with tarfile.open(tmp_path / "a.tar.gz", "w:gz") as files:
+        for name in ("LICENSE", "README.md", "CMakeLists.txt", "pyproject.toml"):
+            files.add(ROOT / name, f"gmwm-1/{name}")
+        for name in ("cpp/bind/module.cpp", "src/gmwm/py.typed"):
+            files.add(ROOT / name, f"gmwm-1/{name}")
+        for ending in ("min.js", "LICENSE"):
+            name = f"src/{release.VENDORED}.{ending}"
+            files.add(ROOT / name, f"gmwm-1/{name}")
+    release.look_into_archive(tmp_path / "a.tar.gz")
+    with tarfile.open(tmp_path / "b.tar.gz", "w:gz") as files:
+        with tarfile.open(tmp_path / "a.tar.gz") as others:
+            for member in others.getmembers():
+                files.addfile(member, others.extractfile(member))
+        files.add(ROOT / "LICENSE", f"gmwm-1/{surplus}")
+    with pytest.raises(release.ReleaseError, match=re.escape(surplus)):
+        release.look_into_archive(tmp_path / "b.tar.gz")
+
+
+def wheel(path: Path, *left_out: str, more: tuple[str, ...] = ()) -> Path:
+    names = ["gmwm/_core.abi3.so", f"{release.VENDORED}.min.js", "gmwm-1.dist-info/METADATA"]
+    names += ["gmwm-1.dist-info/licenses/", "gmwm-1.dist-info/licenses/LICENSE"]
+    names += [f"gmwm-1.dist-info/licenses/src/{release.VENDORED}.LICENSE", *more]
+    with zipfile.ZipFile(path, "w") as files:
+        for name in names:
+            if name not in left_out:
+                files.writestr(name, "")
+    return path
+
+
+@pytest.mark.parametrize(
+    "left_out",
+    [
+        "gmwm/_core.abi3.so",
+        f"{release.VENDORED}.min.js",
+        "gmwm-1.dist-info/licenses/LICENSE",
+        f"gmwm-1.dist-info/licenses/src/{release.VENDORED}.LICENSE",
+    ],
+)
+def test_a_wheel_without_kernels_or_licences_is_refused(tmp_path, left_out):
+    release.look_into_wheel(wheel(tmp_path / "whole.whl"))
+    with pytest.raises(release.ReleaseError):
+        release.look_into_wheel(wheel(tmp_path / "not.whl", left_out))
+
+
+def test_a_wheel_that_installs_tests_is_refused(tmp_path):
+    with pytest.raises(release.ReleaseError, match="tests"):
+        release.look_into_wheel(wheel(tmp_path / "not.whl", more=("tests/test_house.py",)))
+
+
+def test_a_compiler_on_the_path_is_refused(tmp_path):
+    assert release.bare(tmp_path)["PATH"] == str(tmp_path)
+    (tmp_path / "g++").touch(mode=0o755)
+    with pytest.raises(release.ReleaseError, match=r"g\+\+"):
+        release.bare(tmp_path)
+
+
+def test_nothing_is_built_for_this_processor_alone():
+    text = (ROOT / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert "-O3" in text
+    assert re.findall(r"-m(?:arch|tune|cpu|avx|fma|sse)\S*|/arch:\S*|native", text) == []
+    assert _core.clone() in {"default", "x86-64-v3", "x86-64-v4", "portable"}
+
+
+# --- the workflows ------------------------------------------------------------------------------------
+
+
+def test_workflows_are_there():
+    assert [path.stem for path in WORKFLOWS] == ["ci", "docs", "wheels"]
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_may_do_little_and_pin_what_they_use(path):
+    content = workflow(path)
+    assert content["permissions"] == {"contents": "read"}
+    writes = {
+        name: set(job["permissions"]) for name, job in content["jobs"].items() if "write" in str(job.get("permissions"))
+    }
+    assert writes == ({"publish": {"pages", "id-token"}} if path.stem == "docs" else {})
+    assert all("timeout-minutes" in job for job in content["jobs"].values())
+    used = [step["uses"] for step in steps(path) if "uses" in step]
+    assert used
+    assert [name for name in used if not re.search(r"@(v\d+|[0-9a-f]{40})$", name)] == []
+    assert "secrets." not in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)
+def test_workflows_call_targets_that_exist(path):
+    targets = re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    commands = [step["run"].split() for step in steps(path) if "run" in step]
+    made = {words[1] for words in commands if words[0] == "make"}
+    assert made
+    assert made <= set(targets)
+
+
+def test_the_same_versions_are_tested_and_built():
+    tested = workflow(ROOT / ".github" / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"]
+    build = described()["tool"]["cibuildwheel"]["build"].split()
+    assert build == [f"cp{version.replace('.', '')}-*" for version in tested]
+    assert described()["project"]["requires-python"] == f">={tested[0]}"
+    # The version from which on one wheel serves all later ones is built itself.
+    assert described()["tool"]["scikit-build"]["wheel"]["py-api"] + "-*" in build
+
+
+def test_the_site_that_is_published_is_the_one_that_is_built():
+    uploads = [
+        step["with"]["path"]
+        for step in steps(ROOT / ".github" / "workflows" / "docs.yml")
+        if "path" in step.get("with", {})
+    ]
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    assert uploads
+    assert all(re.search(rf"sphinx.* {re.escape(path)}$", makefile, re.MULTILINE) for path in uploads)
