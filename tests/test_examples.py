@@ -199,10 +199,12 @@ def test_the_filter_knows_how_errors_move():
 def test_the_lines_of_the_document_put_a_model_into_a_filter():
     """A heading that is never corrected gets the variance that the running sum of the noise has."""
     text = (Path(__file__).parents[1] / "docs" / "navigation.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    # What comes before makes a fit to some recording; here it is that of a known model.
+    _, code = block.split("turn_on = 1e-3  # rad/s\n")
     model, rate, samples = navigation.TRUTH["gyro_z"], navigation.RATE, 500
     fit = SimpleNamespace(model=model, wavelet_variance=SimpleNamespace(rate=rate))
-    names = {"fit": fit, "turn_on": 1e-4}
+    names = {"fit": fit, "turn_on": 1e-4, "np": np, "block_diag": block_diag}
     exec(compile(code, "navigation.md", "exec"), names)
     P = block_diag(np.zeros((1, 1)), names["P0"])
     for _ in range(samples):
