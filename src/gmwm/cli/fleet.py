@@ -23,6 +23,7 @@ from gmwm.cli.options import (
     Within,
     parse_within,
 )
+from gmwm.cli.pieces import MACHINES
 from gmwm.errors import DataError, OptionError
 
 if TYPE_CHECKING:
@@ -34,7 +35,6 @@ EXAMPLES = (
     "gmwm fleet recordings --pattern '*.csv' --rate 100 --units gyro=deg/s,accel=g --output results",
     "gmwm fleet /shared/recordings --scheduler tcp://10.0.0.5:8786 --output results --json",
 )
-MACHINES = "Where it is done"
 SHOWN = 10
 """Failed units that are named on stderr; the table and the summary have all."""
 

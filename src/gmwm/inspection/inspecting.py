@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from gmwm.errors import OptionError
 from gmwm.inspection.extent import Extent
 from gmwm.inspection.knocks import knocks_of, steps_of
 from gmwm.inspection.look import Look
-from gmwm.inspection.resolution import Sample, step_of
+from gmwm.inspection.resolution import Sample, lsb, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.readers.chunks import Piece, Stream
 from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
@@ -69,13 +70,10 @@ def inspect(recording: Imu | Stream) -> Inspection:
         raise OptionError(
             f"recording must be an Imu or a Stream, got {type(recording).__name__}; {_way_to_an_imu(recording)}"
         )
-    samples = {axis: Sample() for axis in recording}
-    for axis, sample in samples.items():
-        sample.take(recording[axis].values)
     looks = Looks(
         recording.source, recording.notes, recording.time_base or TimeBase(recording.rate),
         Extent.of(recording[recording.axes[0]]), {axis: recording[axis].unit for axis in recording},
-        {axis: step_of(sample.values()) for axis, sample in samples.items()},
+        {axis: lsb(recording[axis].values) for axis in recording},
         lambda axis, first, last: recording[axis].values[first:last],
     )  # fmt: skip
     looks.take(Piece({axis: recording[axis].values for axis in recording}, 0, 0, 0.0))
@@ -184,7 +182,7 @@ class Looks:
                 for axis, look in looks.items()
                 for step in steps_of(
                     axis, look.levels(), extent, self._resolutions[axis] or 0.0,
-                    lambda first, last, axis=axis: self._values(axis, first, last),  # type: ignore[misc]
+                    partial(self._values, axis),
                 )
             ),
             key=lambda step: (step.time, step.axis),

@@ -20,7 +20,7 @@ from gmwm.errors import GmwmError, OptionError, TimeBaseWarning
 from gmwm.readers.chunks import Stream
 from gmwm.readers.parts import Part, Passage
 from gmwm.readers.pieces import Tally
-from gmwm.streaming.driver import accumulators
+from gmwm.streaming.driver import accumulators, feed
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
@@ -197,15 +197,10 @@ def _unpacked(packed: bytes) -> Any:
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     """The work of a worker. What is wrong in the file comes back as it is: it would be no better a second time."""
-    passage, segment = Passage(part), 0
+    passage = Passage(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
-        for piece in passage:
-            for axis, one in axes.items():
-                if piece.segment != segment:
-                    one.gap()
-                one.update(piece[axis])
-            segment = piece.segment
+        feed(passage, axes)
     except GmwmError as error:
         return error
     return _Measured(axes, passage.tally)

@@ -223,7 +223,7 @@ def accumulators(
     }
 
 
-def feed(pieces: Iterable[Piece], measured: Mapping[str, WaveletAccumulator]) -> None:
+def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
     """Give pieces as they come to the accumulators of some axes, one after the other."""
     segment = 0
     for piece in pieces:
