@@ -23,10 +23,11 @@ def blocks(page: Path) -> list[tuple[int, str, str]]:
     """Line of the page, language and code of each block that runs; of shells only what calls gmwm."""
     text = page.read_text(encoding="utf-8")
     found = [(text.count("\n", 0, block.start(2)), block[1], block[2]) for block in BLOCK.finditer(text)]
-    return [(line, language, code) for line, language, code in found if language == "python" or _commands(code)]
+    return [(line, language, code) for line, language, code in found if language == "python" or commands(code)]
 
 
-def _commands(code: str) -> list[str]:
+def commands(code: str) -> list[str]:
+    """Those lines of a shell block that call gmwm."""
     lines = code.replace("\\\n", " ").splitlines()
     return [line for line in lines if shlex.split(line, comments=True)[:1] == ["gmwm"]]
 
@@ -40,7 +41,7 @@ def run(page: Path) -> None:
             # So many empty lines, so that an error names the line of the page.
             exec(compile("\n" * line + code, str(page), "exec"), names)
             continue
-        for command in _commands(code):
+        for command in commands(code):
             done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=False)
             if done.returncode:
                 raise SystemExit(f"{page}:{line}: {done.returncode} from {command}")
