@@ -22,7 +22,7 @@ from gmwm.processes import registry
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"
-HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy.optimize", "scipy.stats", "typer", "rich")
+HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy", "typer", "rich")
 LONGEST_FILE = 600
 
 # Every method of a result whose code lives on a higher floor, and where it lives.
@@ -90,7 +90,7 @@ def python_files() -> list[Path]:
 
 
 def source_files() -> list[Path]:
-    folders = ("src", "cpp", "tests", "benchmarks", "validation", "examples")
+    folders = ("src", "cpp", "tests", "benchmarks", "validation", "examples", "release")
     suffixes = {".py", ".pyi", ".cpp", ".hpp"}
     return [file for folder in folders for file in (ROOT / folder).rglob("*") if file.suffix in suffixes]
 

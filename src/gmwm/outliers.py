@@ -9,7 +9,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import gammainc, gammaincc, gammainccinv
 
 from gmwm._arrays import Vector, freeze
 from gmwm._words import counted
@@ -99,6 +98,8 @@ class Verdict:
     @property
     def lighter(self) -> NDArray[np.bool_]:
         """At which levels the robust variance is clearly the larger one: of a drift or of rounding (J,)."""
+        from scipy.special import gammainc
+
         place = np.log1p(np.nan_to_num(self.excess)) + np.log1p(self.tolerance)
         error = np.where(self.tested, self.standard_errors, 1.0)
         below = gammainc(*ratio_law(place / error, error, self.efficiency))
@@ -236,6 +237,8 @@ def contamination(
     >>> verdict.contaminated, verdict.pvalue < 1e-6
     (True, True)
     """
+    from scipy.special import gammaincc, gammainccinv
+
     if not 0 < size < 1:
         raise OptionError(f"size must be between 0 and 1, got {size!r}")
     if isinstance(comparisons, bool) or not isinstance(comparisons, int | np.integer) or comparisons < 1:

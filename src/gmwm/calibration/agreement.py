@@ -9,7 +9,6 @@ from pathlib import PurePath
 from statistics import NormalDist
 
 import numpy as np
-from scipy.special import gammaincc
 
 from gmwm.calibration.maker import as_reference
 from gmwm.calibration.result import Calibration
@@ -187,6 +186,8 @@ def _reach(level: float) -> float:
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
     """Of entries, each with the reach of its interval in standard errors, if they are of one number."""
+    from scipy.special import gammaincc
+
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
     limits = [(entry, z) for entry, z in known if entry.upper_only]
     tests = []

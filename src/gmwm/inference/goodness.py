@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc
 
 from gmwm._arrays import freeze
 from gmwm._words import counted
@@ -147,6 +146,8 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:
     """The chi-square test."""
+    from scipy.special import gammaincc
+
     wv = fit.wavelet_variance
     used = int(np.count_nonzero(usable_levels(wv)))
     free = len(fit.model.names) - len(fit.model.fixed)

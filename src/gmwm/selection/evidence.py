@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import chdtri, gammaincc, ndtr
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
@@ -76,6 +75,8 @@ class Hypothesis:
 
     def absurd(self, rival: Fit) -> bool:
         """Whether the loss exceeds that of the rival by far more than chance can do, without fitting either again."""
+        from scipy.special import gammaincc
+
         losses = []
         for fit in (self.fit, rival):
             left = self.root @ (fit.wavelet_variance.variance - fit.implied)
@@ -203,6 +204,8 @@ def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: flo
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
     """Errors of ν̂² (B, J): each level chi-square about the curve, with the variances and correlations of V."""
+    from scipy.special import chdtri, ndtr
+
     deviation = np.sqrt(np.diag(wavelet))
     normal = np.random.default_rng(seed).standard_normal((draws, curve.size))
     scores = normal @ factor_of(wavelet).T / deviation
