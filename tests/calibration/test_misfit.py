@@ -61,6 +61,35 @@ def test_a_periodic_disturbance_is_told_to_be_a_term(short_of_a_walk):
     assert f"gives a curve with teeth: add {lines[0]} to `within`" in words(short_of_a_walk)
 
 
+def test_causes_are_told_once_for_all_axes(short_of_a_walk):
+    found = short_of_a_walk.axes["gyro_x"]
+    text = words(replace(short_of_a_walk, axes={"gyro_x": found, "gyro_y": found}))
+    assert text.count("does not describe the curve") == 2
+    assert text.count("look at the picture where a test rejects") == 1
+
+
+def test_outliers_leave_a_model_with_a_line_its_classical_curve():
+    # Knocks over a hum: the advice of a rejected model, to add a line, must lead to a calibration.
+    truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"
+    hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, seed=3)
+    values = hum["gyro_x"].values.copy()
+    for start in range(1000, 60_000, 12_000):
+        values[start : start + 100] += 0.004 * np.random.default_rng(start).standard_normal(100)
+    imu = gmwm.Imu.from_arrays({"gyro_x": values}, rate=100.0)
+    without = gmwm.calibrate(imu, "GM + WN")
+    assert without.axes["gyro_x"].fit.wavelet_variance.robust
+    assert "a periodic disturbance gives a curve with teeth" in words(without)
+    found = gmwm.calibrate(imu, "GM + WN + SIN")
+    assert found.failed == {}
+    assert not found.axes["gyro_x"].fit.wavelet_variance.robust
+    frequency = found["gyro_x"].parameters["SIN.frequency"]
+    assert frequency == pytest.approx(21.3, rel=0.05)
+    text = words(found)
+    assert "fitted with them; no robust curve goes with a sinusoid in `within`, so cut the outliers out" in text
+    assert "raise the curve: cut the file there, or record again: no robust curve goes with SIN" in text
+    assert "where outliers matter, the robust curve was taken" not in text
+
+
 def test_a_model_within_the_limits_misses_nothing(calibration):
     found = calibration.axes["gyro_x"]
     wv = replace(found.fit.wavelet_variance, lower=found.fit.implied / 2, upper=found.fit.implied * 2)

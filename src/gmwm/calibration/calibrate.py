@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gmwm._threads import in_threads
+from gmwm.calibration.misfit import line_in
 from gmwm.calibration.recording import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
 from gmwm.calibration.streamed import measured_and_seen
@@ -95,7 +96,8 @@ def calibrate(
         The largest model; all its parts are compared.
     robust : "auto", False or True
         Classical unless outliers show: a test at 5 % for all axes together (see `contamination`); or never; or always.
-        A WaveletVariance is what it is.
+        A WaveletVariance is what it is. "auto" takes the classical one too where `within` has a sinusoid, whose robust
+        variance is not that of its theory.
     weighting, criterion, draws, seed
         As for `select`.
     confidence : float
@@ -139,7 +141,7 @@ def calibrate(
     chosen = _chosen(data, axes)
     told = _Told(len(chosen) * len(STAGES), progress)
     items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
-    warned = () if looked is None else cautions(looked.warnings, robust)
+    warned = () if looked is None else cautions(looked.warnings, robust, line_in(general))
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
@@ -337,7 +339,7 @@ class _Axis:
             classical = wavelet_variance(self.item)
             robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
-        chosen = verdict.contaminated if wanted == "auto" else wanted
+        chosen = verdict.contaminated and line_in(self.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict
 
 

@@ -17,18 +17,25 @@ if TYPE_CHECKING:
 
     from gmwm.calibration.result import AxisCalibration
     from gmwm.datasheets import Datasheet
+    from gmwm.processes import Model
 
 LARGE = 1.5
 """Ratio of the model's variance to that of the data from which on the model does not describe the curve."""
 
 
-def _causes() -> str:
-    """What may be the matter."""
+def line_in(model: Model) -> str | None:
+    """The name of a process of one frequency in a model; None where there is none."""
+    return next((process.name for process in model.processes if type(process).line is not Process.line), None)
+
+
+def _causes(rejected: Sequence[AxisCalibration]) -> str:
+    """What may be the matter with axes whose model is rejected."""
     line = next((name for name, kind in registry.items() if kind.line is not Process.line), None)
-    periodic = "" if line is None else f"a periodic disturbance gives a curve with teeth: add {line} to `within`; "
+    one, add = ("another", "add one more") if any(line_in(found.fit.model) for found in rejected) else ("a", "add")
+    periodic = f"{one} periodic disturbance gives a curve with teeth: {add} {line} to `within`; " if line else ""
     return (
-        f"Look at the picture: {periodic}a change of temperature or a motion gives no curve of this kind; or `within` "
-        "is too small, and a larger one has the term that is missing"
+        f"look at the picture where a test rejects: {periodic}a change of temperature or a motion gives no curve of "
+        "this kind; or `within` is too small, and a larger one has the term that is missing"
     )
 
 
@@ -86,15 +93,15 @@ def about_rejected(axes: Mapping[str, AxisCalibration]) -> list[str]:
     if near:
         said.append(
             f"{', '.join(near)}: the test rejects even the recommended model: some level is off by more than chance. "
-            f"The values still describe the curve; their intervals are too narrow. {_causes()}"
+            "The values still describe the curve; their intervals are too narrow"
         )
     for axis, at in far.items():
         said.append(
             f"{axis}: the test rejects even the recommended model, and it does not describe the curve: at {at.tau:.3g} "
             f"s its variance lies {at.times:.2g} times {'above' if at.ratio > 1 else 'below'} that of the data. "
-            f"{_wrong(axes[axis], at.tau)}. {_causes()}"
+            f"{_wrong(axes[axis], at.tau)}"
         )
-    return said
+    return [*said, _causes(list(axes.values()))] if said else []
 
 
 def _wrong(found: AxisCalibration, tau: float) -> str:

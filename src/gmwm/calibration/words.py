@@ -139,10 +139,12 @@ def _legend(calibration: Calibration) -> list[str]:
     )
 
 
-def cautions(warnings: Sequence[str], robust: Literal["auto"] | bool) -> tuple[str, ...]:
-    """What an inspection warns of, for who has estimated already."""
+def cautions(warnings: Sequence[str], robust: Literal["auto"] | bool, line: str | None = None) -> tuple[str, ...]:
+    """What an inspection warns of, for who has estimated already, within a model that may have a line."""
     done = {"auto": "; where outliers matter, the robust curve was taken", True: "; the robust curve was taken"}
     third = done.get(robust, ", or leave them out by robust='auto'")
+    if line is not None and robust == "auto":
+        third = f": no robust curve goes with {line} in `within`"
     return tuple(text.replace(OR_ROBUST, third).replace(LONGEST, ALONE) for text in warnings)
 
 
@@ -192,9 +194,14 @@ def _about_outliers(calibration: Calibration) -> list[str]:
             "leaves them out; if your filter will meet them too, it needs more noise than this, or must reject them"
         )
     if kept := _those(struck, lambda found: not found.fit.wavelet_variance.robust):
+        # What is left for "auto" to keep them: a line in `within`.
+        way = (
+            "no robust curve goes with a sinusoid in `within`, so cut the outliers out"
+            if calibration.settings.robust == "auto"
+            else "robust='auto' leaves them out"
+        )
         said.append(
-            f"outliers raise the classical curve of {_excesses(struck, kept)}, and it was fitted with them; "
-            "robust='auto' leaves them out"
+            f"outliers raise the classical curve of {_excesses(struck, kept)}, and it was fitted with them; {way}"
         )
     if above := [f"{axis} at {scales}" for axis in left if (scales := _lighter(struck[axis]))]:
         said.append(

@@ -36,13 +36,14 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm calibrate static.csv --output results",
     "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
-    "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes --json",
+    "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes",
 )
 
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Leave outliers out: of the axes where a test at 5 % for all together finds them, of all, of none.",
+        help="Leave outliers out: of the axes where a test at 5 % for all together finds them (of none if --within has "
+        "a sinusoid), of all, of none.",
         rich_help_panel="Estimation",
     ),
 ]
