@@ -99,6 +99,15 @@ def test_held_parameters_stay_and_given_ones_are_tried():
 # --- the paper's draws ------------------------------------------------------------------------------------
 
 
+@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.parametrize("model", ["WN", "WN + RW", "WN + QN + RW + FN"])
+def test_draws_for_a_model_without_shapes_lead_to_its_only_optimum(model):
+    drawn, found = gmwm.fit(model, WV, start=Sampled(100, seed=1)), gmwm.fit(model, WV)
+    assert drawn.diagnostics.start.how == "sampled"
+    assert drawn.objective == pytest.approx(found.objective, rel=1e-9)
+    np.testing.assert_allclose(list(drawn.parameters.values()), list(found.parameters.values()), rtol=1e-6)
+
+
 def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     convex = gmwm.fit(2 * GM() + WN(), WV)
     drawn = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1))

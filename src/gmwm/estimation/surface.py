@@ -193,7 +193,8 @@ class Surface:
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
-        rows = []
+        # None where no process has a shape.
+        rows = [np.empty((0, np.size(problem.levels)))]
         if branches:
             family = problem.family
             assert family is not None

@@ -10,9 +10,10 @@ To add a process of your own, write a class like the ones below, in this file or
 - `correlation_time` and `physical`, if its parameters mean something in continuous time that a datasheet could tell.
 
 Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find the class by
-themselves. Define a further method only where it is more exact or faster than the default; the law tests then hold the
-two against each other. A difference such as 1 − e^(−x) cancels where x is small: write −expm1(−x). `search` says where
-to look for the one parameter of a shape; with it fits are proven to be the best there are.
+themselves: `WN` down to its `physical` is a whole process. Define a further method only where it is more exact or
+faster than the default; the law tests then hold the two against each other. A difference such as 1 − e^(−x) cancels
+where x is small: write −expm1(−x). `search` says where to look for the one parameter of a shape; with it fits are
+proven to be the best there are.
 """
 
 from __future__ import annotations
@@ -58,6 +59,21 @@ class WN(Process):
 
     sigma2: Value = None
 
+    def state_space(self, rate: float) -> StateSpace:
+        """No state: observation noise of variance σ²."""
+        return StateSpace(F=[], Q=[], H=[], R=self.scale)
+
+    def correlation_time(self, rate: float) -> float:
+        """0: successive samples are uncorrelated."""
+        return 0.0
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """N = √(σ²Δt)."""
+        density = math.sqrt(self.scale / as_rate(rate))
+        return (Physical("N", "white noise density", density, 0.5, slopes={"sigma2": 0.5}),)
+
+    # A process is whole here. What follows is known in closed form: more exact, or faster, than what these give.
+
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
         """1/τ for the Haar filter."""
@@ -83,10 +99,6 @@ class WN(Process):
         """Triangles, zero beyond the reach of the filters."""
         return self.scale * differences.white(at)
 
-    def state_space(self, rate: float) -> StateSpace:
-        """No state: observation noise of variance σ²."""
-        return StateSpace(F=[], Q=[], H=[], R=self.scale)
-
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
@@ -95,15 +107,6 @@ class WN(Process):
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
         draws *= math.sqrt(self.scale)
         return draws
-
-    def correlation_time(self, rate: float) -> float:
-        """0: successive samples are uncorrelated."""
-        return 0.0
-
-    def physical(self, rate: float) -> tuple[Physical, ...]:
-        """N = √(σ²Δt)."""
-        density = math.sqrt(self.scale / as_rate(rate))
-        return (Physical("N", "white noise density", density, 0.5, slopes={"sigma2": 0.5}),)
 
 
 @dataclass(frozen=True, repr=False)
