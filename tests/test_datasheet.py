@@ -388,6 +388,7 @@ def test_effective_noise_of_one_term_is_that_term():
     found = gmwm.effective_noise(gmwm.fit("WN + RW", exact(WN(sigma2=1e-6))), 1.0)["K_eff"]
     assert found.upper_only
     assert 0 < found.high < 1e-5
+    assert found.value == found.high
 
 
 def test_a_fast_term_is_counted_to_white_noise():

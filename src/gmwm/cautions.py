@@ -13,6 +13,7 @@ from gmwm.units import STANDARD_GRAVITY
 if TYPE_CHECKING:
     from gmwm.inspection import AxisInspection
     from gmwm.inspection.knocks import Knock, Step
+    from gmwm.inspection.settling import WarmUp
 
 MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
@@ -89,6 +90,37 @@ def about_steps(steps: tuple[Step, ...]) -> list[str]:
     axes = ", ".join(dict.fromkeys(step.axis for step in steps))
     what = f"{counted(len(steps), 'step')} of level in {axes} (the first at {steps[0].time:.6g} s)"
     return [f"{what}, which {_LEVEL}; {_WITHOUT}"]
+
+
+def about_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> list[str]:
+    """What a level that settles in the beginning means for the answer.
+
+    Parameters
+    ----------
+    warm_ups : tuple of WarmUp
+    cut : bool
+        Whether something is cut off already: then start counts from elsewhere.
+    """
+    if not warm_ups:
+        return []
+    axes = ", ".join(found.axis for found in warm_ups)
+    longest = max(found.duration for found in warm_ups)
+    first = round_up(longest)
+    way = f"leave the first {span(first)} out (start={first:g})"
+    if cut:
+        way = f"leave another {span(first)} out at the beginning"
+    return [f"{axes}: the level settles over the first {span(longest)}, as that of a sensor that warms up, which "
+            f"{_LEVEL}; {way}"]  # fmt: skip
+
+
+def round_up(seconds: float) -> float:
+    """The next length of time that people would type: up to 20 of a step.
+
+    >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
+    [1.0, 50.0, 240.0, 1500.0, 9000.0]
+    """
+    step = next((step for step in (1.0, 10.0, 60.0, 300.0, 1800.0) if seconds <= 20 * step), 3600.0)
+    return math.ceil(seconds / step) * step
 
 
 def about_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> list[str]:

@@ -103,7 +103,7 @@ class ContinuousStateSpace:
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
-        """The signal that is the sum of independent terms, by label; those that are None are left out."""
+        """The signal that is the sum of independent `parts`, by label; those that are None are left out."""
         kept = {term: part for term, part in parts.items() if part is not None}
         # The sum of discrete systems puts the blocks where they belong as well.
         s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())

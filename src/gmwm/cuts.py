@@ -16,6 +16,8 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase
 
 ROUNDING = 1e-6
 """Samples: a time that is that of a sample but for rounding."""
+CUT = "cut: "
+"""How the note of a recording that was cut begins."""
 
 
 def cut(
@@ -75,7 +77,7 @@ def cut(
         axis: Signal(of(signal.values), signal.rate, signal.unit, axis, starts[0], segments, starts)
         for axis, signal in imu.signals.items()
     }
-    note = f"cut: {sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)
+    note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)
     return replace(
         imu,
         signals=signals,

@@ -109,7 +109,8 @@ class WaveletFilter:
         return smooth
 
     def squared_gain(self, frequencies: ArrayLike, level: int) -> NDArray[np.float64]:
-        """|H_j(f)|² of the maximal-overlap level-j wavelet filter at f cycles per sample (times Δt for Hz).
+        """|H_j(f)|² of the maximal-overlap level-j wavelet filter at `frequencies` f in cycles per
+        sample (times Δt for Hz).
 
         The wavelet variance of a process with spectral density S is ∫ |H_j(f)|² S(f) df.
         """

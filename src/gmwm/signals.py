@@ -174,6 +174,8 @@ class Imu:
         Where it came from, for titles and reports.
     notes : tuple of str
         What was understood or inferred on reading, in plain words.
+    time_base : TimeBase or None
+        What was learnt of the time stamps on reading.
     temperature : (N,) array or None
         Temperature in °C if the recording carries it.
     """

@@ -68,7 +68,7 @@ class StateSpace:
 
     @classmethod
     def sum(cls, parts: Iterable[StateSpace]) -> StateSpace:
-        """The signal that is the sum of independent ones: block-diagonal states, added observation noise."""
+        """The signal that is the sum of independent ones, `parts`: block-diagonal states, added observation noise."""
         items = list(parts)
         return cls(
             F=_block_diagonal([s.F for s in items]),
@@ -84,7 +84,7 @@ class StateSpace:
         return StateSpace.sum((self, other))
 
     def haar_variance(self, levels: int | ArrayLike) -> Vector:
-        """Mean square of the Haar MODWT coefficients, ν_j² (J,), by doubling blocks: O(J p³).
+        """Mean square of the Haar MODWT coefficients, ν_j² (J,), at levels 1 … `levels` by doubling blocks: O(J p³).
 
         The mean is part of it (a drift has ω²τ²/16). Diffuse states must drop out of the difference of
         two adjacent block sums, as those of a random walk do.
@@ -118,7 +118,7 @@ class StateSpace:
         return values[where.ravel()]
 
     def autocovariance(self, lags: ArrayLike) -> Vector:
-        """r(k) = H F^|k| P0 Hᵀ + R·1{k = 0}; right where P0 is the stationary covariance."""
+        """r(k) = H F^|k| P0 Hᵀ + R·1{k = 0} at `lags` k (samples); right where P0 is the stationary covariance."""
         distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         values = np.empty(distances.size)
         column, reached = self.P0 @ self.H[0], 0
@@ -135,7 +135,8 @@ class StateSpace:
         return values[where.ravel()]
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Two-sided spectral density Δt (R + |H (zI − F)⁻¹ L|²), z = exp(2πifΔt), L Lᵀ = Q, in u²/Hz."""
+        """Two-sided spectral density Δt (R + |H (zI − F)⁻¹ L|²), z = exp(2πifΔt), L Lᵀ = Q, in u²/Hz,
+        at `frequencies` f (Hz) and `rate` 1/Δt (Hz)."""
         f = np.asarray(frequencies, dtype=np.float64)
         z = np.exp(2j * np.pi * f.ravel() / rate)
         resolvent = z[:, None, None] * np.eye(self.states) - self.F
@@ -145,7 +146,7 @@ class StateSpace:
         return np.asarray(density / rate, dtype=np.float64).reshape(f.shape)
 
     def simulate(self, n: int, rng: np.random.Generator, paths: int = 1) -> Matrix:
-        """Gaussian sample paths (paths, n), started at x_0 ~ (m0, P0)."""
+        """Gaussian sample paths (paths, n), started at x_0 ~ (m0, P0); `rng` is a NumPy Generator."""
         states = self.m0 + rng.standard_normal((paths, self.states)) @ _root(self.P0).T
         out = rng.standard_normal((paths, n)) * np.sqrt(self.R[0, 0])
         root = _root(self.Q).T

@@ -21,7 +21,19 @@ STANDARD_GRAVITY = 9.80665
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of angular rate or specific force: its name, what it measures, and its factor to SI."""
+    """A unit of angular rate or specific force: its name, what it measures, and its factor to SI.
+
+    Attributes
+    ----------
+    name : str
+        As it is written: "deg/s".
+    quantity : "gyro" or "accel"
+        What it measures: angular rate or specific force.
+    factor : float
+        Its size in rad/s or m/s².
+    aliases : tuple of str
+        What else it is called.
+    """
 
     name: str
     quantity: Quantity

@@ -1,6 +1,7 @@
 """gmwm calibrate and gmwm select: what the library finds, printed and written."""
 
 import json
+import re
 
 import pytest
 
@@ -191,3 +192,20 @@ def test_select_efficiency_wants_robust(gmwm, recording):
     outcome = gmwm("select", recording, "--within", "WN", "--efficiency", 0.8)
     assert outcome.code == 2
     assert "pass --robust too" in outcome.err
+
+
+def test_a_dead_axis_is_named_and_the_way_out_leads_out(gmwm, recording, tmp_path):
+    lines = recording.read_text(encoding="utf-8").splitlines()
+    place = next(k for k, name in enumerate(lines[0].split(",")) if name.startswith("gyro_z"))
+    rows = [line.split(",") for line in lines]
+    for row in rows[1:]:
+        row[place] = "0.0"
+    dead = tmp_path / "dead.csv"
+    dead.write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    outcome = gmwm("calibrate", dead, "--within", "WN + RW")
+    assert outcome.code == 2
+    assert "gyro_z" in outcome.err
+    assert "is constant (0 in all 20000 samples); is the sensor connected?" in outcome.err
+    option = re.search(r"Leave it out with (--columns \S+)", outcome.err)[1].split()
+    found = gmwm("calibrate", dead, "--within", "WN + RW", *option, "--json").json
+    assert set(found["axes"]) == {"gyro_x", "gyro_y", "accel_x", "accel_y", "accel_z"}

@@ -11,7 +11,8 @@ CASES = {
     "no option of this name": (["wv", "{file}", "--bad"], "no such option: --bad; see gmwm wv --help"),
     "missing file": (["fit", "--model", "WN"], "see gmwm fit --help"),
     "missing model": (["fit", "{file}"], "missing option '--model'"),
-    "rate is no number": (["wv", "{file}", "--rate", "fast"], "--rate"),
+    "rate is no number": (["wv", "{file}", "--rate", "fast"], "--rate takes a number, without a unit; see"),
+    "seed is no number": (["demo", "--seed", "1.5"], "--seed takes a whole number; see gmwm demo --help"),
     "rate is negative": (["wv", "{file}", "--rate=-1"], "must be positive"),
     "rate contradicts the stamps": (["wv", "{file}", "--rate", "50"], "--rate 50"),
     "unknown choice": (["fit", "{file}", "-m", "WN", "--weighting", "best"], "'best' is not one of"),
@@ -72,9 +73,17 @@ CASES = {
     ),
     "simulate too short": (["simulate", "--reference", "--duration", "0", "-o", "{folder}/x.csv"], "duration"),
     "simulate without end": (["simulate", "--reference", "--duration", "inf", "-o", "{folder}/x.csv"], "duration"),
+    "simulate for no length": (
+        ["simulate", "--reference", "--duration", "long", "-o", "{folder}/x.csv"],
+        "--duration takes a length as 90s, 30min, 1h30m, 2h or 1d, or in seconds; got 'long'",
+    ),
+    "a horizon without a length": (["export", "{file}", "--horizon", "near"], "--horizon takes a length as 90s"),
     "simulate more than memory": (["simulate", "--reference", "--duration", "1e13", "-o", "{folder}/x.csv"], "memory"),
     "simulate to an unknown format": (["simulate", "--reference", "--duration", "1", "-o", "{folder}/x.foo"], ".csv"),
-    "negative seed": (["simulate", "--reference", "--duration", "1", "--seed=-1", "-o", "{folder}/x.csv"], "--seed"),
+    "negative seed": (
+        ["simulate", "--reference", "--duration", "1", "--seed=-1", "-o", "{folder}/x.csv"],
+        "--seed must be 0 or more",
+    ),
 }
 
 

@@ -32,7 +32,9 @@ def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
 
 
 def test_it_prints_the_library_s_text(gmwm, file):
-    outcome = gmwm("export", file, "--format", "vins", "--inflation", 2, "--horizon", 3, "--rate", 50, "--axes", "mean")
+    outcome = gmwm(
+        "export", file, "--format", "vins", "--inflation", 2, "--horizon", "3s", "--rate", 50, "--axes", "mean"
+    )
     found = Calibration.load(file)
     assert outcome.code == 0
     assert outcome.out == library.export(

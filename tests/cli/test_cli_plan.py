@@ -5,7 +5,7 @@ import json
 import pytest
 
 import gmwm as library
-from gmwm.cli.plan import parse_length
+from gmwm.cli.lengths import parse_length
 
 MODEL = "GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)"
 
@@ -89,7 +89,8 @@ def test_a_term_that_acts_as_one_that_is_not_in_the_model_is_that_one(gmwm, fits
 
 
 @pytest.mark.parametrize(
-    ("text", "seconds"), [("1h30m", 5400), ("2hours", 7200), ("2 h", 7200), ("1 day 2 hrs", 93600), ("1e3s", 1000)]
+    ("text", "seconds"),
+    [("1h30m", 5400), ("2hours", 7200), ("2 h", 7200), ("1 day 2 hrs", 93600), ("1e3s", 1000), ("250ms", 0.25)],
 )
 def test_lengths_in_words(text, seconds):
     assert parse_length(text) == seconds
@@ -106,7 +107,10 @@ def test_an_accuracy_in_per_cent(gmwm):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((MODEL, "--rate", 100, "--duration", "2x"), "takes a length as 90s, 30min, 1h30m, 2h or 1d, got '2x'"),
+        (
+            (MODEL, "--rate", 100, "--duration", "2x"),
+            "takes a length as 90s, 30min, 1h30m, 2h or 1d, or in seconds; got '2x'",
+        ),
         ((MODEL, "--rate", 100, "--duration", "1h30"), "got '1h30'"),
         ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", "ten"), "--accuracy takes a share as 0.1 or 10%"),
         ((MODEL, "--rate", 100, "--duration", "0"), "duration must be positive"),

@@ -7,8 +7,11 @@ import subprocess
 import sys
 
 import pytest
+from rich.text import Text
+from typer.main import get_command
 
 import gmwm as library
+from gmwm.cli.main import app
 from gmwm.processes import registry
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
@@ -37,13 +40,36 @@ def test_help_names_every_command(arguments):
     assert "\x1b" not in out
 
 
-@pytest.mark.parametrize("command", ["calibrate", "info", "wv", "fit", "select", "simulate", "demo"])
-def test_help_of_a_command_fits_eighty_columns(command, gmwm):
+COMMANDS = get_command(app).commands
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_a_command_fits_eighty_columns(command, gmwm, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     outcome = gmwm(command, "--help")
     assert outcome.code == 0
     assert "--json" in outcome.out
-    assert f"gmwm {command}" in outcome.out.partition("Examples:")[2]
-    assert max(map(len, outcome.out.splitlines())) <= 80
+    lines = outcome.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    # An example that is broken in two cannot be pasted.
+    _, *examples = COMMANDS[command].epilog.split("\n\n")
+    assert examples
+    for example in examples:
+        assert f"gmwm {command}" in example
+        assert example in [line.strip() for line in lines]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_word_of_the_help_is_taken_for_markup(command):
+    found = COMMANDS[command]
+    texts = [found.help, found.epilog, *(parameter.help for parameter in found.params)]
+    assert all(texts)
+    for text in texts:
+        assert Text.from_markup(text).plain == text.replace(r"\[", "[")
+
+
+def test_help_says_what_stands_in_brackets(gmwm):
+    assert "'gyro_x WN [rad/s]'" in " ".join(gmwm("simulate", "--help").out.replace("│", " ").split())
 
 
 def test_help_of_fit_knows_every_process(gmwm):

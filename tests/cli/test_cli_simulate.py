@@ -37,6 +37,12 @@ def test_a_file_that_cannot_be_written_is_told_before_any_is(gmwm, tmp_path, nam
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("length", ["90", "90s", "1.5min", "1 min 30 s"])
+def test_a_length_is_told_in_seconds_or_in_words(gmwm, tmp_path, length):
+    found = gmwm("simulate", *MODEL, "--duration", length, "--output", tmp_path / "imu.csv", "--json").json
+    assert (found["duration"], found["samples"]) == (90.0, 9000)
+
+
 def test_info_draws_the_recording(gmwm, recording, tmp_path):
     path = tmp_path / "recording.png"
     outcome = gmwm("info", recording, "--plot", path)

@@ -147,9 +147,10 @@ def test_wavelet_variance_follows_from_the_running_sum(process):
     for one in examples(process):
         k0, k1, k2 = (one.running_sum_covariance(m, RATE) for m in (np.zeros(1, int), h, 2 * h))
         derived = (6 * k0 - 8 * k1 + 2 * k2) / (4.0 * h**2)
-        # What cancels is the size of the terms, so that is what the rounding is measured against.
+        # What cancels is the size of the terms, so that is what the rounding is measured against; of a process that
+        # has a state space alone each of them is a sum of many.
         size = (np.abs(6 * k0) + np.abs(8 * k1) + np.abs(2 * k2)) / (4.0 * h**2)
-        assert np.all(np.abs(derived - one.wavelet_variance(LEVELS, RATE)) <= 1e-14 * size)
+        assert np.all(np.abs(derived - one.wavelet_variance(LEVELS, RATE)) <= 5e-14 * size)
 
 
 @every_process_having("state_space")

@@ -138,7 +138,14 @@ def test_declared_rate_against_the_stamps():
     assert base(stamps, rate=100).notes == ()
     near = base(stamps, rate=100.5)
     assert near.base.rate == 100.5
-    assert "the time stamps say 100 Hz" in near.notes[0]
+    assert "the declared rate of 100.5 Hz counts, though the time stamps say 100 Hz, 0.5 %" in near.troubles[0]
+    assert near.notes == ()
+    for rate, grave in ((100.05, False), (99.95, False), (100.2, False), (100.3, True), (99.1, True)):
+        # 0.2 % of 500 samples is one sample, which the first or the last stamp may be off by.
+        found = base(stamps, rate=rate)
+        assert (len(found.troubles), len(found.notes)) == ((1, 0) if grave else (0, 1))
+    assert len(base(np.arange(5000) * 0.01, rate=100.2).troubles) == 1
+    assert base(np.arange(5000) * 0.01, rate=100.05).troubles == ()
     with pytest.raises(ReadError, match="rate=200 Hz contradicts the time stamps, which say 100 Hz"):
         base(stamps, rate=200)
     with pytest.raises(ReadError, match=r'not in s, it seems: pass units=\{"time": "us"\}'):

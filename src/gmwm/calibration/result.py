@@ -29,7 +29,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Settings:
-    """What was asked for; see `calibrate`."""
+    """What was asked for; see `calibrate`.
+
+    Attributes
+    ----------
+    within : str
+        The largest model, as text.
+    robust : "auto", True or False
+        Which curve was to be fitted.
+    weighting, criterion : str
+        How models were fitted, and how they were compared.
+    confidence, efficiency : float
+        Of the intervals, and of the robust wavelet variance.
+    draws, seed : int
+        Of the simulated records.
+    """
 
     within: str
     robust: Literal["auto"] | bool
@@ -153,7 +167,7 @@ class Calibration(Mapping[str, Fit]):
         return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
 
     def of_file(self, path: str | os.PathLike[str]) -> Calibration:
-        """The same with name, size and SHA-256 of the file that the recording was read from."""
+        """The same with name, size and SHA-256 of the file `path` that the recording was read from."""
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def summary(self) -> str:
@@ -180,14 +194,14 @@ class Calibration(Mapping[str, Fit]):
         return calibration(content)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the calibration to a JSON file, whole or not at all; `load` reads it back to the last bit."""
+        """Write the calibration to the JSON file `path`, whole or not at all; `load` reads it back to the last bit."""
         from gmwm.calibration.document import as_text
 
         write_text(path, as_text(self.to_dict()))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Calibration:
-        """The calibration in a file that `save` or `gmwm calibrate` wrote.
+        """The calibration in the file `path` that `save` or `gmwm calibrate` wrote.
 
         Raises
         ------

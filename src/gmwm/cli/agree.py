@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",
-    "gmwm agree day*/calibration.json --reference gyro.N=2.0deg/√h --reference accel.N=0.2m/s/√h --json",
+    "gmwm agree day*/calibration.json --reference gyro.N=2.0deg/√h --json",
 )
 # A value as it was typed: what looks like a number, and the rest, its unit. A unit may begin with an e.
 _VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")

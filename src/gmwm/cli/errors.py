@@ -25,6 +25,17 @@ _PHRASES = (
 )
 _KEYWORD = re.compile(r"\b(rate|units|columns|gaps|format|topic|start|stop|skip)=(\{[^{}]*\}|\[[^][]*\])?(?=(\S)?)")
 
+# What Typer says of a value that is no number, and the same in plain words.
+_VALUE = r"invalid value for '(?:\S+ / )?([^']+)': [Ii]nput should be "
+_RAW = tuple(
+    (re.compile(_VALUE + raw), plain)
+    for raw, plain in (
+        ("a valid number.*", r"\1 takes a number, without a unit"),
+        ("a valid integer.*", r"\1 takes a whole number"),
+        ("greater than or equal to (.+)", r"\1 must be \2 or more"),
+    )
+)
+
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
 # Click is a part of Typer in new versions and a package beside it in old ones; the parent is found in both.
@@ -126,6 +137,8 @@ def _told(message: str) -> int:
 def _usage(error: Any) -> str:
     message = error.format_message().rstrip(".")
     message = message[:1].lower() + message[1:]
+    for raw, plain in _RAW:
+        message = raw.sub(plain, message)
     return f"{message}; see {error.ctx.command_path} --help" if error.ctx is not None else message
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.cli.lengths import parse_length
 from gmwm.cli.options import RESULT, Json
 from gmwm.errors import DataError, GmwmWarning, MissingTheoryError, OptionError
 from gmwm.exporters import export_formats
@@ -51,12 +52,13 @@ def export(
         float, typer.Option(help="Factor on standard deviations; variances grow by its square.")
     ] = 1.0,
     horizon: Annotated[
-        float,
+        str,
         typer.Option(
-            help="How long (s) the program relies on the sensor alone: what is correlated for less is white noise to "
-            "it, for longer a random walk."
+            help="How long the program relies on the sensor alone, as 100ms, 1s, 1min or seconds: what is correlated "
+            "for less is white noise to it, for longer a random walk.",
+            metavar="LENGTH",
         ),
-    ] = HORIZON,
+    ] = f"{HORIZON:g}s",
     rate: Annotated[
         float | None,
         typer.Option(
@@ -85,12 +87,13 @@ def export(
 
     if all is not None and (format is not None or output is not None):
         raise OptionError("--all writes every format into a directory; leave --format and --output out")
+    time = parse_length(horizon, "--horizon")
     with told_warnings() as told:
         file = calibration / "calibration.json" if calibration.is_dir() else calibration
         found = Calibration.load(file)
         if all is not None:
             made_directory(all, "--all")
-            written, left = _all(found, all, axes, inflation, horizon, rate)
+            written, left = _all(found, all, axes, inflation, time, rate)
             _tell_left(left, told)
             if json:
                 paths = list(map(str, written))
@@ -100,7 +103,7 @@ def export(
             print(f"\n{len(written)} of {len(written) + len(left)} formats written")
             return
         name = DEFAULT if format is None else format
-        text = exported(found, output, name, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
+        text = exported(found, output, name, axes=axes, inflation=inflation, horizon=time, rate=rate)
         if json:
             written = [] if output is None else [output]
             content = {"file": str(file), "format": name, "text": text, "written": list(map(str, written))}

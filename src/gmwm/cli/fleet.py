@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm fleet recordings --output results",
-    "gmwm fleet recordings --pattern '*.csv' --rate 100 --units gyro=deg/s,accel=g --output results",
-    "gmwm fleet /shared/recordings --scheduler tcp://10.0.0.5:8786 --output results --json",
+    "gmwm fleet recordings --pattern '*.csv' --units gyro=deg/s --output results",
+    "gmwm fleet /shared/lot7 --scheduler tcp://10.0.0.5:8786 --output results",
 )
 SHOWN = 10
 """Failed units that are named on stderr; the table and the summary have all."""

@@ -32,7 +32,7 @@ def info(
     """Say what a recording holds and whether it can be used.
 
     Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
-    bit, whether the unit stood still, knocks and steps, temperature, and what to beware of.
+    bit, whether the unit stood still, knocks and steps, warm-up, temperature, and what to beware of.
 
     In the table, all in SI units: mean; sd, the standard deviation of all samples; noise, that of white noise with
     the same differences from sample to sample, which offset and slow drift do not reach; LSB, the quantisation step

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
+from gmwm.cli.lengths import parse_length
 from gmwm.errors import DataError, OptionError
 from gmwm.units import SI_UNIT
 
@@ -201,8 +202,6 @@ def reading(opening: Opening) -> dict[str, Any]:
 
 
 def _length(text: str | None, option: str) -> float | None:
-    from gmwm.cli.plan import parse_length
-
     return None if text is None else parse_length(text, option)
 
 
@@ -212,8 +211,6 @@ def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
     >>> parse_skips(["20min-25min,1h-1h30s"])
     [(1200.0, 1500.0), (3600.0, 3630.0)]
     """
-    from gmwm.cli.plan import parse_length
-
     skips = []
     for part in (part.strip() for text in texts or () for part in text.split(",")):
         # A number may have a minus sign after its e.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json as json_module
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.cli.lengths import parse_length, parse_share
 from gmwm.cli.options import RESULT, Json
 from gmwm.errors import OptionError, ReadError
 
@@ -23,17 +23,9 @@ if TYPE_CHECKING:
     from gmwm.processes.base import Process
 
 EXAMPLES = (
-    "gmwm plan 'GM(beta=0.1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
-    "gmwm plan --from-fits results/fits.json --axis gyro_x --duration 1d --accuracy 0.05 --plot plan.png",
+    "gmwm plan 'GM(beta=1, sigma2=1e-8) + WN(sigma2=4e-6)' --rate 100 --duration 2h",
+    "gmwm plan --from-fits fits.json --axis gyro_x --duration 1d --accuracy 5%",
 )
-_UNITS = {
-    "s": 1.0, "sec": 1.0, "second": 1.0, "m": 60.0, "min": 60.0, "minute": 60.0,
-    "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "d": 86400.0, "day": 86400.0,
-}  # fmt: skip
-_SECONDS = _UNITS | {f"{unit}s": seconds for unit, seconds in _UNITS.items() if len(unit) > 1}
-_NUMBER = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
-_PIECE = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
-_PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
 def plan(
@@ -143,32 +135,6 @@ def _planned(
     with progress("planning"):
         made = planned(model, seconds, as_rate(rate), weighting=weighting, unit=unit)
         return made, made.needed(accuracy)
-
-
-def parse_length(text: str, option: str = "--duration") -> float:
-    """A length of time in seconds.
-
-    >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
-    (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
-    """
-    if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
-        return float(plain[1])
-    pieces, rest = _PIECE.findall(text), _PIECE.sub("", text)
-    if not pieces or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in pieces):
-        raise OptionError(f"{option} takes a length as 90s, 30min, 1h30m, 2h or 1d, got {text!r}")
-    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in pieces))
-
-
-def parse_share(text: str) -> float:
-    """A share, as a number or in per cent.
-
-    >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
-    (0.1, 0.1, 0.025)
-    """
-    match = _PLAIN.fullmatch(text)
-    if match is None:
-        raise OptionError(f"--accuracy takes a share as 0.1 or 10%, got {text!r}")
-    return float(match[1]) / (100.0 if match[2] else 1.0)
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm residuals static.csv --model 'GM + WN + RW'",
-    "gmwm residuals static.csv --model 'GM + WN' --axis gyro_y --likelihood --plot residuals.png",
+    "gmwm residuals static.csv --model 'GM + WN' --ml --axis gyro_y --plot res.png",
     "gmwm residuals static.csv --from-fits results/calibration.json --json",
 )
 

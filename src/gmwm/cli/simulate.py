@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.cli.lengths import parse_length
 from gmwm.cli.options import Json
 from gmwm.errors import OptionError
 from gmwm.signals import AXES
@@ -18,9 +19,9 @@ if TYPE_CHECKING:
     from gmwm.processes.model import ModelLike
 
 EXAMPLES = (
-    "gmwm simulate --reference --duration 3600 --output imu.csv",
-    "gmwm simulate --model 'gyro=WN(sigma2=4e-8) + RW(gamma2=1e-14)' --rate 200 --duration 600 --output imu.parquet",
-    "gmwm simulate --reference --duration 600 --output imu.csv --components parts.csv",
+    "gmwm simulate --reference --duration 1h --output imu.csv",
+    "gmwm simulate --model 'gyro=WN(sigma2=4e-8)' --duration 10min -o gyro.parquet",
+    "gmwm simulate --reference --duration 10min -o imu.csv --components parts.csv",
 )
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
@@ -29,7 +30,14 @@ def simulate(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.", show_default=False)
     ],
-    duration: Annotated[float, typer.Option(help="Length of the recording (s).", show_default=False)],
+    duration: Annotated[
+        str,
+        typer.Option(
+            help="Length of the recording: 90s, 20min, 1h30m, 2h, 1d, or a number of seconds.",
+            metavar="LENGTH",
+            show_default=False,
+        ),
+    ],
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -50,7 +58,7 @@ def simulate(
     components: Annotated[
         Path | None,
         typer.Option(
-            help="Write the latent process of each term as well, a column each such as 'gyro_x WN [rad/s]': "
+            help="Write the latent process of each term as well, a column each such as 'gyro_x WN \\[rad/s]': "
             ".csv or .parquet.",
             show_default=False,
         ),
@@ -63,6 +71,7 @@ def simulate(
     gravity as well. Every axis draws from its own stream of the seed. With --components the recording is the same;
     less gravity, its axes are the sums of the columns of the other file.
     """
+    from gmwm.cautions import span
     from gmwm.cli.output import print_json, progress, told_warnings
     from gmwm.simulation import models_by_axis, reference_imu, write_components
     from gmwm.simulation import simulate as simulated
@@ -70,17 +79,18 @@ def simulate(
 
     if reference == bool(model):
         raise OptionError("give what to simulate as --model or as --reference, one of them")
+    seconds = parse_length(duration)
     # What cannot be written is told before anything is.
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(f"--components needs a file of its own, got {str(components)!r} for --output too")
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
     with told_warnings() as told:
         columns: tuple[str, ...] = ()
-        with progress(f"simulating {duration:g} s"):
+        with progress(f"simulating {span(seconds)}"):
             made = None
             if components is not None:
-                made = simulated(truth, rate=rate, duration=duration, seed=seed, components=True)
-            imu = made.imu if made is not None else simulated(truth, rate=rate, duration=duration, seed=seed)
+                made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)
+            imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, seed=seed)
         with progress(f"writing {output.name}"):
             write(imu, output)
             if components is not None and made is not None:

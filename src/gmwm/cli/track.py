@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.following import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
+from gmwm.cli.lengths import parse_length
 from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.cli.options import (
     RESULT,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "gmwm track static.csv --model 'GM + WN + RW' --axis gyro --output bias.csv",
-    "gmwm track static.csv --from-fits results/fits.json --axis gyro_y --plot bias.png",
+    "gmwm track static.csv --from-fits fits.json --axis gyro_y --plot bias.png",
     "gmwm track static.csv --model 'WN + RW' --axis gyro_x --predict 10min",
 )
 
@@ -146,8 +147,6 @@ def track(
 
 
 def _length(text: str, kind: str) -> float:
-    from gmwm.cli.plan import parse_length
-
     if kind != "smooth":
         raise OptionError(f"--predict is made from the whole recording; leave --kind {kind} out")
     return parse_length(text, "--predict")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gmwm.cli.enough import as_dicts, fitted, one_line_of, whole_text
+from gmwm.cli.lengths import parse_length, parse_share
 from gmwm.cli.opening import (
     Axes,
     Columns,
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm watch log.csv --axis gyro",
     "gmwm watch log.csv --model 'GM + WN' --axis gyro_x --accuracy 10%",
-    "logger | gmwm watch - --rate 200 --units gyro=deg/s --columns gyro_x,gyro_y,gyro_z --json",
+    "logger | gmwm watch - --rate 200 --units gyro=deg/s --columns gyro_x,gyro_y",
 )
 
 
@@ -88,7 +89,6 @@ def watch(
     """
     from gmwm import parse_model
     from gmwm.cli.output import print_json, tell, told_warnings
-    from gmwm.cli.plan import parse_length, parse_share
     from gmwm.inference.plan import as_accuracy
     from gmwm.readers.growing import Lines, growing_stream
     from gmwm.streaming.driver import accumulators, feed

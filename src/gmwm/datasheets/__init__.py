@@ -9,6 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.datasheets.bias import SYMBOL, bias_instability
+from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.effective import effective_noise as effective_noise
 from gmwm.datasheets.entry import Entry as Entry
 from gmwm.datasheets.entry import significant
@@ -202,7 +203,7 @@ def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> t
     """N with the terms that are white noise where it is read, at τ = 1 s; a note that says which."""
     names = ", ".join(f"{entry.term} (T_c {significant(entry.value, 2)} s)" for entry in fast)
     try:
-        found = effective_noise(fit, _SHORT, level)["N_eff"]
+        found = noise_in_use(fit, Use(_SHORT), level)["N_eff"]
     except (MissingTheoryError, ModelError) as error:
         return None, f"N is without {names}, which is white noise too where N is read, at 1 s: {error}"
     title = next((entry.title for entry in entries if entry.symbol == "N"), "white noise density")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
 
 from gmwm.datasheets.curve import ENDLESS, Curve, slope
 from gmwm.datasheets.entry import Entry
+from gmwm.datasheets.limits import hidden
 from gmwm.datasheets.translation import translated
-from gmwm.errors import OptionError
+from gmwm.errors import DataError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import as_level
 from gmwm.processes.base import Process
@@ -77,7 +78,9 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     Returns
     -------
     mapping of "N_eff" and "K_eff" to Entry
-        An upper limit where the data cannot tell it from zero.
+        An upper limit where the data cannot tell it from zero. The value is never zero, which a filter would take for
+        knowledge: where the model has nothing of the kind, or it is estimated as zero, it is the limit `high`, as the
+        exporters write it, found in the model with such a term added; infinite where the data give none.
 
     Raises
     ------
@@ -96,7 +99,17 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     True
     """
     level = as_level(level)
-    return noise_in_use(fit, Use(checked_horizon(horizon)), level)
+    entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
+    return {symbol: entry if entry.value > 0 else _at_most(fit, entry, level) for symbol, entry in entries.items()}
+
+
+def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
+    """The limit in place of a zero."""
+    try:
+        high = max(entry.high or 0.0, hidden(fit, entry, level))
+    except DataError:
+        high = math.inf
+    return replace(entry, value=high, low=0.0, high=high, upper_only=True)
 
 
 def checked_horizon(horizon: float) -> float:
@@ -107,7 +120,7 @@ def checked_horizon(horizon: float) -> float:
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """`effective_noise` for a consumer.
+    """`effective_noise` for a consumer, zero where the model has nothing of the kind.
 
     To a Gauss-Markov bias, flicker noise and what else is counted by its Allan deviation counts as such a bias that has
     it at their correlation time T: K² = 2σ²(T)/(0.336 T), T the term's own where it has one.

@@ -95,7 +95,7 @@ class Entry:
         )
 
     def text(self, units: str = "datasheet") -> str:
-        """Value, interval and unit: "0.21 (0.20 … 0.22) deg/√h", "≤ 0.03 deg/h"."""
+        """Value, interval and unit in `units`, as for `in_units`: "0.21 (0.20 … 0.22) deg/√h", "≤ 0.03 deg/h"."""
         value, low, high, unit = self.in_units(units)
         if self.held:
             return f"{significant(value, 4)} {unit} (held)"

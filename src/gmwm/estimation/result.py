@@ -92,6 +92,8 @@ class Fit:
 
     Attributes
     ----------
+    wavelet_variance : WaveletVariance
+        What it was fitted to, ν̂².
     model : Model
         With its estimates; repeated terms have the shortest correlation time first.
     parameters : mapping of name to value
@@ -108,8 +110,12 @@ class Fit:
         Wavelet variance of the fitted model.
     decomposition : mapping of term to (J,) array
         That of each process; they add up to `implied`.
+    weighting : str
+        Which Ω: "diagonal", "optimal", "identity", or "matrix" for one that was given.
     weighting_matrix : (J, J) array
         Ω.
+    diagnostics : Diagnostics
+        Terms that act as another process or are not supported by the data, and how the search went.
     """
 
     wavelet_variance: WaveletVariance

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -11,15 +10,11 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.datasheets.bias import SYMBOL
 from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
 from gmwm.datasheets.entry import Entry, significant
+from gmwm.datasheets.limits import hidden
 from gmwm.datasheets.translation import translated
-from gmwm.errors import DataError, FitWarning, GmwmError
-from gmwm.estimation import fit as fitted
+from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
-from gmwm.estimation.reweighting import REWEIGHTED
-from gmwm.processes.base import Process
-from gmwm.processes.noise import WN
-from gmwm.processes.walk import RW
-from gmwm.units import SI_UNIT, Quantity, noise_unit
+from gmwm.units import SI_UNIT, Quantity
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -34,8 +29,6 @@ RULES: Mapping[Rule, str] = {
 """How the axes of a sensor become the numbers of a file, in words."""
 
 _NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-_KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
-"""What is added to a model that has nothing of the kind, to ask the data how much of it there could be."""
 
 
 @dataclass(frozen=True)
@@ -183,38 +176,13 @@ def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
     """The value of an entry; its upper limit where the data only bound it or the model has nothing of the kind."""
     if entry.value > 0 and not entry.upper_only:
         return Number(entry.value, False)
-    high = max(entry.high or 0.0, _limit(axis, fit, entry, level))
+    try:
+        high = max(entry.high or 0.0, hidden(fit, entry, level))
+    except DataError as error:
+        raise DataError(str(error).replace("the data do", f"the data of {axis} do", 1)) from error
     if not math.isfinite(high):
         raise DataError(f"the data of {axis} do not bound its {entry.title}; a longer recording may")
     return Number(high, True)
-
-
-def _limit(axis: str, fit: Fit, entry: Entry, level: float) -> float:
-    """The upper limit in the model with a term of the kind, which the data do not need but could hide."""
-    kind, (base, _) = _KINDS[entry.symbol], translated(fit)
-    try:
-        holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
-        intervals = holder.confidence_intervals(level)
-    except GmwmError as error:
-        raise DataError(f"the data of {axis} do not bound its {entry.title}: {error}") from error
-    pairs = zip(holder.model.terms, holder.model.processes, strict=True)
-    term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
-    scale = process.scale_parameter().name
-    high = process.value(scale) if process.is_fixed(scale) else intervals[f"{term}.{scale}"][1]
-    if not math.isfinite(high):
-        return math.inf
-    wv = fit.wavelet_variance
-    number = process.with_values(**{scale: high}).physical(wv.rate)[0]
-    return noise_unit(number.time_power, wv.unit)[1] * number.value
-
-
-def _widened(fit: Fit, kind: type[Process]) -> Fit:
-    """The fit of the model with one more term to the same data."""
-    weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    with warnings.catch_warnings():
-        # That the term is not needed is known.
-        warnings.simplefilter("ignore", FitWarning)
-        return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)
 
 
 def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:

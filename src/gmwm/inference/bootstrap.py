@@ -66,7 +66,7 @@ class Bootstrap:
         return dict(zip(self.names, self.estimates.std(axis=0, ddof=1).tolist(), strict=True))
 
     def quantiles(self, low: float, high: float) -> dict[str, tuple[float, float]]:
-        """Two quantiles of the estimates of each parameter."""
+        """The quantiles `low` and `high`, in 0 … 1, of the estimates of each parameter."""
         ends = np.quantile(self.estimates, [low, high], axis=0)
         return {name: (float(ends[0, k]), float(ends[1, k])) for k, name in enumerate(self.names)}
 

@@ -131,7 +131,8 @@ class Plan:
         return {name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}
 
     def summary(self, accuracy: float = 0.1) -> str:
-        """A table: value and relative error of each parameter at 1/4, 1 and 4 times the duration, and what it needs."""
+        """A table: value and relative error of each parameter at 1/4, 1 and 4 times the duration, and what
+        `accuracy`, a relative error, needs."""
         wanted, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]

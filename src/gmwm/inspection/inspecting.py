@@ -10,13 +10,24 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.cautions import MOVED, about_declared, about_motion, about_steps, about_time, about_units, about_values
+from gmwm.cautions import (
+    MOVED,
+    about_declared,
+    about_motion,
+    about_steps,
+    about_time,
+    about_units,
+    about_values,
+    about_warm_up,
+)
+from gmwm.cuts import CUT
 from gmwm.errors import OptionError
 from gmwm.inspection.extent import Extent
 from gmwm.inspection.knocks import knocks_of, steps_of
 from gmwm.inspection.look import Look
 from gmwm.inspection.resolution import Sample, lsb, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
+from gmwm.inspection.settling import warm_up_of
 from gmwm.readers.chunks import Piece, Stream
 from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
 from gmwm.units import SI_UNIT
@@ -187,6 +198,9 @@ class Looks:
             ),
             key=lambda step: (step.time, step.axis),
         )  # fmt: skip
+        settling = (warm_up_of(axis, look.levels(), extent, self._resolutions[axis] or 0.0)
+                    for axis, look in looks.items())  # fmt: skip
+        warm_ups = tuple(found for found in settling if found is not None)
         restless = {axis: found for axis, look in looks.items() if (found := _restless(look, extent)) is not None}
         turned = tilt is not None and tilt > max(_TURN, 5 * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
@@ -194,6 +208,7 @@ class Looks:
             *about_time(len(extent.segments), self._base),
             *about_motion(restless, tilt if turned else None, knocks),
             *about_steps(tuple(steps)),
+            *about_warm_up(warm_ups, any(note.startswith(CUT) for note in self._notes)),
             *about_values(axes, gravity),
             *about_units(self._densities()),
             *about_declared(self._notes),
@@ -201,7 +216,8 @@ class Looks:
         segments = len(extent.segments)
         return Inspection(
             self._source, extent.rate, extent.samples / extent.rate, extent.samples, segments, self._base, axes,
-            gravity, tilt, not (moved or restless), knocks, tuple(steps), _range(temperature), self._notes, warnings,
+            gravity, tilt, not (moved or restless), knocks, tuple(steps), warm_ups, _range(temperature), self._notes,
+            warnings,
         )  # fmt: skip
 
     def _axis(self, axis: str, look: Look) -> AxisInspection:

@@ -8,6 +8,7 @@ from typing import Any
 from gmwm._words import counted
 from gmwm.cautions import span
 from gmwm.inspection.knocks import Knock, Step
+from gmwm.inspection.settling import WarmUp
 from gmwm.signals import TimeBase
 
 
@@ -65,6 +66,8 @@ class Inspection:
         Bursts of outliers in the order of time.
     steps : tuple of Step
         Lasting changes of level in the order of time.
+    warm_ups : tuple of WarmUp
+        Axes whose level settles in the beginning, as it does nowhere later.
     temperature : (lowest, highest) or None
         Range of the temperature (°C).
     notes : tuple of str
@@ -85,6 +88,7 @@ class Inspection:
     static: bool
     knocks: tuple[Knock, ...]
     steps: tuple[Step, ...]
+    warm_ups: tuple[WarmUp, ...]
     temperature: tuple[float, float] | None
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -122,6 +126,9 @@ class Inspection:
             lines.append(f"step of {step.axis} at {step.time:.6g} s ({change})")
         if len(self.steps) > 5:
             lines.append(f"and {counted(len(self.steps) - 5, 'more step')}")
+        for found in self.warm_ups:
+            change = f"{found.size:+.3g} {self.axes[found.axis].unit} at first, {found.times:.0f} times the usual"
+            lines.append(f"warm-up of {found.axis} over the first {span(found.duration)} ({change})")
         lines += [f"note: {note}" for note in self.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)

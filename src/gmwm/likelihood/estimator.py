@@ -43,6 +43,11 @@ def loglikelihood(
     mean : float, optional
         The record's mean where it is known, as 0 for simulated noise; unknown by default.
 
+    Returns
+    -------
+    float
+        The natural logarithm of the density of the samples that are there.
+
     Raises
     ------
     ModelError

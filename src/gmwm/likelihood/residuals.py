@@ -55,6 +55,8 @@ class Residuals:
         Samples per second (Hz).
     times : (N,) array
         Of the samples (s).
+    axis : str
+        Of the record.
     estimated : int
         Parameters that were estimated from this record.
     spent : (L,) array or None
@@ -148,7 +150,7 @@ class Residuals:
         return np.asarray(ndtri((place + 0.5) / n)), ordered[place]
 
     def summary(self, lags: int | None = None) -> str:
-        """The checks in words."""
+        """The checks in words, up to `lags` samples apart, by default `usual_lags`."""
         white, normal, z = self.ljung_box(lags), self.normality(), self.observed
         spread = float(np.std(z))
         return "\n".join(
@@ -162,7 +164,7 @@ class Residuals:
         )
 
     def to_dict(self, lags: int | None = None) -> dict[str, Any]:
-        """The checks as plain numbers, ready for JSON."""
+        """The checks as plain numbers, ready for JSON, up to `lags` samples apart."""
         white, normal = self.ljung_box(lags), self.normality()
         return {
             "samples": int(self.observed.size),

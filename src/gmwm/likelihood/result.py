@@ -87,6 +87,12 @@ class LikelihoodFit:
         The p parameters that were estimated inside their domains.
     covariance : (p, p) array
         Their covariance, the inverse of the information; infinite where the data do not determine one.
+    rate : float
+        Samples per second (Hz).
+    unit, axis : str
+        Of the record.
+    diagnostics : LikelihoodDiagnostics
+        How the search went, and what the data do not support.
     record : Record or None
         What was fitted; None of a fit that was read from a file.
     """

@@ -50,6 +50,10 @@ class Tracks:
         Each sample from those up to it, from all there are, or from all before the record's end.
     model : Model
         With its values.
+    rate : float
+        Samples per second (Hz).
+    unit, axis : str
+        Of the record.
     times : (N,) array
         Of the samples (s).
     data : (N,) array
@@ -89,7 +93,7 @@ class Tracks:
         return tuple(self.mean)
 
     def band(self, label: str = BIAS, level: float = 0.95) -> tuple[Vector, Vector]:
-        """Ends (N,) of the interval that holds a process with probability `level`, sample by sample.
+        """Ends (N,) of the interval that holds the process `label` with probability `level`, sample by sample.
 
         The parameters of the model count as known.
         """
@@ -151,7 +155,7 @@ def smooth_tracks(
 ) -> Tracks:
     """The hidden processes of a record, each sample from all of it, by the fixed-interval smoother.
 
-    Parameters, result and errors are those of `filter_tracks`.
+    `data`, `rate` and `mean`, the result and the errors are those of `Fit.filter`.
 
     References
     ----------
@@ -170,7 +174,7 @@ def predict_tracks(
 ) -> Tracks:
     """What follows a record: the hidden processes at the `steps` samples after its end, from all of it.
 
-    Parameters, result and errors are otherwise those of `filter_tracks`.
+    `data`, `rate` and `mean`, the result and the errors are otherwise those of `Fit.filter`.
 
     Examples
     --------

@@ -64,7 +64,14 @@ _LONGEST_SUM = 2**24
 
 
 class Process(ABC):
-    """One latent noise process. Concrete ones are frozen dataclasses whose fields are the parameters."""
+    """One latent noise process. Concrete ones are frozen dataclasses whose fields are the parameters.
+
+    Theory is per sample and in SI, u being the unit of the signal. Methods take the same throughout: `rate` in Hz;
+    `levels`, the number J of them or a list; `lags` (samples); `frequencies` (Hz); `clusters`, their sizes (samples);
+    `filter`, of `find_filter`; `samples`, the length N of a record; `nonlinear`, an (n, q) array with a row of q
+    parameters of the shape for each of n processes; `n` and `paths`, how many samples and paths; `rng`, a NumPy
+    Generator or a seed. Theory that a process has not raises `MissingTheoryError`; `has` asks for it.
+    """
 
     name: ClassVar[str]
     """Short name, as written in a model: "GM"."""
@@ -187,7 +194,7 @@ class Process(ABC):
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """The smallest class that both are cases of; None where there is none but their sum."""
+        """The smallest class that it and `other` are both cases of; None where there is none but their sum."""
         return cls if cls is other else None
 
     # --- the shape, on which estimation stands --------------------------------------------------------
@@ -259,7 +266,8 @@ class Process(ABC):
 
     @classmethod
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
-        """Nonlinear parameters (n, q) at coordinates; analytic, as derivatives are taken by complex steps."""
+        """Nonlinear parameters (n, q) at coordinates; analytic, as derivatives are taken by complex steps;
+        `z` is (n, q)."""
         columns = [p.at_coordinate(z[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
 
@@ -277,6 +285,12 @@ class Process(ABC):
 
         Parameters
         ----------
+        occasion : Occasion
+            What the starting values are for: the data and the other terms.
+        rng : numpy.random.Generator
+            The source of the draws.
+        draws : int
+            How many.
         before : tuple of (draws, q) array
             The nonlinear parameters drawn for earlier terms of the same class.
         """

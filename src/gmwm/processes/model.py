@@ -37,6 +37,10 @@ class Model:
 
     Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`.
 
+    Methods take what those of `Process` take: `rate` in Hz; `levels`, the number J of them or a list; `lags`
+    (samples); `frequencies` (Hz); `filter`, of `find_filter`; `n` and `paths`, how many samples and paths; `rng`, a
+    NumPy Generator or a seed. Theory that one of the terms has not raises `MissingTheoryError`; `has` asks for it.
+
     Parameters
     ----------
     processes : tuple of Process

@@ -134,14 +134,17 @@ class Parameter:
     # --- every real number as a coordinate ------------------------------------------------------------
 
     def room(self, values: Vector) -> Vector:
-        """How far each value is from an end of the domain; its own size where that has none, 1 at zero."""
+        """How far each of the `values` is from an end of the domain; its own size where that has none, 1 at zero."""
         if self.domain == "between":
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
         size = np.abs(values)
         return np.asarray(np.where(size == 0, 1.0, size) if self.domain == "real" else values)
 
     def scanned(self, samples: int, rate: float) -> tuple[float, float]:
-        """Ends of its coordinate: rates from a turn of the record to one a sample, shares to 0.995, else 0.1 to 10."""
+        """Ends of its coordinate for a record of `samples` at `rate` (Hz).
+
+        Rates go from a turn of the record to one a sample, shares to 0.995, others from 0.1 to 10.
+        """
         if self.domain == "positive":
             low, high = (rate / samples, rate) if self.time_power == -1 else (0.1, 10.0)
             return math.log(low), math.log(high)
@@ -155,7 +158,7 @@ class Parameter:
         return np.asarray(np.log(values) if self.domain == "positive" else values)
 
     def at_coordinate(self, z: NDArray[Any]) -> NDArray[Any]:
-        """Values at coordinates; analytic, so that it takes complex ones too."""
+        """Values at the coordinates `z`; analytic, so that it takes complex ones too."""
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.tanh(z))

@@ -113,7 +113,11 @@ class Mark:
 
 
 class Reader(ABC):
-    """A format: who it is, which files are its own, and how their numbers come out."""
+    """A format: who it is, which files are its own, and how their numbers come out.
+
+    Methods take the `path` of the file; `head`, its first 64 kB; a `layout` that `layouts` found; `wanted`, the
+    numbers of the columns, from 0; and a `mark` of `marks` to begin at. How to write one: docs/howto/add-a-reader.md.
+    """
 
     name: ClassVar[str]
     """Name of the format, for `gmwm.read(…, format=)`."""
@@ -162,7 +166,7 @@ _READERS: dict[str, Reader] = {}
 
 
 def register(reader: R) -> R:
-    """Add a format; use as a class decorator."""
+    """Add the format `reader`; use as a class decorator."""
     if reader.name in _READERS:
         raise ValueError(f"a reader named {reader.name!r} is registered already")
     _READERS[reader.name] = reader()
@@ -202,7 +206,7 @@ def _sign_of(folder: Path) -> Path:
 
 
 def find_reader(path: Path, format: str | None = None) -> Reader:
-    """The reader of a file: the one named `format`, or the one whose signs its first bytes show."""
+    """The reader of the file `path`: the one named `format`, or the one whose signs its first bytes show."""
     if format is not None:
         named = {name.casefold(): reader for name, reader in _READERS.items()}
         if not isinstance(format, str) or format.casefold() not in named:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import as_rate
 from gmwm._late import LateMethod
-from gmwm.cuts import kept_stretches, stretch_words
+from gmwm.cuts import CUT, kept_stretches, stretch_words
 from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
 from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose
@@ -106,7 +106,7 @@ class Stream:
         self.time_base = found.timing.base
         self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
         if kept is not None:
-            self.notes = (*self.notes, f"cut: kept {stretch_words(kept)}")
+            self.notes = (*self.notes, f"{CUT}kept {stretch_words(kept)}")
 
     def __iter__(self) -> Iterator[Piece]:
         everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)

@@ -31,7 +31,7 @@ _PLAUSIBLE = (0.1, 1e5)  # Hz, for a unit that nobody named
 _USUAL = 1e4  # Hz, the highest rate that is believed where a lower one is possible
 _EPOCH = (1e9, 2.2e9)  # seconds since 1970 of the years 2001 to 2039
 _RATE_TOLERANCE = 1e-2  # between rate= and the stamps
-_RATE_REMARK = 1e-4
+_RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,8 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
 
     The rate is 1 / median interval within segments. Where a clock of the median interval would leave the
     stamps by more than half a sample within the longest segment (stamps rounded to 10 ms at 128 Hz), it is
-    1 / mean interval between gaps. A declared rate wins within 1 %.
+    1 / mean interval between gaps. A declared rate wins within 1 %; beyond 0.1 % it is a trouble, where its clock
+    leaves the stamps of the longest segment by more than a sample and three times their jitter.
 
     Raises
     ------
@@ -154,18 +155,25 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
     interval, remark = _interval(stamps, steps, segments)
     found = per_second / interval
     notes = [remark] if remark else []
+    troubles: list[str] = []
+    by_stamps = interval
     if rate is not None:
-        notes += _declared(rate, found, stamps.unit)
+        said = list(_declared(rate, found, stamps.unit))
         interval, found = per_second / rate, rate
     starts = tuple((stamps.origin + float(ticks[first])) / per_second for first, _ in segments)
     inside = np.ones(steps.size, dtype=bool)
     breaks = np.array([first - 1 for first, _ in segments[1:]], dtype=np.int64)
     inside[breaks] = False
     jitter = float(np.sqrt(np.mean((steps[inside] - interval) ** 2))) if inside.any() else 0.0
+    if rate is not None:
+        scatter = float(np.sqrt(np.mean((steps[inside] - by_stamps) ** 2))) if inside.any() else 0.0
+        away = max(last - first for first, last in segments) * abs(interval - by_stamps)
+        grave = abs(by_stamps / interval - 1) > _RATE_TROUBLE and away > max(by_stamps, 3 * scatter)
+        (troubles if grave else notes).extend(said)
     gaps = tuple((int(b) + 1, float(steps[b]) / per_second) for b in breaks if steps[b] > 0)
     duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
     base = TimeBase(found, True, starts[0], jitter / per_second, gaps, duplicates, backward)
-    return Timing(base, segments, starts, tuple(notes), tuple(troubles_of(base, ticks.size)))
+    return Timing(base, segments, starts, tuple(notes), (*troubles, *troubles_of(base, ticks.size)))
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:
@@ -318,7 +326,10 @@ def _declared(rate: float, found: float, unit: str) -> Iterator[str]:
             f"or leave them out with columns={{'time': None}}.{hint}"
         )
     if apart > _RATE_REMARK:
-        yield f"rate {rate:g} Hz as declared; the time stamps say {found:.6g} Hz"
+        yield (
+            f"the declared rate of {rate:g} Hz counts, though the time stamps say {found:.6g} Hz, {100 * apart:.2g} % "
+            "from it; drop rate= to use the stamps"
+        )
 
 
 def troubles_of(base: TimeBase, samples: int) -> Iterator[str]:

@@ -168,7 +168,7 @@ class Ranking:
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
-        """Two candidates beside one another: the difference of their criteria, and its standard error."""
+        """Candidates `first` and `second` side by side: the difference of their criteria, and its standard error."""
         from gmwm.selection.comparison import compared
 
         return compared(self, self[first], self[second])

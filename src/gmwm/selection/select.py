@@ -141,6 +141,17 @@ def rank(
     ----------
     models : list of Model, Process or str
         The candidates.
+    data, rate, weighting, criterion, confidence, draws, seed, robust, efficiency, progress
+        As for `select`.
+
+    Returns
+    -------
+    Ranking
+
+    Raises
+    ------
+    ModelError, DataError, OptionError
+        As `select` does.
 
     Examples
     --------

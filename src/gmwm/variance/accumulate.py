@@ -90,7 +90,7 @@ class WaveletAccumulator(Gathering):
         self._some = Some()
 
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
-        """A new accumulator of this part and the one that follows it at once.
+        """A new accumulator of this part and of `following`, the one that follows it at once.
 
         Raises
         ------

@@ -80,7 +80,7 @@ class AllanRegression:
         return cls(ClusterVariance.from_dict(values["allan"]), lines, dict(values["missing"]))
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
-        """A table: coefficient, unit, and the averaging times it was read from."""
+        """A table in `units`, "si" or "datasheet": coefficient, unit, and the averaging times it was read from."""
         of = f" of {self.allan.axis}" if self.allan.axis else ""
         title = self.allan.title[0].lower() + self.allan.title[1:]
         rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]

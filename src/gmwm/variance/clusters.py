@@ -58,6 +58,10 @@ class ClusterVariance:
         How many values were given: N of the rate, N + 1 of the phase of a record of N intervals.
     unit : str
         Of the rate and so of the deviation.
+    axis : str
+        Of the signal.
+    confidence : float
+        Of the limits.
     data : "rate" or "phase"
         What the values were.
     """

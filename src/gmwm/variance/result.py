@@ -45,6 +45,12 @@ class WaveletVariance:
         Samples per second (Hz).
     samples : int
         Length N of the signal, gaps left out.
+    unit, axis : str
+        Of the signal; "" where they are not known.
+    confidence : float
+        Of the limits.
+    filter, transform : str
+        A name of `find_filter`; "modwt" or "dwt".
     segments : tuple of int
         Lengths of the stretches between gaps that were measured together; () for a signal without a gap.
     robust, efficiency : bool, float or None
@@ -156,6 +162,10 @@ class WaveletVariance:
             Whether they are robust estimates, and of what efficiency; 0.6 if it is not given.
         filter, transform : str
             What they were computed with: a name of `find_filter`, "modwt" or "dwt".
+        confidence : float
+            Of the limits.
+        unit, axis : str
+            Of the signal.
 
         Raises
         ------

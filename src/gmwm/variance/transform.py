@@ -25,6 +25,8 @@ class Modwt:
 
     Attributes
     ----------
+    filter : WaveletFilter
+        That it was made with.
     details : mapping of level j to array
         Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}; N of them, 2N with reflection.
     smooth : array
@@ -79,6 +81,8 @@ class Dwt:
 
     Attributes
     ----------
+    filter : WaveletFilter
+        That it was made with.
     details : mapping of level j to array
         Wavelet coefficients, 2^(j/2) times those of the maximal-overlap transform at t = 2^j (n + 1) − 1;
         floor(N / 2^j) of them, floor(2N / 2^j) with reflection.
@@ -151,6 +155,10 @@ def modwt(
     boundary : "periodic" or "reflection"
         How the signal goes on beyond its ends.
 
+    Returns
+    -------
+    Modwt
+
     Raises
     ------
     DataError
@@ -202,6 +210,10 @@ def dwt(
         Number of levels J, at most and by default floor(log2 N).
     boundary : "periodic" or "reflection"
         How the signal goes on beyond its ends.
+
+    Returns
+    -------
+    Dwt
 
     Raises
     ------

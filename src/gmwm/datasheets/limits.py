@@ -1,0 +1,68 @@
+"""How much white noise or random walk the data could hide where a model has nothing of the kind."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+
+from gmwm.datasheets.entry import Entry
+from gmwm.datasheets.translation import translated
+from gmwm.errors import DataError, FitWarning, GmwmError
+from gmwm.estimation import fit as fitted
+from gmwm.estimation.result import Fit
+from gmwm.estimation.reweighting import REWEIGHTED
+from gmwm.processes.base import Process
+from gmwm.processes.noise import WN
+from gmwm.processes.walk import RW
+from gmwm.units import noise_unit
+
+_KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
+"""What is added to a model that has nothing of the kind, to ask the data how much of it there could be."""
+
+
+def hidden(fit: Fit, entry: Entry, level: float) -> float:
+    """The upper limit in the model with a term of the kind, which the data do not need but could hide.
+
+    Parameters
+    ----------
+    fit : Fit
+    entry : Entry
+        "N_eff" or "K_eff".
+    level : float
+        Confidence level; the limit is the upper end of the interval.
+
+    Returns
+    -------
+    float
+        In the unit of the entry; infinite where the data do not bound it.
+
+    Raises
+    ------
+    DataError
+        If there is no such fit, or none with errors.
+    """
+    kind, (base, _) = _KINDS[entry.symbol], translated(fit)
+    try:
+        holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
+        intervals = holder.confidence_intervals(level)
+    except GmwmError as error:
+        raise DataError(f"the data do not bound its {entry.title}: {error}") from error
+    pairs = zip(holder.model.terms, holder.model.processes, strict=True)
+    term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
+    scale = process.scale_parameter().name
+    high = process.value(scale) if process.is_fixed(scale) else intervals[f"{term}.{scale}"][1]
+    if not math.isfinite(high):
+        return math.inf
+    wv = fit.wavelet_variance
+    number = process.with_values(**{scale: high}).physical(wv.rate)[0]
+    return noise_unit(number.time_power, wv.unit)[1] * number.value
+
+
+def _widened(fit: Fit, kind: type[Process]) -> Fit:
+    """The fit of the model with one more term to the same data."""
+    weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    with warnings.catch_warnings():
+        # That the term is not needed is known.
+        warnings.simplefilter("ignore", FitWarning)
+        return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)
