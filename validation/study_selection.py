@@ -86,7 +86,7 @@ def table(result: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for r in result["rows"]:
-        others = ", ".join(f"{name} ({times})" for name, times in r["others"].items())
+        others = ", ".join(f"`{name}` ({times})" for name, times in r["others"].items())
         lines.append(
             f"| {r['model']} | {r['weighting']} | {r['recommended']:.1%} | {r['least']:.1%} | {r['in_set']:.1%} "
             f"| {r['set_size']:g} | {r['largest_set']} | {r['under']:.1%} | {r['over']:.1%} | {others} |"

@@ -17,7 +17,7 @@ from gmwm.plots.view import ViewName
 
 RATE = 100.0
 SAMPLES = 60_000
-WIDTH, HEIGHT = 52.0, 46.0
+WIDTH, HEIGHT = 52.0, 50.0
 """Of a picture (mm): three stand side by side in a column of text."""
 
 
@@ -39,8 +39,8 @@ PROCESSES = {
     "fn": Shown("FN(b2=1e-7)", 600, 6),
     "pl": Shown("PL(alpha=1.5, nu2=1e-8)", 600, 7),
     "mat": Shown("MAT(beta=1.0, nu=2.5, sigma2=1e-6)", 30, 8),
-    "ar": Shown("AR(2, phi1=1.8, phi2=-0.9, sigma2=1e-7)", 4, 9),
-    "sin": Shown("SIN(frequency=0.5, power=5e-7)", 10, 10),
+    "ar": Shown("AR(2, phi1=1.8, phi2=-0.9, sigma2=1e-7)", 2, 9),
+    "sin": Shown("SIN(frequency=0.5, power=2e-6)", 10, 10),
 }
 """By the name of its pictures."""
 

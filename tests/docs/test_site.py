@@ -8,7 +8,7 @@ import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 
@@ -189,12 +189,75 @@ def test_what_is_too_wide_is_found(site, page):
     assert [found[:2] for found in page.evaluate(TOO_WIDE)] == ["<p"]
 
 
-@pytest.mark.parametrize(("words", "expected"), [("quantization", "processes"), ("wavelet_variance", "variance")])
-def test_search_finds_without_a_server(site, page, words, expected):
-    page.goto(f"{(site / 'search.html').as_uri()}?q={words}")
+FIRST = {
+    "arw": "glossary.html#term-ARW",
+    "angle random walk": "glossary.html#term-angle-random-walk",
+    "quantisation": "glossary.html#term-quantisation-noise",
+    "rosbag": "glossary.html#term-rosbag",
+    "deg/h": "glossary.html#term-deg-h",
+    "bias instability": "glossary.html#term-bias-instability",
+    "imu.yaml": "glossary.html#term-imu.yaml",
+    "install": "start.html",
+    "matlab": "coming-from/imu-tools.html",
+    "hadamard": "glossary.html#term-Hadamard",
+    "calibrate": "api/calibration.html#gmwm.calibrate",
+    "wavelet_variance": "api/variance.html#gmwm.wavelet_variance",
+    "Fit.covariance": "api/fitting.html#gmwm.Fit.covariance",
+}
+"""What somebody types, and what should stand on top."""
+
+
+def found_by(page, site, words):
+    """Where the results of a search lead, in their order."""
+    page.goto(f"{(site / 'search.html').as_uri()}?q={quote(words)}")
     page.wait_for_selector("#search-results li a", timeout=10_000)
-    found = page.locator("#search-results li a").evaluate_all("links => links.map(a => a.getAttribute('href'))")
-    assert any(expected in link for link in found), found
+    page.wait_for_function("document.querySelector('#search-results .search-summary')?.textContent.includes('found')")
+    links = page.locator("#search-results > ul > li > a").evaluate_all(
+        "links => links.map(a => a.getAttribute('href'))"
+    )
+    return [re.sub(r"\?[^#]*", "", link) for link in links]
+
+
+def test_search_puts_on_top_what_is_meant(site, page):
+    assert {words: found_by(page, site, words)[0] for words in FIRST} == FIRST
+
+
+def test_search_puts_history_behind_explanations(site, page):
+    found = found_by(page, site, "kalibr")
+    assert found.index("howto/feed.html") < found.index("changelog.html")
+
+
+LEGIBLE = """() => {
+    const luminance = colour => colour.match(/[\\d.]+/g).slice(0, 3).map(Number).map(x => x / 255)
+        .map(x => x <= 0.03928 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, x, k) => sum + x * [0.2126, 0.7152, 0.0722][k], 0);
+    const behind = thing => {
+        for (; thing; thing = thing.parentElement) {
+            const colour = getComputedStyle(thing).backgroundColor;
+            if (!/, 0\\)$|transparent/.test(colour)) return colour;
+        }
+        return 'rgb(255, 255, 255)';
+    };
+    const worst = {};
+    for (const thing of document.querySelectorAll('article p, article a, article dt, article code, .highlight span')) {
+        if (!thing.textContent.trim() || thing.closest('.headerlink, .sd-card')) continue;
+        const pair = [luminance(getComputedStyle(thing).color), luminance(behind(thing))].sort((a, b) => b - a);
+        const contrast = (pair[0] + 0.05) / (pair[1] + 0.05);
+        if (contrast < 4.5) worst[thing.tagName + '.' + thing.className] = contrast.toFixed(2);
+    }
+    return worst;
+}"""
+"""Words whose contrast to what is behind them is less than WCAG 2 asks for (AA, 4.5)."""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_words_and_code_stand_out(site, page, scheme):
+    page.emulate_media(color_scheme=scheme)
+    for name in ("start.html", "glossary.html", "howto/add-a-process.html", "api/fitting.html", "coming-from/r.html"):
+        page.goto((site / name).as_uri(), wait_until="load")
+        assert page.evaluate(LEGIBLE) == {}, name
+    page.evaluate("document.querySelector('article p').style.color = getComputedStyle(document.body).backgroundColor")
+    assert "P." in page.evaluate(LEGIBLE)
 
 
 def test_pages_ask_for_nothing_but_files_and_complain_of_nothing(site, page):
