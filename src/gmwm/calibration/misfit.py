@@ -111,7 +111,7 @@ def _wrong(found: AxisCalibration, tau: float) -> str:
     if not names:
         return f"The model tells nothing true of {side} scales"
     verb = "is" if len(names) == 1 else "are"
-    return f"{' and '.join(names)}, which {verb} read at {side} scales, {verb} wrong"
+    return f"{' and '.join(names)}, which {verb} read at {side} scales, may be wrong"
 
 
 def _read_at(sheet: Datasheet, long: bool) -> Sequence[str]:

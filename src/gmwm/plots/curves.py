@@ -13,7 +13,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 from gmwm.plots.axes import limits_near, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Mark, Panel, Stroke, Text, drawable
-from gmwm.plots.style import GREY, OBSERVED
+from gmwm.plots.style import GREY, OBSERVED, ROBUST
 from gmwm.plots.view import UnitSystem, View, ViewName, view_of
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def observed_marks(
     wv: WaveletVariance,
     view: View,
     *,
-    stroke: Stroke = OBSERVED,
+    stroke: Stroke | None = None,
     label: str = "",
     used: NDArray[np.bool_] | None = None,
 ) -> tuple[Mark, ...]:
@@ -56,14 +56,15 @@ def observed_marks(
         What was measured.
     view : View
         How it is shown.
-    stroke : Stroke
-        How the curve looks; the band has its colour.
+    stroke : Stroke, optional
+        How the curve looks; the band has its colour. By default that of a classical or of a robust estimate.
     label : str
         Entry in the legend; by default the name of the quantity.
     used : (J,) array of bool, optional
         Levels that the fit used; all by default.
     """
     x, y = view.time(wv.tau), drawable(view.height(wv.variance))
+    stroke = stroke or (ROBUST if wv.robust else OBSERVED)
     robust = ", robust" if wv.robust else ""
     name = label or {"wavelet": "Wavelet variance", "allan": "Allan deviation"}[view.name] + robust
     kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)

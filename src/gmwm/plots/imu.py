@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from gmwm.errors import OptionError
 from gmwm.plots.axes import quiet, spaced, value_axis
-from gmwm.plots.figure import Axis, Figure, Panel
+from gmwm.plots.figure import Axis, Figure, Line, Mark, Panel, Stroke
 from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.plots.overlay import Item, checked_items, measured, overlay_panel
@@ -105,6 +105,7 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
             panels[name] = fit_panel(cast("Fit", item), view=view, units=units, alone=False)
         else:
             panels[name] = wavelet_variance_panel(measured(item), view=view, units=units)
+    panels = _alike_together(panels)
     rows = _arranged({name: replace(panel, title=axis_title(name)) for name, panel in panels.items()})
     columns = len(rows[0])
     if columns > 1:
@@ -116,6 +117,21 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
         legend_columns=6,
     )
     return _with_room(drawn, entries=2 * drawn.legend_columns)
+
+
+def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
+    """Lines that look the same under one entry of the legend: the GM of one axis, the GM[1] of another."""
+    entries: dict[Stroke, dict[str, None]] = {}
+    lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Line) and mark.label]
+    for line in lines:
+        entries.setdefault(line.stroke, {})[line.label] = None
+
+    def renamed(mark: Mark) -> Mark:
+        if not isinstance(mark, Line) or not mark.label:
+            return mark
+        return replace(mark, label=", ".join(sorted(entries[mark.stroke])))
+
+    return {name: replace(panel, marks=tuple(map(renamed, panel.marks))) for name, panel in panels.items()}
 
 
 def _with_room(drawn: Figure, entries: int) -> Figure:

@@ -46,6 +46,8 @@ LONG_SHORT = (8.0, 1.6, 2.5, 1.6)
 
 OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")
 """The estimate from the data."""
+ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")
+"""The robust one."""
 IMPLIED = Stroke(ORANGE, 2.6, SOLID)
 """What the fitted model says."""
 
