@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm import Imu, Signal
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError, GmwmWarning, OptionError
 from gmwm.signals import TimeBase
 
 
@@ -68,8 +68,8 @@ def test_random_cuts_keep_every_sample_where_it_was():
     imu = recording(((0, 300), (300, 420), (420, 1000)), (0.0, 40.0, 70.0))
     times = imu["gyro_x"].times()
     for _ in range(50):
-        start, stop = sorted(rng.uniform(0, 130, size=2).tolist())
-        skip = [tuple(sorted(rng.uniform(0, 130, size=2).tolist())) for _ in range(3)]
+        start, stop = sorted(rng.uniform(0, 128, size=2).tolist())
+        skip = [tuple(sorted(rng.uniform(0, 128, size=2).tolist())) for _ in range(3)]
         kept = (times >= start) & (times < stop)
         for a, b in skip:
             kept &= (times < a) | (times >= b)
@@ -83,7 +83,7 @@ def test_random_cuts_keep_every_sample_where_it_was():
 def test_nothing_to_cut_is_the_recording_itself():
     imu = recording()
     assert imu.between() is imu
-    assert imu.between(0.0, 1e6, skip=[(20.01, 20.09)]) is imu  # between two samples
+    assert imu.between(0.0, 100.0, skip=[(20.01, 20.09)]) is imu  # between two samples
 
 
 @pytest.mark.parametrize(
@@ -103,6 +103,70 @@ def test_times_that_are_none(arguments, says):
 def test_nothing_left_is_an_error(arguments):
     with pytest.raises(DataError, match=r"nothing is left .*the recording lasts 100 s"):
         recording().between(**arguments)
+
+
+@pytest.mark.parametrize("skip", [(5003.0, 5004.0), (100.0, 101.0), (1.718e9, 1.718e9 + 60)])
+def test_to_skip_what_lies_outside_is_an_error(skip):
+    with pytest.raises(DataError, match=r"skip= from \d+ s to \d+ s lies outside .* lasts 100 s.* its first sample"):
+        recording().between(skip=[(20.0, 30.0), skip])
+    assert len(recording().between(skip=[(99.0, 1e4)])) == 990  # a part of it lies inside
+    assert len(recording().between(stop=50.0, skip=[skip])) == 500  # what is behind stop is not looked at
+
+
+def test_a_stop_that_lies_outside_is_told():
+    with pytest.warns(GmwmWarning, match="stop= at 5000 s lies outside the recording, which lasts 100 s"):
+        assert len(recording().between(stop=5000.0)) == 1000
+    assert len(recording().between(stop=100.05)) == 1000  # the end, but for rounding
+
+
+def test_what_was_cut_off_before_the_first_sample_is_known():
+    imu = recording(((0, 300), (300, 1000)), (1000.0, 0.0))  # set back: time goes on
+    part = imu.between(20.0)
+    assert (imu.time_base.left, part.time_base.left) == (0.0, 20.0)
+    assert part.longest().time_base.left == part.between(10.0).time_base.left == 30.0
+    assert recording().between(20.0, skip=[(22.0, 80.0)]).longest().time_base.left == pytest.approx(80.0)
+    assert imu.longest().time_base.left == 30.0
+
+
+def written(path, clock):
+    x = np.random.default_rng(5).normal(size=6000)
+    x[[1000, 4500]] += 50.0
+    times = [clock + k / 10 + 7 * (k >= 3000) for k in range(6000)]
+    path.write_text("time [s],gyro_x [rad/s]\n" + "".join(f"{t:.1f},{v}\n" for t, v in zip(times, x, strict=True)))
+    return path
+
+
+@pytest.mark.parametrize("clock", [0.0, 1.718e9])
+@pytest.mark.parametrize("how", [gmwm.read, gmwm.stream])
+def test_times_of_knocks_are_those_of_skip(tmp_path, clock, how):
+    path = written(tmp_path / "static.csv", clock)
+    cuts = [{}, {"start": 50.0}, {"start": 99.0, "stop": 500.0}, {"skip": [(10.0, 20.0), (250.0, 260.0)]}]
+    for cut in cuts:
+        found = gmwm.inspect(how(path, **cut))
+        times = [knock.time for knock in found.knocks]
+        assert times == pytest.approx([100.0, 457.0], rel=1e-6)
+        assert "knock at 100 s of one sample" in found.summary()
+        assert "(the first at 100 s)" in " ".join(found.warnings)
+        skip = [*cut.get("skip", ()), *((time - 1, time + 1) for time in times)]
+        assert gmwm.inspect(how(path, **cut | {"skip": skip})).knocks == ()
+
+
+def test_times_of_knocks_in_the_longest_segment(tmp_path):
+    path = written(tmp_path / "static.csv", 1.718e9)
+    (knock,) = gmwm.inspect(gmwm.read(path, start=50.0, gaps="longest")).knocks
+    assert knock.time == pytest.approx(457.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("clock", [0.0, 1.718e9])
+def test_streams_refuse_what_lies_outside_as_well(tmp_path, clock):
+    path = written(tmp_path / "static.csv", clock)
+    for how in (gmwm.read, gmwm.stream):
+        with pytest.raises(
+            DataError, match="skip= from 5003 s to 5004 s lies outside the recording, which lasts 607 s"
+        ):
+            gmwm.inspect(how(path, skip=[(5003.0, 5004.0)]))
+        with pytest.warns(GmwmWarning, match="stop= at 5000 s lies outside the recording, which lasts 607 s"):
+            assert gmwm.inspect(how(path, stop=5000.0)).samples == 6000
 
 
 def test_read_cuts(tmp_path):

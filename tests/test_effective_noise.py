@@ -24,3 +24,9 @@ def test_effective_noise_is_never_zero():
     # Where the data give no limit there is none, and still no zero.
     few = gmwm.effective_noise(gmwm.fit("WN", np.random.default_rng(1).normal(size=8), rate=1.0), 1.0)["K_eff"]
     assert few.value == few.high > 0
+
+
+@pytest.mark.parametrize("given", ["WN", WN(sigma2=1.0), WN(sigma2=1.0) + RW(gamma2=1.0), None])
+def test_only_a_fit_has_limits(given):
+    with pytest.raises(gmwm.OptionError, match=r"fit must be a Fit, got .*gmwm\.fit\(model, data\)"):
+        gmwm.effective_noise(given, 10.0)

@@ -48,6 +48,7 @@ LATE_METHODS = {
     "gmwm.fleets.result.Fleet.plot": "gmwm.plots.fleet:plot_fleet",
     "gmwm.inference.plan.Plan.plot": "gmwm.plots.plan:plot_plan",
     "gmwm.likelihood.residuals.Residuals.plot": "gmwm.plots.residuals:plot_residuals",
+    "gmwm.likelihood.result.LikelihoodFit._repr_html_": "gmwm.likelihood.summary:as_html",
     "gmwm.likelihood.result.LikelihoodFit.confidence_intervals": "gmwm.likelihood.intervals:confidence_intervals",
     "gmwm.likelihood.result.LikelihoodFit.filter": "gmwm.likelihood.tracks:filter_tracks",
     "gmwm.likelihood.result.LikelihoodFit.plot": "gmwm.plots.fit:plot_fit",

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -111,6 +112,8 @@ def test_gaps_are_told_and_not_bridged():
     assert found.knocks == ()
     assert "2 segments" in found.warnings[0]
     assert "2 segments" in found.summary()
+    assert found._repr_html_().startswith("<pre>recording: 10000 samples")
+    assert "&lt;b&gt;: 10000 samples" in replace(found, source="<b>")._repr_html_()
 
 
 def cut(values, segments):

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import gmwm
 from gmwm.errors import DataError, OptionError, UnitError
 from gmwm.signals import AXES, Imu, Signal, TimeBase
 
@@ -71,3 +73,92 @@ def test_pickle_keeps_everything_read_only():
 def test_temperature_has_the_length_of_the_recording():
     with pytest.raises(DataError, match="temperature must hold one value"):
         Imu({"gyro_x": Signal(np.arange(9.0), 1.0)}, temperature=np.arange(8.0))
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("values", "segments", "starts"),
+    [
+        ([1.0, 2.0], ((0, 2),), (5.0,)),
+        ([1.0, NAN, 2.0], ((0, 1), (1, 2)), (5.0, 7.0)),
+        ([NAN, NAN, 1.0, 2.0, NAN, NAN, NAN, 3.0, NAN], ((0, 2), (2, 3)), (7.0, 12.0)),
+    ],
+)
+def test_missing_samples_part_segments(values, segments, starts):
+    for given in (values, np.ma.masked_invalid(values)):
+        signal = Signal.from_missing(given, 1.0, "rad/s", "gyro_x", start=5.0)
+        assert (signal.segments, signal.starts, signal.start) == (segments, starts, starts[0])
+        assert (signal.unit, signal.axis) == ("rad/s", "gyro_x")
+        assert signal.values.tolist() == [value for value in values if value == value]
+    assert len(values) - np.isnan(values)[::-1].argmin() == signal.times()[-1] - 5.0 + 1.0
+
+
+def test_missing_samples_are_gaps_to_every_estimate():
+    model = gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=4.0)")
+    x = model.simulate(4000, 100.0, rng=1)
+    x[1000:1003], x[2500] = NAN, NAN
+    signal = Signal.from_missing(x, 100.0)
+    pieces = Signal(x[np.isfinite(x)], 100.0, segments=((0, 1000), (1000, 2497), (2497, 3996)))
+    assert gmwm.wavelet_variance(signal).variance.tolist() == gmwm.wavelet_variance(pieces).variance.tolist()
+    assert gmwm.loglikelihood(model, signal) == gmwm.loglikelihood(model, x, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([NAN, NAN], "no sample that is there: all 2 are missing"),
+        ([1.0, np.inf, NAN], r"got 1 infinite \(first at 1\): make them NaN"),
+        (np.ones((2, 2)), "one-dimensional"),
+    ],
+)
+def test_what_cannot_be_a_signal_with_gaps(values, message):
+    with pytest.raises(DataError, match=message):
+        Signal.from_missing(values, 1.0)
+
+
+@pytest.mark.parametrize("given", [[1.0, NAN, 2.0], np.ma.masked_equal([1.0, 0.0, 2.0], 0.0)])
+def test_missing_samples_are_not_to_be_cut_out(given):
+    for door in (gmwm.wavelet_variance, Signal):
+        with pytest.raises(DataError, match=r"are gaps, and gmwm\.Signal\.from_missing\(x, rate\) makes them"):
+            door(given * 4 if isinstance(given, list) else given, 1.0)
+
+
+SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)"}, rate=1.0, samples=50, seed=1,
+                          components=True)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (SIMULATED.imu, r"got a whole Imu of gyro_x, gyro_y; pass x\['gyro_x'\]"),
+        (SIMULATED, r"got a whole SimulatedImu of gyro_x, gyro_y; pass x\.imu\['gyro_x'\]"),
+        (SIMULATED["gyro_x"], r"got a whole SimulatedSignal of WN; pass x\.signal"),
+        ("static.csv", r"got 'static\.csv'; a file is read first: gmwm\.read\(path\)"),
+        (Path("static.csv"), r"Path\('static\.csv'\); a file is read first: gmwm\.read\(path\)"),
+    ],
+)
+def test_what_holds_samples_is_no_signal(given, message):
+    for door in (gmwm.wavelet_variance, gmwm.allan_variance):
+        with pytest.raises(DataError, match=message):
+            door(given, 1.0)
+
+
+@pytest.mark.parametrize("rate", ["100", b"100", True, np.True_])
+def test_a_rate_is_a_number(rate):
+    signal = Signal(np.arange(9.0), 1.0)
+    for call in (
+        lambda: Signal(np.arange(9.0), rate),
+        lambda: gmwm.wavelet_variance(np.arange(9.0), rate),
+        lambda: gmwm.wavelet_variance(signal, rate),
+        lambda: gmwm.fit("WN", np.arange(9.0), rate),
+        lambda: gmwm.fit_ml("WN", signal, rate),
+    ):
+        with pytest.raises(OptionError, match=r"rate must be a number \(Hz\), got .*; pass it as 100\.0"):
+            call()
+
+
+@pytest.mark.parametrize("rate", [100, np.int32(100), np.float32(100.0), np.float64(100.0)])
+def test_every_number_is_a_rate(rate):
+    assert Signal([1.0], rate).rate == 100.0

@@ -97,3 +97,24 @@ def test_a_full_disk_is_told_by_the_name_that_was_wanted(tmp_path, monkeypatch):
         write_text(tmp_path / "summary.txt", "all of it")
     assert told.value.filename == str(tmp_path / "summary.txt")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_is_a_recording_of_one_axis(tmp_path):
+    signal = Signal([1.0, 2.0, 3.0], 10.0, "rad/s", "gyro_z", start=4.0)
+    write(signal, tmp_path / "signal.csv")
+    write(Imu({"gyro_z": signal}), tmp_path / "imu.csv")
+    assert (tmp_path / "signal.csv").read_text() == (tmp_path / "imu.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (Signal([1.0, 2.0], 10.0), "must be one of gyro_x, .*got axis=''; name it"),
+        (np.zeros(5), r"imu must be an Imu, got ndarray; make one of arrays: gmwm\.Imu\.from_arrays"),
+        ("a.csv", "imu must be an Imu, got str"),
+    ],
+)
+def test_what_is_no_recording_is_not_written(tmp_path, given, message):
+    with pytest.raises(OptionError, match=message):
+        write(given, tmp_path / "a.csv")
+    assert not list(tmp_path.iterdir())

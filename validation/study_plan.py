@@ -36,7 +36,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     rows = []
     for m, text in enumerate(TRUTHS):
         truth = gmwm.parse_model(text)
-        planned = gmwm.plan(truth, max(lengths) / RATE, RATE)
+        planned = gmwm.plan(truth, duration=max(lengths) / RATE, rate=RATE)
         for samples in lengths:
             # Neither the length nor the model of another row moves the seed of this one.
             seed = SEED + 10 * m + SAMPLES.index(samples)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -16,6 +17,12 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 """A two-dimensional float64 array."""
 
+AS_GAPS = (
+    "missing samples are gaps, and gmwm.Signal.from_missing(x, rate) makes them of NaN and masked values; to cut them "
+    "out would glue what is left"
+)
+"""What to do about samples that are not there."""
+
 
 def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool = True) -> Vector:
     """`values` as a contiguous one-dimensional float64 array, all finite (unless the caller checks that itself).
@@ -26,11 +33,10 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
         If it is not numeric, not one-dimensional, shorter than `at_least`, or holds NaN or infinities.
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise DataError(
-            f"{name} has {int(np.ma.getmaskarray(values).sum())} masked values; split the recording there, or fill them"
-        )
+        raise DataError(f"{name} has {int(np.ma.getmaskarray(values).sum())} masked values; {AS_GAPS}")
     if isinstance(values, Mapping):
         raise DataError(f"{name} must be one axis, got a {type(values).__name__}; pick one of {', '.join(values)}")
+    _require_samples(values, name)
     try:
         array: NDArray[Any] = np.asarray(values)
         if array.dtype.kind not in "fiub":
@@ -60,14 +66,33 @@ def require_finite(vector: Vector, name: str) -> None:
     if count:
         raise DataError(
             f"{name} must be finite, got {count} NaN or infinite values of {vector.size} "
-            f"(the first at index {int(np.argmax(bad))}); remove them or split the recording there"
+            f"(the first at index {int(np.argmax(bad))}); {AS_GAPS}"
         )
+
+
+def _require_samples(values: object, name: str) -> None:
+    """Raise where `values` are no samples but what holds them: a file's path, a recording, a simulation."""
+    if isinstance(values, str | bytes | os.PathLike):
+        raise DataError(
+            f"{name} must be a signal or its samples, got {values!r}; a file is read first: gmwm.read(path), and then "
+            "an axis of it"
+        )
+    # An Imu, a SimulatedImu and a SimulatedSignal, which live on higher floors.
+    for attribute, way in (("signals", "[{!r}]"), ("axes", ".imu[{!r}]"), ("components", ".signal")):
+        held = getattr(values, attribute, None)
+        if isinstance(held, Mapping) and (attribute != "axes" or hasattr(values, "imu")):
+            raise DataError(
+                f"{name} must be one signal, got a whole {type(values).__name__} of {', '.join(held)}; pass "
+                f"{name}{way.format(next(iter(held)))}"
+            )
 
 
 def as_rate(rate: float | None, name: str = "rate") -> float:
     """A sampling rate in Hz: positive and finite."""
     if rate is None:
         raise OptionError(f"{name} (Hz) is missing: pass {name}=, samples per second")
+    if isinstance(rate, bool | np.bool_ | str | bytes):
+        raise OptionError(f"{name} must be a number (Hz), got {rate!r}; pass it as 100.0, samples per second")
     try:
         value = float(rate)
     except (TypeError, ValueError) as error:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
 OVERRULED = "the file says"
 """Stands in the note on a unit that was declared where the file itself names another one."""
 
@@ -13,3 +18,46 @@ def counted(number: int, noun: str) -> str:
     ('1 knock', '3 samples')
     """
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def moment(seconds: float) -> str:
+    """A time in seconds, to the millisecond, as options take it: never with an exponent.
+
+    >>> moment(600.01), moment(43200.2504), moment(1718000000.0)
+    ('600.01 s', '43200.25 s', '1718000000 s')
+    """
+    return f"{seconds:.3f}".rstrip("0").rstrip(".") + " s"
+
+
+def listed(names: Sequence[str], most: int = 6) -> str:
+    """Names in a row; of many the first ones, and how many others there are.
+
+    >>> listed("abcdefgh"), listed(["time", "pressure"])
+    ('a, b, c, d, e, f and 2 others', 'time, pressure')
+    """
+    rest = len(names) - most
+    return ", ".join(names) if rest < 2 else f"{', '.join(names[:most])} and {rest} others"
+
+
+class Named(dict[str, T]):
+    """A dict whose KeyError says what there is; and, of names that one might look for, why they are not there.
+
+    >>> Named({"WN.sigma2": 1.0}, "parameter")["foo"]
+    Traceback (most recent call last):
+        ...
+    KeyError: "there is no parameter 'foo', only WN.sigma2"
+    """
+
+    def __init__(
+        self, values: Mapping[str, T] | Iterable[tuple[str, T]], noun: str, why: Mapping[str, str] | None = None
+    ) -> None:
+        super().__init__(values)
+        self._noun, self._why = noun, dict(why or {})
+
+    def __missing__(self, name: object) -> T:
+        if isinstance(name, str) and name in self._why:
+            raise KeyError(self._why[name])
+        raise KeyError(f"there is no {self._noun} {name!r}, only {', '.join(self) or 'none'}")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Named, (dict(self), self._noun, self._why)

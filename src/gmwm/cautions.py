@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm._words import OVERRULED, counted
+from gmwm._words import OVERRULED, counted, moment
 from gmwm.signals import TimeBase
 from gmwm.units import STANDARD_GRAVITY
 
@@ -19,8 +19,9 @@ MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""
 
 _NOISY = 0.1  # deg/s/√Hz: noise density of a gyroscope beyond which its unit is in doubt
-_WITHOUT = "cut the file there, or record again"
-OR_ROBUST = ", or estimate with robust=True"
+_WITHOUT = "leave that stretch out (skip=), or record again"
+_BESIDE = "take what comes before or after it (stop=, start=), or record again"
+OR_ROBUST = ", or leave that to the robust curve, which calibrate takes by itself where it matters"
 """The third way with knocks, for who has not estimated yet."""
 LONGEST = "imu.longest() takes the longest of them"
 """The way with gaps, for who has the recording in hand."""
@@ -67,19 +68,20 @@ def about_motion(
         axis = max(restless, key=lambda name: restless[name][1])
         when, times = restless[axis]
         said.append(
-            f"not static: around {when:.6g} s the spread of {axis} is {times:.1f} times its usual one; {_WITHOUT}"
+            f"not static: around {moment(when)} the spread of {axis} is {times:.1f} times its usual one; {_WITHOUT}"
         )
     if tilt is not None and tilt > MOVED:
-        said.append(f"not static: the specific force turns by {tilt:.3g}°; {_WITHOUT}")
+        said.append(f"not static: the specific force turns by {tilt:.3g}°; {_BESIDE}")
     elif tilt is not None:
         said.append(
             f"the specific force turns by {tilt:.2g}°, more than its noise explains: the mount settles, or the "
             "accelerometers' biases wander (with temperature?)"
         )
     if knocks:
-        what = f"{counted(len(knocks), 'knock')} (the first at {knocks[0].time:.6g} s), which "
+        what = f"{counted(len(knocks), 'knock')} (the first at {moment(knocks[0].time)}), which "
         what += "raises the curve" if len(knocks) == 1 else "raise the curve"
-        said.append(f"{what}: {_WITHOUT}{OR_ROBUST}")
+        them = "it" if len(knocks) == 1 else "them"
+        said.append(f"{what}: cut {them} out (skip=), or record again{OR_ROBUST}")
     return said
 
 
@@ -88,8 +90,8 @@ def about_steps(steps: tuple[Step, ...]) -> list[str]:
     if not steps:
         return []
     axes = ", ".join(dict.fromkeys(step.axis for step in steps))
-    what = f"{counted(len(steps), 'step')} of level in {axes} (the first at {steps[0].time:.6g} s)"
-    return [f"{what}, which {_LEVEL}; {_WITHOUT}"]
+    what = f"{counted(len(steps), 'step')} of level in {axes} (the first at {moment(steps[0].time)})"
+    return [f"{what}, which {_LEVEL}; {_BESIDE}"]
 
 
 def about_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate, pairwise
@@ -11,8 +12,9 @@ from numbers import Real
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.errors import DataError, OptionError
-from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase
+from gmwm._words import moment
+from gmwm.errors import DataError, GmwmWarning, OptionError
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase, begins_of
 
 ROUNDING = 1e-6
 """Samples: a time that is that of a sample but for rounding."""
@@ -25,8 +27,9 @@ def cut(
 ) -> Imu:
     """The part of a recording from `start` to `stop` without what lies in `skip`; what is left out leaves a gap.
 
-    Times count from the first sample on the recording's own clock, over gaps too; where that was set back, as if one
+    Times count from the first sample of `imu` on its own clock, over gaps too; where that was set back, as if one
     sample had followed the other. A sample at `start` is kept, one at `stop` is not, in `skip` the other way round.
+    A stretch to skip may reach beyond the end, but not lie behind it.
 
     Parameters
     ----------
@@ -47,7 +50,12 @@ def cut(
     OptionError
         If a time is negative or not a number, or an end does not come after its beginning.
     DataError
-        If no segment of 8 samples or more is left.
+        If no segment of 8 samples or more is left, or a stretch to skip lies behind the end.
+
+    Warns
+    -----
+    GmwmWarning
+        If `stop` lies behind the end, so that nothing is cut off there.
 
     Examples
     --------
@@ -61,16 +69,19 @@ def cut(
     kept = kept_stretches(start, stop, skip)
     first = next(iter(imu.signals.values()))
     pieces = _pieces(first, kept)
-    end = _begins(first)[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
-    require_some(max((last - begin for begin, last, _ in pieces), default=0), kept, end)
-    if [(begin, last) for begin, last, _ in pieces] == list(first.segments):
+    begins = begins_of(first.rate, first.segments, first.starts)
+    end = begins[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
+    require_some(max((last - begin for begin, last, _, _ in pieces), default=0), kept, end)
+    require_inside(kept, end, first.rate)
+    if [(begin, last) for begin, last, _, _ in pieces] == list(first.segments):
         return imu
-    sizes = [last - begin for begin, last, _ in pieces]
+    sizes = [last - begin for begin, last, _, _ in pieces]
     segments = tuple(pairwise(accumulate(sizes, initial=0)))
-    starts = tuple(time for _, _, time in pieces)
+    starts = tuple(time for _, _, time, _ in pieces)
+    base = imu.time_base or TimeBase(imu.rate, start=first.start)
 
     def of(values: Vector) -> Vector:
-        parts = [values[begin:last] for begin, last, _ in pieces]
+        parts = [values[begin:last] for begin, last, _, _ in pieces]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     signals = {
@@ -82,7 +93,7 @@ def cut(
         imu,
         signals=signals,
         notes=(*imu.notes, note),
-        time_base=imu.time_base and cut_base(imu.time_base, starts, sizes),
+        time_base=cut_base(base, starts, sizes, base.left + pieces[0][3]),
         temperature=None if imu.temperature is None else of(imu.temperature),
     )
 
@@ -109,10 +120,29 @@ def kept_stretches(
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
     """An error if the longest segment of what is kept of a recording, that lasts until `end` (s), is too short."""
     if longest < MINIMUM_SAMPLES:
-        asked = " and ".join(f"{a:g} s to {b:g} s" if b < math.inf else f"{a:g} s on" for a, b in kept) or "nothing"
+        asked = " and ".join(
+            f"{moment(a)} to {moment(b)}" if b < math.inf else f"{moment(a)} on" for a, b in kept
+        ) or "nothing"  # fmt: skip
         raise DataError(
             f"nothing is left between start=, stop= and skip= that has {MINIMUM_SAMPLES} samples or more without a "
-            f"gap: the recording lasts {end:.6g} s, wanted is {asked}"
+            f"gap: the recording lasts {moment(end)}, counted from its first sample, wanted is {asked}"
+        )
+
+
+def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
+    """An error if what was to be skipped lies behind the end (s) of a recording, a warning if only `stop` does."""
+    for (_, begin), (last, _) in pairwise(kept):
+        if begin >= end:
+            raise DataError(
+                f"skip= from {moment(begin)} to {moment(last)} lies outside the recording, which lasts {moment(end)}: "
+                "times count from its first sample"
+            )
+    if kept and end + 1 / rate < kept[-1][1] < math.inf:
+        warnings.warn(
+            f"stop= at {moment(kept[-1][1])} lies outside the recording, which lasts {moment(end)}, and cuts nothing "
+            "off: times count from its first sample",
+            GmwmWarning,
+            stacklevel=3,
         )
 
 
@@ -133,28 +163,16 @@ def _seconds(time: object, name: str) -> float:
 
 def stretch_words(kept: Sequence[tuple[float, float]]) -> str:
     """Such stretches in words."""
-    return " and ".join(f"from {a:g} s" + (f" to {b:g} s" if b < math.inf else "") for a, b in kept[:5]) + (
+    return " and ".join(f"from {moment(a)}" + (f" to {moment(b)}" if b < math.inf else "") for a, b in kept[:5]) + (
         " …" if len(kept) > 5 else ""
     )
 
 
-def _begins(signal: Signal) -> list[float]:
-    """When each segment begins, in seconds from the first sample; never before the one before it has ended."""
-    begins: list[float] = []
-    ahead, end = 0.0, 0.0
-    for (first, last), time in zip(signal.segments, signal.starts, strict=True):
-        begin = time - signal.starts[0] + ahead
-        if begin < end:
-            ahead, begin = ahead + end - begin, end
-        begins.append(begin)
-        end = begin + (last - first) / signal.rate
-    return begins
-
-
-def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float]]:
-    """Ranges of samples without a gap that lie in the kept stretches of time, and the clock at their beginnings."""
-    pieces: list[tuple[int, int, float]] = []
-    for (first, last), begin, time in zip(signal.segments, _begins(signal), signal.starts, strict=True):
+def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
+    """Ranges of samples without a gap in the kept stretches of time; clock and time from the first sample there."""
+    pieces: list[tuple[int, int, float, float]] = []
+    begins = begins_of(signal.rate, signal.segments, signal.starts)
+    for (first, last), begin, time in zip(signal.segments, begins, signal.starts, strict=True):
         seam = True
         for stretch in kept:
             a, b = (
@@ -162,17 +180,18 @@ def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[i
                 for edge in stretch
             )
             if a < b and not seam and pieces[-1][1] == a:
-                pieces[-1] = (pieces[-1][0], b, pieces[-1][2])  # no sample lay in what was skipped
+                pieces[-1] = (pieces[-1][0], b, *pieces[-1][2:])  # no sample lay in what was skipped
             elif a < b:
-                pieces.append((a, b, time + (a - first) / signal.rate))
+                passed = (a - first) / signal.rate
+                pieces.append((a, b, time + passed, begin + passed))
                 seam = False
     return pieces
 
 
-def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int]) -> TimeBase:
-    """The time base with the gaps that there are now."""
+def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
+    """The time base with the gaps that there are now, `left` seconds after the first sample of all."""
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))
     steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]
     gaps = tuple((place, step) for place, step in zip(places, steps, strict=False) if step > 0)
-    return replace(base, start=starts[0], gaps=gaps, backward=sum(step < 0 for step in steps))
+    return replace(base, start=starts[0], gaps=gaps, backward=sum(step < 0 for step in steps), left=left)

@@ -85,6 +85,49 @@ class Signal:
         ):  # fmt: skip
             object.__setattr__(self, name, value)
 
+    @classmethod
+    def from_missing(cls, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0) -> Signal:
+        """A signal of samples at equal steps of which some are missing: each stretch between them is a segment.
+
+        Parameters
+        ----------
+        values : (N,) array, in `unit`
+            The samples in order, NaN or masked where one is missing.
+        rate, unit, axis
+            As for `Signal`.
+        start : float
+            Time of the first value, be it there or missing (s).
+
+        Raises
+        ------
+        DataError
+            If no sample is there, a value is infinite, or the array cannot be used.
+        OptionError
+            If the rate is no positive number.
+
+        Examples
+        --------
+        >>> signal = Signal.from_missing([1.0, 2.0, float("nan"), float("nan"), 5.0], rate=10.0)
+        >>> signal.segments, signal.starts
+        (((0, 2), (2, 3)), (0.0, 0.4))
+        """
+        if isinstance(values, np.ma.MaskedArray):
+            values = np.ma.filled(values.astype(np.float64), np.nan)
+        vector, rate = as_vector(values, axis or "the signal", finite=False), as_rate(rate)
+        there = ~np.isnan(vector)
+        endless = int(np.count_nonzero(np.isinf(vector)))
+        if endless:
+            raise DataError(
+                f"{axis or 'the signal'} must be finite, NaN where a sample is missing; got {endless} infinite (first "
+                f"at {int(np.argmax(np.isinf(vector)))}): make them NaN if they stand for missing ones"
+            )
+        if not there.any():
+            raise DataError(f"{axis or 'the signal'} has no sample that is there: all {vector.size} are missing")
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8))).reshape(-1, 2)
+        ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
+        starts = (start + edges[:, 0] / rate).tolist()
+        return cls(vector[there], rate, unit, axis, starts[0], list(pairwise(ends)), starts)
+
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy from another process is read-only as well.
         fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
@@ -155,6 +198,25 @@ def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]
     index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
     segment = np.searchsorted(firsts, index, side="right") - 1
     return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
+
+
+def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
+    """When each segment begins, in seconds from the first sample; never before the one before it has ended.
+
+    Where the clock was set back, it is as if one sample had followed the other.
+
+    >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
+    [0.0, 5.0, 9.0]
+    """
+    begins: list[float] = []
+    ahead, end = 0.0, 0.0
+    for (first, last), time in zip(segments, starts, strict=True):
+        begin = time - starts[0] + ahead
+        if begin < end:
+            ahead, begin = ahead + end - begin, end
+        begins.append(begin)
+        end = begin + (last - first) / rate
+    return begins
 
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
@@ -304,16 +366,18 @@ class Imu:
         """The longest stretch without a gap, as a recording of its own; says so in its notes."""
         if len(self.segments) == 1:
             return self
-        first, last = max(self.segments, key=lambda s: s[1] - s[0])
+        first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
         note = f"cut to the longest of {len(self.segments)} segments: samples {first} to {last - 1}"
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
         base, start = self.time_base, next(iter(signals.values())).start
+        one = self[self.axes[0]]
+        begin = begins_of(one.rate, one.segments, one.starts)[self.segments.index(longest)]
         return replace(
             self,
             signals=signals,
             notes=(*self.notes, note),
             # Stamps step back between segments only: within one there is neither a gap nor such a step.
-            time_base=base and replace(base, start=start, gaps=(), backward=0),
+            time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
 
@@ -358,6 +422,9 @@ class TimeBase:
         Number of stamps equal to the one before.
     backward : int
         Number of stamps earlier than the one before.
+    left : float
+        Time (s) of the recording before its first sample here, where a beginning was cut off: the first sample was
+        taken so long after that of the whole recording, from which `start`, `stop` and `skip` of `read` count.
     """
 
     rate: float
@@ -367,3 +434,4 @@ class TimeBase:
     gaps: tuple[tuple[int, float], ...] = ()
     duplicates: int = 0
     backward: int = 0
+    left: float = 0.0

@@ -12,7 +12,7 @@ from gmwm._arrays import Vector
 from gmwm._files import written_whole
 from gmwm.errors import DataError, OptionError
 from gmwm.records import TYPES, RecordType, counts
-from gmwm.signals import AXES, Imu
+from gmwm.signals import AXES, Imu, Signal
 
 SUFFIXES = (".csv", ".parquet")
 """The file name extensions of tables, which choose their format."""
@@ -21,7 +21,7 @@ RECORDS = ".imu"
 """The extension of bare records; which of the six types they are is said by `format`."""
 
 
-def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:
     """Write a recording; the suffix of the path chooses the format: .csv, .parquet or .imu.
 
     In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and
@@ -34,8 +34,8 @@ def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) 
 
     Parameters
     ----------
-    imu : Imu
-        The recording.
+    imu : Imu or Signal
+        The recording; a signal whose axis is one of an IMU's is a recording of one axis.
     path : path
         Where to.
     format : str, optional
@@ -45,7 +45,8 @@ def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) 
     Raises
     ------
     OptionError
-        If the suffix is none of these, or the format is not one of .imu files.
+        If the suffix is none of these, the format is not one of .imu files, or it is no recording that is to be
+        written.
     DataError
         If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
 
@@ -59,7 +60,7 @@ def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) 
     ['time [s],gyro_x [rad/s]', '0.0,0.1']
     >>> folder.cleanup()
     """
-    target = Path(path)
+    imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, RECORDS):
         raise OptionError(f"path must end in {', '.join(SUFFIXES)} or {RECORDS}, got {target.name!r}")
@@ -69,6 +70,24 @@ def write(imu: Imu, path: str | os.PathLike[str], *, format: str | None = None) 
         raise OptionError(f"format is for {RECORDS} files alone, {target.name!r} needs none; got {format!r}")
     else:
         write_table(_columns(imu), target)
+
+
+def _recording(given: object) -> Imu:
+    """The recording that is to be written."""
+    if isinstance(given, Imu):
+        return given
+    if isinstance(given, Signal) and given.axis in AXES:
+        return Imu({given.axis: given})
+    known = ", ".join(AXES)
+    if isinstance(given, Signal):
+        raise OptionError(
+            f"a signal that is written must be one of {known}, got axis={given.axis!r}; name it, as "
+            "gmwm.Imu.from_arrays({'gyro_x': signal.values}, signal.rate)"
+        )
+    raise OptionError(
+        f"imu must be an Imu, got {type(given).__name__}; make one of arrays: gmwm.Imu.from_arrays({{'gyro_x': x}}, "
+        "rate=…)"
+    )
 
 
 def table_path(path: str | os.PathLike[str]) -> Path:

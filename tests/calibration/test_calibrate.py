@@ -152,7 +152,7 @@ def test_needed_lengths_hold(imu):
     assert said in " ".join(found.summary().split())
     for name, seconds in axis.needed.items():
         if seconds is not None and np.isfinite(seconds):
-            plan = gmwm.plan(axis.fit.model, seconds, 100.0, weighting="optimal")
+            plan = gmwm.plan(axis.fit.model, duration=seconds, rate=100.0, weighting="optimal")
             assert plan.at(seconds)[name] <= 0.2
             assert plan.at(seconds / 2)[name] > 0.2
 

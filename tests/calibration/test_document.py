@@ -120,8 +120,8 @@ def test_a_binary_file_says_so(file):
         Calibration.load(file)
 
 
-def test_a_missing_file_is_the_system_s_error(tmp_path):
-    with pytest.raises(FileNotFoundError):
+def test_a_missing_file_says_where_it_was_looked_for(tmp_path):
+    with pytest.raises(ReadError, match=r"none\.json does not exist; looked in "):
         Calibration.load(tmp_path / "none.json")
 
 

@@ -86,7 +86,7 @@ def test_outliers_leave_a_model_with_a_line_its_classical_curve():
     assert frequency == pytest.approx(21.3, rel=0.05)
     text = words(found)
     assert "fitted with them; no robust curve goes with a sinusoid in `within`, so cut the outliers out" in text
-    assert "raise the curve: cut the file there, or record again: no robust curve goes with SIN" in text
+    assert "raise the curve: cut them out (skip=), or record again: no robust curve goes with SIN" in text
     assert "where outliers matter, the robust curve was taken" not in text
 
 

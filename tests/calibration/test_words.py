@@ -1,5 +1,6 @@
 """The summary says what a person can act on, in eighty columns; the pictures show every axis."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -65,23 +66,25 @@ def test_outliers_are_told_with_their_size(calibration):
 
 def test_outliers_that_were_kept_are_told_too(imu):
     text = words(gmwm.calibrate(imu, WITHIN, robust=False, axes=["gyro_y"]))
-    assert "it was fitted with them; robust='auto' leaves them out" in text
+    assert "it was fitted with them; the robust curve leaves them out" in text
     assert "yes: kept" in text
 
 
 def test_cautions_of_the_recording_are_told(imu, calibration):
     (knocks,) = [text for text in gmwm.inspect(imu).warnings if "knock" in text]
-    assert knocks.endswith("or estimate with robust=True")
+    robust = ", or leave that to the robust curve, which calibrate takes by itself where it matters"
+    assert knocks.endswith(f"cut them out (skip=), or record again{robust}")
     found, *others = calibration.cautions
     assert len(others) == len(gmwm.inspect(imu).warnings) - 1
     # Robust estimates have been made already where they matter.
-    assert found == knocks.replace(
-        ", or estimate with robust=True", "; where outliers matter, the robust curve was taken"
-    )
+    assert found == knocks.replace(robust, "; where outliers matter, the robust curve was taken")
     assert all(" ".join(caution.split()) in words(calibration) for caution in calibration.cautions)
 
 
-@pytest.mark.parametrize(("robust", "end"), [(True, "; the robust curve was taken"), (False, "by robust='auto'")])
+@pytest.mark.parametrize(
+    ("robust", "end"),
+    [(True, "; the robust curve was taken"), (False, "or take the robust curve, which leaves them out")],
+)
 def test_what_to_do_with_knocks_hangs_on_what_was_done(imu, robust, end):
     (found,) = [text for text in cautions(gmwm.inspect(imu).warnings, robust) if "knock" in text]
     assert found.endswith(end)
@@ -144,3 +147,15 @@ def test_the_pictures_show_every_axis(calibration, split, tmp_path):
 def test_it_is_short_in_a_list_and_whole_in_a_notebook(calibration):
     assert repr(calibration).startswith("Calibration(gyro_x: ")
     assert "Gyroscopes" in calibration._repr_html_()
+
+
+def test_scales_that_gaps_hide_are_told(imu):
+    x = imu["gyro_x"]
+    pieces = tuple((start, min(start + 2000, 100_000)) for start in range(0, 100_000, 2000))
+    # A sample is lost every 20 s.
+    starts = tuple((start + k) / 100.0 for k, (start, _) in enumerate(pieces))
+    gappy = gmwm.Signal(x.values, 100.0, "rad/s", "gyro_x", segments=pieces, starts=starts)
+    whole, apart = (words(gmwm.calibrate({"gyro_x": signal}, "GM + WN")) for signal in (x, gappy))
+    (scale,) = re.findall(r"show scales up to ([\d.]+ \w+) well; what changes more slowly", whole)
+    assert f"Without its gaps it would show scales up to {scale}: a fit by maximum likelihood sees across" in apart
+    assert "Without its gaps" not in whole

@@ -79,7 +79,7 @@ def test_errors_take_one_line(gmwm, files, tmp_path):
     for arguments, said in (
         ((files[0],), "two or more"),
         ((files[0], files[0]), "can be compared once"),
-        ((files[0], none), "none.json: No such file"),
+        ((files[0], none), "none.json does not exist; looked in"),
         ((files[0], broken), "broken.json is not a calibration"),
         ((files[0], cut), "cut.json: not a whole calibration: gyro_x has no 'fit'"),
         ((*files, "--reference", "gyro.N=2.0"), "--reference gyro.N lacks its unit"),

@@ -78,7 +78,7 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
         ((file, "--format", "csv", "--horizon", 2), "horizon has no meaning for 'csv'"),
         ((file, "--format", "kalibr", "--axes", "each"), "axes must be 'worst' or 'mean'"),
         ((gyro,), "kalibr needs gyroscopes and accelerometers"),
-        ((tmp_path / "none.json",), "none.json: No such file"),
+        ((tmp_path / "none.json",), "none.json does not exist; looked in"),
     ):
         outcome = gmwm("export", *arguments)
         assert outcome.code == 2

@@ -23,7 +23,7 @@ def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
     target = tmp_path / "plan.png"
     outcome = gmwm("plan", MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.2, "--plot", target)
     assert outcome.code == 0
-    assert library.plan(MODEL, 7200.0, 100.0).summary(0.2) in outcome.out
+    assert library.plan(MODEL, duration=7200.0, rate=100.0).summary(0.2) in outcome.out
     assert "for 20 %" in outcome.out
     assert str(target) in outcome.out
     assert target.read_bytes().startswith(b"\x89PNG")
@@ -31,7 +31,7 @@ def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
 
 def test_json_is_the_library_s(gmwm):
     content = gmwm("plan", MODEL, "--rate", 100, "--duration", "1min", "--weighting", "optimal", "--json").json
-    plan = library.plan(MODEL, 60.0, 100.0, weighting="optimal")
+    plan = library.plan(MODEL, duration=60.0, rate=100.0, weighting="optimal")
     assert content["command"] == "plan"
     assert content["needed"] == plan.needed(0.1)
     assert content["accuracy"] == 0.1

@@ -35,7 +35,7 @@ def test_the_folder_is_taken_as_by_export(gmwm, results, tmp_path):
     assert outcome.code == 0
     assert (tmp_path / "report.html").read_bytes() == (results / "report.html").read_bytes()
     (tmp_path / "empty").mkdir()
-    assert "calibration.json: No such file" in gmwm("report", tmp_path / "empty").err
+    assert "calibration.json does not exist; looked in" in gmwm("report", tmp_path / "empty").err
 
 
 @pytest.mark.parametrize(

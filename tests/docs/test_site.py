@@ -198,6 +198,12 @@ FIRST = {
     "bias instability": "glossary.html#term-bias-instability",
     "imu.yaml": "glossary.html#term-imu.yaml",
     "install": "start.html",
+    "custom process": "glossary.html#term-custom-process",
+    "distinguish": "glossary.html#term-distinguish",
+    "misalignment": "glossary.html#term-misalignment",
+    "license": "glossary.html#term-license",
+    "monte carlo": "glossary.html#term-Monte-Carlo",
+    "coverage": "glossary.html#term-coverage",
     "matlab": "coming-from/imu-tools.html",
     "hadamard": "glossary.html#term-Hadamard",
     "calibrate": "api/calibration.html#gmwm.calibrate",
@@ -220,6 +226,16 @@ def found_by(page, site, words):
 
 def test_search_puts_on_top_what_is_meant(site, page):
     assert {words: found_by(page, site, words)[0] for words in FIRST} == FIRST
+
+
+def test_search_finds_what_takes_several_words(site, page):
+    wanted = {
+        "confidence interval coverage": "glossary.html",
+        "compare two units": "howto/several.html",
+        "missing samples array": "howto/record.html",
+        "define custom process": "howto/add-a-process.html",
+    }
+    assert {words: where for words, where in wanted.items() if where not in found_by(page, site, words)} == {}
 
 
 def test_search_puts_history_behind_explanations(site, page):

@@ -201,6 +201,18 @@ def test_among_few_units_none_is_looked_for():
     assert looked_for(np.array([7, 8])).tolist() == [0, 1]
 
 
+def test_too_few_units_for_a_spread_are_told_why_and_where_to_go():
+    two, three = (fleet_statistics(fleet(n)) for n in (2, 3))
+    assert (two["gyro_x.N"].units, two["gyro_x.N"].spread, two["gyro_x.N"].predicted_high) == (2, None, None)
+    told = " ".join(two.summary().split())
+    assert "2 units, too few for a spread and for a further unit (–), which take 3, and for outliers, which" in told
+    assert "gmwm agree OUT/units/*.json" in told
+    told = " ".join(three.summary().split())
+    assert "gmwm agree OUT/units/*.json" in told
+    assert "too few for a spread" not in told
+    assert "gmwm agree" not in fleet_statistics(fleet(4)).summary()
+
+
 # --- what is compared -------------------------------------------------------------------------------
 
 

@@ -70,6 +70,7 @@ def test_so_they_do_however_the_recording_was_measured(options: dict) -> None:
     own = replace(without_residuals(fit), weighting_matrix=precision(wavelet))
     assert optimism(own, wavelet) == pytest.approx(6, rel=1e-6)
     assert fit.wic().optimism == pytest.approx(6, rel=0.1)
+    assert "np." not in repr(fit.wic())
 
 
 def test_what_is_held_or_zero_does_not_count() -> None:

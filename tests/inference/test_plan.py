@@ -24,7 +24,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("weighting", ["diagonal", "optimal"])
 def test_the_length_needed_is_the_shortest_from_which_on_the_error_is_small_enough(name, weighting):
-    plan = gmwm.plan(MODELS[name], 600.0, RATE, weighting=weighting)
+    plan = gmwm.plan(MODELS[name], duration=600.0, rate=RATE, weighting=weighting)
     for accuracy in (0.03, 0.3):
         for parameter, seconds in plan.needed(accuracy).items():
             assert plan.at(1.01 * seconds)[parameter] <= accuracy
@@ -40,7 +40,7 @@ def test_a_fit_of_that_length_has_these_errors():
     for weighting in ("diagonal", "optimal"):
         fit = gmwm.fit(truth.structure, gmwm.WaveletVariance.from_values(variance, samples, RATE), weighting=weighting)
         found = sandwich(fit)
-        planned = gmwm.plan(truth, samples / RATE, RATE, weighting=weighting).at(samples / RATE)
+        planned = gmwm.plan(truth, duration=samples / RATE, rate=RATE, weighting=weighting).at(samples / RATE)
         assert found.names == tuple(planned)
         np.testing.assert_allclose(np.sqrt(np.diag(found.relative)), list(planned.values()), rtol=1e-3)
 
@@ -52,23 +52,24 @@ def test_white_noise_alone_has_the_textbook_error():
     wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), setting), 3.0 / 2.0 ** np.arange(1, 13)
     weights = nu / np.diag(wavelet)
     expected = math.sqrt(weights @ wavelet @ weights) / (weights @ nu)
-    plan = gmwm.plan(WN(sigma2=3.0), samples / RATE, RATE)
+    plan = gmwm.plan(WN(sigma2=3.0), duration=samples / RATE, rate=RATE)
     assert plan.at(samples / RATE)["WN.sigma2"] == pytest.approx(expected, rel=1e-9)
-    best = gmwm.plan(WN(sigma2=3.0), samples / RATE, RATE, weighting="optimal").at(samples / RATE)["WN.sigma2"]
+    best = gmwm.plan(WN(sigma2=3.0), duration=samples / RATE, rate=RATE, weighting="optimal")
+    best = best.at(samples / RATE)["WN.sigma2"]
     assert math.sqrt(2 / samples) <= best <= 1.01 * math.sqrt(2 / samples)
 
 
 @pytest.mark.parametrize("scale", [1e-100, 1e-12, 1.0, 1e12, 1e100])
 def test_errors_do_not_know_the_unit(scale):
     model = GM(beta=8.0, sigma2=scale) + WN(sigma2=4 * scale)
-    plain = gmwm.plan(GM(beta=8.0, sigma2=1.0) + WN(sigma2=4.0), 60.0, RATE)
-    scaled = gmwm.plan(model, 60.0, RATE)
+    plain = gmwm.plan(GM(beta=8.0, sigma2=1.0) + WN(sigma2=4.0), duration=60.0, rate=RATE)
+    scaled = gmwm.plan(model, duration=60.0, rate=RATE)
     for name, curve in plain.errors.items():
         np.testing.assert_allclose(scaled.errors[name], curve, rtol=1e-9)
 
 
 def test_the_curve_runs_from_the_shortest_record_to_the_planned_one():
-    plan = gmwm.plan(MODELS["markov"], 7200.0, RATE)
+    plan = gmwm.plan(MODELS["markov"], duration=7200.0, rate=RATE)
     assert list(plan.errors) == ["GM.beta", "GM.sigma2", "WN.sigma2", "RW.gamma2"]
     assert plan.durations[0] == 32 / RATE
     assert plan.durations[-1] == plan.duration == 7200.0
@@ -83,34 +84,37 @@ def test_the_curve_runs_from_the_shortest_record_to_the_planned_one():
 
 
 def test_held_parameters_are_known():
-    free = gmwm.plan(MODELS["markov"], 600.0, RATE).at(600.0)
-    held = gmwm.plan("GM(beta=fixed(8.0), sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", 600.0, RATE).at(600.0)
+    free = gmwm.plan(MODELS["markov"], duration=600.0, rate=RATE).at(600.0)
+    held = gmwm.plan("GM(beta=fixed(8.0), sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", duration=600.0, rate=RATE)
+    held = held.at(600.0)
     assert list(held) == ["GM.sigma2", "WN.sigma2", "RW.gamma2"]
     assert held["GM.sigma2"] < free["GM.sigma2"]
 
 
 def test_optimal_weights_lose_nothing():
     for model in MODELS.values():
-        diagonal, optimal = (gmwm.plan(model, 600.0, RATE, weighting=w).errors for w in ("diagonal", "optimal"))
+        diagonal, optimal = (
+            gmwm.plan(model, duration=600.0, rate=RATE, weighting=w).errors for w in ("diagonal", "optimal")
+        )
         for name, curve in optimal.items():
             assert np.all(curve <= diagonal[name] * (1 + 1e-6))
 
 
 def test_what_cannot_be_seen_is_said():
-    plan = gmwm.plan(MODELS["walk"], 60.0, RATE, unit="rad/s")
+    plan = gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE, unit="rad/s")
     assert 0.5 < plan.at(60.0)["RW.gamma2"] < math.inf
     text = plan.summary(0.2)
     assert "not to be seen in 60 s: RW.gamma2" in text
     assert "(rad/s)² per sample" in text
     row = next(line for line in text.splitlines() if "RW.gamma2" in line)
     assert row.split("  ")[-1].strip() == length_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
-    long = gmwm.plan(MODELS["walk"], 7200.0, RATE).summary()
+    long = gmwm.plan(MODELS["walk"], duration=7200.0, rate=RATE).summary()
     assert "not" not in long
     assert "5.2 %" in long
 
 
 def test_what_the_record_cannot_tell_apart_is_said():
-    plan = gmwm.plan(GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-10), 600.0, RATE)
+    plan = gmwm.plan(GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-10), duration=600.0, rate=RATE)
     errors = plan.at(600.0)
     assert math.isinf(errors["WN.sigma2"])
     assert math.isinf(errors["GM.sigma2"])
@@ -122,13 +126,13 @@ def test_what_the_record_cannot_tell_apart_is_said():
 
 
 def test_a_plan_that_is_out_of_reach_is_infinite():
-    plan = gmwm.plan(WN(sigma2=1.0), 1.0, RATE)
+    plan = gmwm.plan(WN(sigma2=1.0), duration=1.0, rate=RATE)
     assert math.isinf(plan.needed(1e-6)["WN.sigma2"])
     assert plan.needed(0.5)["WN.sigma2"] >= plan.durations[0]
 
 
 def test_as_plain_numbers_and_in_a_notebook():
-    plan = gmwm.plan(MODELS["walk"], 60.0, RATE)
+    plan = gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE)
     content = json.loads(json.dumps(plan.to_dict()))
     assert content["errors"]["RW.gamma2"] == plan.errors["RW.gamma2"].tolist()
     assert content["planned"] == plan.at(60.0)
@@ -157,7 +161,7 @@ def test_as_plain_numbers_and_in_a_notebook():
 )
 def test_models_that_cannot_be_planned(model, error, words):
     with pytest.raises(error, match=words):
-        gmwm.plan(model, 60.0, RATE)
+        gmwm.plan(model, duration=60.0, rate=RATE)
 
 
 @pytest.mark.parametrize(
@@ -167,17 +171,22 @@ def test_models_that_cannot_be_planned(model, error, words):
 )  # fmt: skip
 def test_durations_that_cannot_be_planned(duration, words):
     with pytest.raises(OptionError, match=words):
-        gmwm.plan(MODELS["walk"], duration, RATE)
+        gmwm.plan(MODELS["walk"], duration=duration, rate=RATE)
     with pytest.raises(OptionError, match=words):
-        gmwm.plan(MODELS["walk"], 60.0, RATE).at(duration)
+        gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE).at(duration)
 
 
 def test_options_that_are_none():
-    plan = gmwm.plan(QN(q2=1.0) + WN(sigma2=1.0), 60.0, RATE)
+    plan = gmwm.plan(QN(q2=1.0) + WN(sigma2=1.0), duration=60.0, rate=RATE)
     for accuracy in (0.0, -0.1, 0.51, math.nan, "10 %", True):
         with pytest.raises(OptionError, match=r"at most 0\.5"):
             plan.needed(accuracy)
     with pytest.raises(OptionError, match="weighting must be"):
-        gmwm.plan(WN(sigma2=1.0), 60.0, RATE, weighting="identity")
+        gmwm.plan(WN(sigma2=1.0), duration=60.0, rate=RATE, weighting="identity")
     with pytest.raises(OptionError, match="rate"):
-        gmwm.plan(WN(sigma2=1.0), 60.0, -1.0)
+        gmwm.plan(WN(sigma2=1.0), duration=60.0, rate=-1.0)
+
+
+def test_duration_and_rate_are_named():
+    with pytest.raises(TypeError):
+        gmwm.plan(MODELS["walk"], 60.0, RATE)

@@ -173,7 +173,8 @@ def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
 def test_a_process_next_to_a_walk_is_known_to_be_little_known():
     # Without the level, of which a slow process is the better part, the information says next to nothing of β.
     x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=3)
-    found = fit_ml("GM + WN", x, RATE)
+    with pytest.warns(FitWarning, match="the recording holds 0.54 of its correlation times"):
+        found = fit_ml("GM + WN", x, RATE)
     assert found.diagnostics.converged
     assert found.parameters["GM.beta"] < 0.05
     low, high = found.confidence_intervals()["GM.beta"]
@@ -258,6 +259,13 @@ def test_plain_numbers_and_back():
     # What needs the record is left out.
     told = [line for line in found.summary().splitlines() if not line.startswith("residuals")]
     assert back.summary().splitlines() == told
+    # In a notebook the same, as a table: a row for each parameter, and one of titles.
+    for one in (found, back):
+        html = one._repr_html_()
+        assert html.count("<tr>") == 4
+        assert "by maximum likelihood" in html
+        assert "<td>GM.beta</td>" in html
+        assert ("(Ljung-Box" in html) == (one is found)
     assert (back.axis, back.unit, back.level) == ("accel_z", "m/s²", found.level)
     np.testing.assert_array_equal(back.covariance, found.covariance)
     np.testing.assert_allclose(back.smooth(x).mean["bias"], found.smooth(x).mean["bias"])
@@ -400,3 +408,12 @@ def test_a_walk_at_zero_leaves_the_mean_to_the_record():
         found = fit_ml("WN + RW", x, RATE)
     assert found.diagnostics.not_supported == ("RW",)
     assert found.level == pytest.approx(x.mean(), rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+def test_a_profile_ends_where_the_other_parameters_run_away():
+    # Ten correlation times: next to a random walk, σ² grows beyond all doubles on the way to the upper end.
+    x = parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(500, RATE, rng=20_361_245)
+    found = fit_ml("GM + WN", x, RATE)
+    for name, (low, high) in found.confidence_intervals(method="profile").items():
+        assert low < found.parameters[name] < high, name

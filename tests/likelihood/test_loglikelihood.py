@@ -14,7 +14,7 @@ from gmwm import _core, loglikelihood, parse_model
 from gmwm.errors import MissingTheoryError
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
-from gmwm.likelihood.system import assemble
+from gmwm.likelihood.system import assemble, require_state
 from gmwm.processes import every_class
 from validation.likelihood import concentrated
 
@@ -284,3 +284,14 @@ def test_a_process_without_a_state_space_is_refused(name):
     model = process.standard(shape)
     with pytest.raises(MissingTheoryError, match="has no finite state"):
         loglikelihood(model, np.random.default_rng(1).standard_normal(50), RATE)
+
+
+def test_a_process_of_the_user_s_is_told_what_it_does_not_define():
+    class Mine:
+        name = "MINE"
+
+        def has(self, theory):
+            return theory == "autocovariance"
+
+    with pytest.raises(MissingTheoryError, match=r"MINE defines no state_space, .* give the class one"):
+        require_state(Mine())

@@ -81,7 +81,7 @@ def test_names_longer_than_the_page_are_folded_and_the_picture_grows(wv, tmp_pat
 def test_a_plan_of_many_parameters():
     plan = gmwm.plan(
         "GM(beta=8.0, sigma2=1e-6) + GM(beta=0.8, sigma2=1e-6) + GM(beta=0.08, sigma2=1e-6) + WN(sigma2=4e-6)"
-        " + QN(q2=1e-6) + RW(gamma2=4e-10)", 60.0, 100.0,
+        " + QN(q2=1e-6) + RW(gamma2=4e-10)", duration=60.0, rate=100.0,
     )  # fmt: skip
     assert_inside(plot_plan(plan))
 

@@ -10,7 +10,7 @@ from gmwm.plots.plan import plan_panel, plot_plan
 
 @pytest.fixture(scope="module")
 def plan():
-    return gmwm.plan("GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", 600.0, 100.0)
+    return gmwm.plan("GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)", duration=600.0, rate=100.0)
 
 
 def test_the_curves_are_the_numbers_of_the_plan_and_run_on_beyond_it(plan):
@@ -32,7 +32,7 @@ def test_the_curves_are_the_numbers_of_the_plan_and_run_on_beyond_it(plan):
 def test_no_two_curves_differ_by_colour_alone():
     plan = gmwm.plan(
         "GM(beta=8.0, sigma2=1e-6) + GM(beta=0.8, sigma2=1e-6) + GM(beta=0.08, sigma2=1e-6) + WN(sigma2=4e-6)"
-        " + QN(q2=1e-6) + RW(gamma2=4e-10)", 60.0, 100.0,
+        " + QN(q2=1e-6) + RW(gamma2=4e-10)", duration=60.0, rate=100.0,
     )  # fmt: skip
     curves = [line for line in plan_panel(plan).lines if line.label.split(":")[0] in plan.errors]
     assert len(curves) == 9
@@ -54,18 +54,18 @@ def test_what_is_wanted_what_is_planned_and_what_is_not_seen(plan):
 
 
 def test_what_is_not_determined_is_named(tmp_path):
-    plan = gmwm.plan("GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-8)", 100.0, 100.0)
+    plan = gmwm.plan("GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-8)", duration=100.0, rate=100.0)
     panel = plan_panel(plan, accuracy=0.001)
     assert math.isinf(plan.needed(0.001)["WN.sigma2"])
     assert "WN.sigma2: not determined" in panel.labels
     assert any(label.startswith("RW.gamma2: ") and label != "RW.gamma2: not determined" for label in panel.labels)
     plan.plot(accuracy=0.001, path=tmp_path / "plan.png")
-    nothing = gmwm.plan("GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6)", 100.0, 100.0)
+    nothing = gmwm.plan("GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6)", duration=100.0, rate=100.0)
     plot_plan(nothing)
 
 
 def test_a_curve_that_is_too_high_to_be_drawn_says_so():
-    plan = gmwm.plan("WN(sigma2=1.0) + RW(gamma2=1e-16)", 60.0, 100.0)
+    plan = gmwm.plan("WN(sigma2=1.0) + RW(gamma2=1e-16)", duration=60.0, rate=100.0)
     panel = plan_panel(plan)
     (label,) = [label for label in panel.labels if label.startswith("RW.gamma2")]
     assert np.all(np.isnan(panel[label].y))

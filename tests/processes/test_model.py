@@ -176,3 +176,14 @@ def test_units_of_parameters():
     }  # fmt: skip
     assert AR1().parameters[0].unit("rad/s") == ""
     assert WN().parameters[0].unit("g") == "g²"
+
+
+def test_sum_adds_processes_and_models():
+    assert sum([GM(), WN()]) == GM() + WN()
+    assert sum([WN()]) == Model((WN(),))
+    assert sum([WN() + GM(), RW()]) == WN() + GM() + RW()
+    for other in (1, 0.5, "WN"):
+        with pytest.raises(TypeError):
+            other + WN()
+        with pytest.raises(TypeError):
+            other + (WN() + GM())

@@ -1,12 +1,13 @@
 """A newcomer's process: parameters and one piece of theory, all the rest follows."""
 
 from dataclasses import dataclass
+from types import new_class
 
 import numpy as np
 import pytest
 
-from gmwm.errors import MissingTheoryError
-from gmwm.processes import WN, Parameter, Process, registry
+from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.processes import WN, Parameter, Process, parse_model, registry
 from gmwm.processes.parameter import Value
 from gmwm.statespace import StateSpace
 
@@ -109,10 +110,80 @@ def test_what_is_no_autocovariance_cannot_be_simulated():
 
 
 def test_an_incomplete_definition_is_refused_when_it_is_written():
-    with pytest.raises(TypeError, match="must define at least one of shape, running_sum_covariance"):
+    with pytest.raises(ModelError, match="must define at least one of shape, running_sum_covariance"):
         type("Empty", (_MovingAverage,), {})
-    with pytest.raises(TypeError, match="exactly one scale parameter"):
+    with pytest.raises(ModelError, match="exactly one scale parameter"):
         type("NoScale", (FromStateSpace,), {"parameters": (THETA,)})
-    with pytest.raises(TypeError, match="already a process called WN"):
-        type("Again", (WN,), {})
+    with pytest.raises(ModelError, match="must define name, title and parameters; it has no title"):
+        type("NoTitle", (Process,), {"name": "NT"})
     assert "MA1" not in registry
+
+
+@pytest.fixture
+def own_registry():
+    """What a test registers is gone after it."""
+    before = dict(registry)
+    yield registry
+    registry.clear()
+    registry.update(before)
+
+
+def defined(name="MA9", qualname="MovingAverage", module="__main__"):
+    """A class as a cell of a notebook defines it."""
+    body = {"name": name, "__module__": module, "__qualname__": qualname, "theta": None, "sigma2": None}
+    return new_class(
+        "MovingAverage", (_MovingAverage,), {}, lambda n: n.update(body, state_space=FromStateSpace.state_space)
+    )
+
+
+def test_a_class_defined_anew_takes_the_place_of_the_older(own_registry):
+    older, newer = defined(), defined()
+    assert older is not newer
+    assert registry["MA9"] is newer
+    assert type(parse_model("MA9").processes[0]) is newer
+
+
+@pytest.mark.parametrize(
+    "other", [{"module": "elsewhere"}, {"qualname": "Another"}, {"name": "ma9"}, {"module": "gmwm.processes.noise"}]
+)
+def test_a_name_belongs_to_one_class(own_registry, other):
+    older = defined()
+    with pytest.raises(ModelError, match=r"already a process called MA9, defined in __main__: .*another name"):
+        defined(**other)
+    assert registry["MA9"] is older
+
+
+@pytest.mark.parametrize("name", ["WN", "wn"])
+def test_no_class_takes_the_place_of_a_built_in_one(own_registry, name):
+    with pytest.raises(ModelError, match=r"already a process called WN, of gmwm in gmwm\.processes\.noise: WN;"):
+        type("WN", (WN,), {"name": name, "__module__": WN.__module__, "__qualname__": WN.__qualname__})
+    assert registry["WN"] is WN
+
+
+METHODS = {
+    "an instance's shape": ("shape", lambda self, levels, rate: levels),
+    "a shape without a filter": ("shape", classmethod(lambda cls, nonlinear, levels, rate: levels)),
+    "a shape that wants more": ("shape", classmethod(lambda cls, nonlinear, levels, rate, filter, more: levels)),
+    "a covariance without a rate": ("autocovariance", lambda self, lags: lags),
+    "a state space of the class": ("state_space", classmethod(lambda cls, rate: rate)),
+}
+
+
+@pytest.mark.parametrize("what", METHODS)
+def test_a_method_that_cannot_be_called_is_refused_when_it_is_written(what):
+    name, method = METHODS[what]
+    written = {
+        "shape": r"must be a class method, shape\(cls, nonlinear, levels, rate, filter=…\)",
+        "autocovariance": r"must be autocovariance\(self, lags, rate\)",
+        "state_space": r"must be state_space\(self, rate\)",
+    }
+    with pytest.raises(ModelError, match=rf"Wrong\.{name} {written[name]}; it is {name}\("):
+        type("Wrong", (FromStateSpace,), {name: method}, register=False)
+
+
+def test_other_names_and_more_arguments_with_defaults_are_fine():
+    def autocovariance(self, k, rate, tail=0.0):
+        return np.where(np.asarray(k) == 0, self.scale, tail)
+
+    made = type("Fine", (FromAutocovariance,), {"autocovariance": autocovariance}, register=False)
+    np.testing.assert_allclose(made(theta=0.0, sigma2=2.0).wavelet_variance(1, 1.0), 1.0, rtol=1e-12)

@@ -56,9 +56,27 @@ def test_a_format_carries_units_increments_rate_and_notes(tmp_path, increments):
         read(path)
 
 
-def test_a_name_is_registered_once(increments):
-    with pytest.raises(ValueError, match="registered already"):
-        register(increments)
+def test_a_reader_defined_anew_takes_the_place_of_the_older(increments):
+    anew = type("Increments", (increments,), {"__module__": increments.__module__})
+    anew.__qualname__ = increments.__qualname__
+    register(anew)
+    assert [type(reader) for reader in registered() if reader.name == "increments"] == [anew]
+
+
+@pytest.mark.parametrize("other", [{"__module__": "elsewhere"}, {"__qualname__": "Another"}, {"name": "Increments"}])
+def test_a_name_is_registered_once(increments, other):
+    anew = type("Increments", (increments,), {"__module__": increments.__module__})
+    for name, value in {"__qualname__": increments.__qualname__, **other}.items():
+        setattr(anew, name, value)
+    with pytest.raises(OptionError, match=r"already a reader named 'increments'.*another name"):
+        register(anew)
+    assert increments in map(type, registered())
+
+
+def test_no_reader_takes_the_place_of_a_built_in_one(increments):
+    (built_in,) = [type(reader) for reader in registered() if reader.name == "parquet"]
+    with pytest.raises(OptionError, match=r"already a reader named 'parquet'"):
+        register(built_in)
 
 
 def test_every_reader_says_who_it_is():

@@ -206,12 +206,14 @@ class Calibration(Mapping[str, Fit]):
         Raises
         ------
         ReadError
-            If the file is no calibration, is cut short, or of a newer version.
+            If there is no such file, or it is no calibration, is cut short, or of a newer version.
         OSError
-            If there is no such file.
+            If the file is there and cannot be opened.
         """
         from gmwm.calibration.document import read_text
 
+        if not Path(path).exists():
+            raise ReadError(f"{path} does not exist; looked in {Path(path).absolute().parent}")
         content = read_text(path)
         try:
             return cls.from_dict(content)

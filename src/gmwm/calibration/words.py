@@ -13,11 +13,14 @@ from gmwm._words import counted
 from gmwm.calibration.misfit import about_rejected
 from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
-from gmwm.inference.goodness import usable_levels
+from gmwm.covariance.setting import Setting
+from gmwm.filters import find_filter
+from gmwm.inference.goodness import LEAST_FREEDOM, usable_levels
 from gmwm.inference.plan import SEEN, length_text
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.variance import WaveletVariance
 
 SIZE = 0.05
 """Of the goodness-of-fit tests of all axes together."""
@@ -142,7 +145,7 @@ def _legend(calibration: Calibration) -> list[str]:
 def cautions(warnings: Sequence[str], robust: Literal["auto"] | bool, line: str | None = None) -> tuple[str, ...]:
     """What an inspection warns of, for who has estimated already, within a model that may have a line."""
     done = {"auto": "; where outliers matter, the robust curve was taken", True: "; the robust curve was taken"}
-    third = done.get(robust, ", or leave them out by robust='auto'")
+    third = done.get(robust, ", or take the robust curve, which leaves them out")
     if line is not None and robust == "auto":
         third = f": no robust curve goes with {line} in `within`"
     return tuple(text.replace(OR_ROBUST, third).replace(LONGEST, ALONE) for text in warnings)
@@ -198,7 +201,7 @@ def _about_outliers(calibration: Calibration) -> list[str]:
         way = (
             "no robust curve goes with a sinusoid in `within`, so cut the outliers out"
             if calibration.settings.robust == "auto"
-            else "robust='auto' leaves them out"
+            else "the robust curve leaves them out"
         )
         said.append(
             f"outliers raise the classical curve of {_excesses(struck, kept)}, and it was fitted with them; {way}"
@@ -206,8 +209,8 @@ def _about_outliers(calibration: Calibration) -> list[str]:
     if above := [f"{axis} at {scales}" for axis in left if (scales := _lighter(struck[axis]))]:
         said.append(
             f"the robust curve lies above the classical one: {', '.join(above)}. The steps of a coarse output or a "
-            "periodic disturbance do that, and what was fitted is too large there; with the knocks cut out, "
-            "robust=False does better"
+            "periodic disturbance do that, and what was fitted is too large there; with the knocks cut out, the "
+            "classical curve does better"
         )
     return said
 
@@ -287,10 +290,22 @@ def _about_length(found: AxisCalibration) -> str:
     usable = wv.tau[usable_levels(wv)]
     longest = usable[-1] if usable.size else wv.tau[0]
     duration, scale = length_text(wv.samples / wv.rate), length_text(float(longest))
-    return (
-        f"{duration} of recording show scales up to {scale} well; what changes more slowly is known from a few swings "
-        "only"
-    )
+    said = f"{duration} of recording show scales up to {scale} well; "
+    said += "what changes more slowly is known from a few swings only"
+    if wv.segments and (unbroken := _longest_unbroken(wv)) > longest:
+        said += (
+            f". Without its gaps it would show scales up to {length_text(unbroken)}: a fit by maximum likelihood sees "
+            "across them"
+        )
+    return said
+
+
+def _longest_unbroken(wv: WaveletVariance) -> float:
+    """The longest scale (s) that as many samples would show well without a gap."""
+    levels = np.arange(1, wv.samples.bit_length())
+    whole = Setting(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
+    usable = levels[whole.degrees_of_freedom > LEAST_FREEDOM]
+    return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
 
 
 def _those(axes: Mapping[str, AxisCalibration], which: Callable[[AxisCalibration], bool]) -> list[str]:

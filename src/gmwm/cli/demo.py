@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -142,12 +145,20 @@ def _allan(found: Calibration, folder: Path) -> Path:
     return path
 
 
+def _way_in() -> str:
+    """What makes the command known to the shell, where it is not: `make demo` called it by its path."""
+    if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
+        return ""
+    return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"
+
+
 def _print_what_next(written: Sequence[Path]) -> None:
     from gmwm.cli.output import print_written
 
     print_written(written)
     print(
         "\nNow your own recording, some hours at rest:\n"
+        f"{_way_in()}"
         "  gmwm info FILE\n"
         "  gmwm calibrate FILE --output results\n"
         "with --rate and --units gyro=deg/s,accel=g where the file does not say them."

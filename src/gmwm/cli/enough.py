@@ -40,7 +40,7 @@ def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
     wv = fit.wavelet_variance
     present = tuple(process for process in fit.model.processes if process.scale > 0)
     try:
-        found = plan(Model(present), wv.samples / wv.rate, wv.rate).needed(accuracy) if present else {}
+        found = plan(Model(present), duration=wv.samples / wv.rate, rate=wv.rate).needed(accuracy) if present else {}
     except GmwmError:
         found = {}
     return {name: (seconds if seconds < float("inf") else None) for name, seconds in found.items()}

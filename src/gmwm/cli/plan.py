@@ -133,7 +133,7 @@ def _planned(
 
     as_accuracy(accuracy)
     with progress("planning"):
-        made = planned(model, seconds, as_rate(rate), weighting=weighting, unit=unit)
+        made = planned(model, duration=seconds, rate=as_rate(rate), weighting=weighting, unit=unit)
         return made, made.needed(accuracy)
 
 

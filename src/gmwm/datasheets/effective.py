@@ -85,7 +85,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     Raises
     ------
     OptionError
-        If `horizon` is not a positive time, or `level` not between 0 and 1.
+        If `fit` is not one, `horizon` is not a positive time, or `level` not between 0 and 1.
     MissingTheoryError
         If the covariance or the Allan variance of a process is not known.
 
@@ -98,6 +98,11 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     >>> found.low < 2.02e-4 < found.high
     True
     """
+    if not isinstance(fit, Fit):
+        raise OptionError(
+            f"fit must be a Fit, got {type(fit).__name__}; the numbers come with limits, which take data: "
+            "gmwm.fit(model, data), or calibration[axis]"
+        )
     level = as_level(level)
     entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
     return {symbol: entry if entry.value > 0 else _at_most(fit, entry, level) for symbol, entry in entries.items()}

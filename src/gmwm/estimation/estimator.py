@@ -201,7 +201,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         tuple(
             f"{term}: {remark}"
             for term, process in zip(model.terms, model.processes, strict=True)
-            if process.scale > 0
+            if process.scale > 0 and (term not in found or found[term].acts_as is None)
             for remark in process.remarks(wv.samples, wv.rate)
         ),
     )

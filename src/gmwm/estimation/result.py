@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod, LateProperty
+from gmwm._words import Named
 from gmwm.errors import ModelError, ReadError
 from gmwm.estimation.starts import Start
 from gmwm.processes.model import Model
@@ -82,8 +83,16 @@ class Diagnostics:
             f"{term} acts as {name}: its correlation time cannot be told from these data"
             for term, name in self.acts_as.items()
         ]
-        notes += [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
+        notes += [estimated_as_zero(term) for term in self.not_supported]
         return [*notes, *self.remarks, *self.weights]
+
+
+def estimated_as_zero(term: str) -> str:
+    """What is said of a term that the data do not show."""
+    return (
+        f"{term} is not supported by these data: estimated as zero; if it is there all the same, the errors of the "
+        "others may be too small"
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,6 +199,8 @@ class Fit:
     )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
+        object.__setattr__(self, "decomposition", Named(self.decomposition, "term"))
         freeze(self.implied)
         freeze(self.weighting_matrix)
 

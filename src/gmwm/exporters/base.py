@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError, OptionError
+from gmwm.exporters.limits import upper_limits
 from gmwm.exporters.reduction import (
     BY_DEVIATION,
     RULES,
@@ -25,7 +26,7 @@ from gmwm.exporters.reduction import (
     sensor_noise,
     walk_time,
 )
-from gmwm.exporters.words import commented, recording
+from gmwm.exporters.words import commented, recording, written_rate
 from gmwm.units import Quantity
 
 if TYPE_CHECKING:
@@ -148,6 +149,11 @@ class Noise:
         """Samples per second (Hz) that the consumer gets; where the sensors differ, the gyroscopes'."""
         return self.sensors[0].rate if self.settings.rate is None else self.settings.rate
 
+    @property
+    def written_rate(self) -> str:
+        """The rate as files have it."""
+        return written_rate(self.rate)
+
     def of(self, quantity: Quantity) -> SensorNoise:
         """A sensor that must be there."""
         found = self.gyro if quantity == "gyro" else self.accel
@@ -219,7 +225,7 @@ class TwoNumbers(Exporter):
             rates = ", ".join(f"{_SENSORS[sensor.quantity].lower()} {sensor.rate:g} Hz" for sensor in noise.sensors)
             said.append(f"The sensors have rates of their own ({rates}); discrete numbers are for the first of them.")
         said += _models(noise)
-        said += _limits(calibration, noise)
+        said += upper_limits(noise.sensors, settings.axes, calibration.settings.confidence)
         return [*said, *self.advice]
 
     def _noise(self, calibration: Calibration, settings: Settings) -> Noise:
@@ -294,24 +300,4 @@ def _by_deviation(noise: Noise) -> list[str]:
         f"{said}the horizon T = {horizon:g} s: a random walk (K), or white noise (N) where it falls there. {off}that "
         f"walk has √(t/T) times it at an averaging time t: a tenth at {horizon / 100:g} s, ten times at "
         f"{100 * horizon:g} s."
-    ]
-
-
-def _limits(calibration: Calibration, noise: Noise) -> list[str]:
-    """Which numbers are upper limits."""
-    found = []
-    for sensor in noise.sensors:
-        for symbol, numbers in (("N", sensor.N), ("K", sensor.K), ("B", sensor.B)):
-            if symbol == "B" and not sensor.axes[0].use.flicker:
-                continue
-            if noise.settings.axes == "each":
-                found += [f"{symbol} of {one.axis}" for one in sensor.axes if getattr(one, symbol).upper]
-            elif numbers[0].upper:
-                found.append(f"{symbol} of the {_SENSORS[sensor.quantity].lower()}")
-    if not found:
-        return []
-    level = 50 + 50 * calibration.settings.confidence
-    return [
-        f"UPPER LIMIT, not a measured value: {', '.join(found)}. The data cannot tell it from zero; they only say "
-        f"that it is not larger ({level:g} %, before inflation)."
     ]

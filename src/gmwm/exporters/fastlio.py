@@ -29,7 +29,7 @@ class FastLio(TwoNumbers):
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Four keys."""
-        lines = [f"# for an IMU at {noise.rate!r} Hz", "mapping:"]
+        lines = [f"# for an IMU at {noise.written_rate} Hz", "mapping:"]
         gyro, accel = noise.of("gyro"), noise.of("accel")
         for key, number, unit in (
             ("acc_cov", accel.N[0], "(m/s^2)^2"), ("gyr_cov", gyro.N[0], "(rad/s)^2"),

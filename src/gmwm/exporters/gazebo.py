@@ -55,7 +55,7 @@ class Gazebo(TwoNumbers):
     def body(self, noise: Noise) -> Sequence[str]:
         """An element for each axis."""
         names = {"gyro": "angular_velocity", "accel": "linear_acceleration"}
-        lines = [f"<!-- stddev for {noise.rate!r} Hz -->", "<imu>"]
+        lines = [f"<!-- stddev for {noise.written_rate} Hz -->", "<imu>"]
         for sensor in noise.sensors:
             lines.append(f"  <{names[sensor.quantity]}>")
             for k, letter in enumerate("xyz"):

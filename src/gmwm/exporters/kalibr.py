@@ -43,4 +43,4 @@ class Kalibr(TwoNumbers):
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Kalibr's keys."""
-        return [*four_numbers(noise), "", "rostopic: /imu0", f"update_rate: {noise.rate!r}  # Hz"]
+        return [*four_numbers(noise), "", "rostopic: /imu0", f"update_rate: {noise.written_rate}  # Hz"]

@@ -27,4 +27,4 @@ class Kimera(TwoNumbers):
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Kimera's keys."""
-        return [f"rate_hz: {noise.rate!r}  # Hz", *four_numbers(noise)]
+        return [f"rate_hz: {noise.written_rate}  # Hz", *four_numbers(noise)]

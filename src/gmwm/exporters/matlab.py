@@ -81,7 +81,7 @@ class Matlab(TwoNumbers):
                 lines.append("    'NoiseType', 'single-sided');")
         if len(noise.sensors) == 2:
             lines.append(
-                f"imu = imuSensor('accel-gyro', 'SampleRate', {noise.rate!r}, "
+                f"imu = imuSensor('accel-gyro', 'SampleRate', {noise.written_rate}, "
                 "'Gyroscope', gyro, 'Accelerometer', accel);"
             )
         return lines

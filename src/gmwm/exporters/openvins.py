@@ -35,7 +35,7 @@ class OpenVins(TwoNumbers):
         lines += [
             "  rostopic: /imu0",
             "  time_offset: 0.0",
-            f"  update_rate: {noise.rate!r}  # Hz",
+            f"  update_rate: {noise.written_rate}  # Hz",
             '  model: "kalibr"',
         ]
         for key, rows in (

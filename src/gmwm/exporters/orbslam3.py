@@ -33,5 +33,5 @@ class OrbSlam3(TwoNumbers):
             f"IMU.NoiseAcc: {written(accel.N[0])}  # m/s^2/sqrt(Hz){limit_mark(accel.N[0])}",
             f"IMU.GyroWalk: {written(gyro.K[0])}  # rad/s^2/sqrt(Hz){limit_mark(gyro.K[0])}",
             f"IMU.AccWalk: {written(accel.K[0])}  # m/s^3/sqrt(Hz){limit_mark(accel.K[0])}",
-            f"IMU.Frequency: {noise.rate!r}  # Hz",
+            f"IMU.Frequency: {noise.written_rate}  # Hz",
         ]

@@ -28,7 +28,8 @@ RULES: Mapping[Rule, str] = {
 }
 """How the axes of a sensor become the numbers of a file, in words."""
 
-_NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
+NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
+"""The sensors, in words."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
     if fit.wavelet_variance.unit != SI_UNIT[quantity]:
         raise DataError(
             f"{axis} is in {fit.wavelet_variance.unit or 'no known unit'}, where {SI_UNIT[quantity]} is expected of "
-            f"{_NAMES[quantity]}; gmwm.read and gmwm.Signal take units="
+            f"{NAMES[quantity]}; gmwm.read and gmwm.Signal take units="
         )
 
 

@@ -35,7 +35,7 @@ class Vins(TwoNumbers):
     def body(self, noise: Noise) -> Sequence[str]:
         """Four keys."""
         root = math.sqrt(noise.rate)
-        lines = [f"# for an IMU at {noise.rate!r} Hz"]
+        lines = [f"# for an IMU at {noise.written_rate} Hz"]
         for symbol, tail in (("N", "n"), ("K", "w")):
             for quantity, key in (("accel", "acc"), ("gyro", "gyr")):
                 sensor = noise.accel if quantity == "accel" else noise.gyro

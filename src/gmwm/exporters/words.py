@@ -7,6 +7,8 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from gmwm.calibration.misfit import undescribed
+from gmwm.calibration.words import rejected
 from gmwm.cautions import doubts
 from gmwm.exporters.reduction import Number
 
@@ -26,7 +28,26 @@ def recording(calibration: Calibration) -> list[str]:
     digest = calibration.recording.sha256 if calibration.recording is not None else None
     extent = next(iter(calibration.values())).wavelet_variance.extent
     said = [f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."]
-    return [*said, *(f"CAUTION: {text}" for text in doubts(calibration.cautions))]
+    return [*said, *(f"CAUTION: {text}" for text in cautioned(calibration))]
+
+
+def cautioned(calibration: Calibration) -> list[str]:
+    """What makes the numbers doubtful: of the recording, then of axes that the report says cannot be used."""
+    return [*doubts(calibration.cautions), *_undescribed(calibration)]
+
+
+def _undescribed(calibration: Calibration) -> list[str]:
+    """The axes whose recommended model a test rejects and that does not even describe the curve, by how much."""
+    parts = [
+        f"{axis} (its variance at {at.tau:.3g} s is {at.times:.2g} times too {'large' if at.ratio > 1 else 'small'})"
+        for axis, at in undescribed({axis: calibration.axes[axis] for axis in rejected(calibration)}).items()
+    ]
+    if not parts:
+        return []
+    told = ", ".join(parts)
+    if len(parts) == 1:
+        return [f"the model of {told} does not describe its data; numbers of this axis may be wrong: see the report"]
+    return [f"the models of {told} do not describe their data; numbers of these axes may be wrong: see the report"]
 
 
 def plain(text: str) -> str:
@@ -72,6 +93,15 @@ def written(number: Number | float) -> str:
     ('1.000000e+00', '1.250000e-07')
     """
     return f"{number.value if isinstance(number, Number) else number:.6e}"
+
+
+def written_rate(rate: float) -> str:
+    """A rate (Hz) with six digits: those of one that was counted from time stamps are not known to more.
+
+    >>> written_rate(200.0), written_rate(200.00116000672804)
+    ('200.0', '200.001')
+    """
+    return repr(float(f"{rate:.6g}"))
 
 
 def limit_mark(number: Number) -> str:

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING
 
 from gmwm._words import counted
 from gmwm.calibration.tables import sensor_of
+from gmwm.fleets.deviants import FEWEST
 
 if TYPE_CHECKING:
     from gmwm.fleets.numbers import FleetNumber, FleetStatistics
 
 LISTED = 10
 """So many failures, outliers and names are told one by one."""
+LEAST = 3
+"""Units from which on a spread is told."""
 MUCH = 0.5
 """Share of error in the scatter from which on it is told."""
 
@@ -30,8 +33,19 @@ def advice(found: FleetStatistics) -> list[str]:
         said.append(
             f"no unit is unlike the others; the chance of a false alarm in a healthy fleet is {100 * found.size:g} %"
         )
-    if few := [row for row in single if not row.searched and row.units]:
-        said.append(f"{_named(few, single)}: fewer than 8 units to compare, outliers are not looked for")
+    if 1 < found.units <= LEAST:
+        said.append(
+            f"{found.units} units are few for a fleet: `gmwm agree OUT/units/*.json` compares them with one another, "
+            "number by number"
+        )
+    if few := [row for row in single if 0 < row.units < LEAST]:
+        units = " or ".join(map(str, sorted({row.units for row in few})))
+        said.append(
+            f"{_named(few, single)}: {units} {'unit' if units == '1' else 'units'}, too few for a spread and for a "
+            f"further unit (–), which take {LEAST}, and for outliers, which take {FEWEST}"
+        )
+    if few := [row for row in single if not row.searched and row.units >= LEAST]:
+        said.append(f"{_named(few, single)}: fewer than {FEWEST} units to compare, outliers are not looked for")
     if many := [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]:
         said.append(f"{_named(many, single)}: as many outliers as are looked for; are the units all of one type?")
     said += _of_limits(single)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.calibration.tables import in_order, sensor_of
 from gmwm.errors import OptionError
+from gmwm.fleets.advice import LEAST
 from gmwm.fleets.axes import differences
 from gmwm.fleets.deviants import FEWEST, deviants, looked_for
 from gmwm.fleets.effects import effects, predicted, spread_limits
@@ -21,8 +22,6 @@ from gmwm.fleets.samples import Reading, Sample
 if TYPE_CHECKING:
     import polars
 
-LEAST = 3
-"""Units from which on a spread is told."""
 _FEW = 3
 """Who shows a number is named where so many times as many units only bound it."""
 

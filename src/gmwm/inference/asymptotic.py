@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
+from gmwm._words import Named
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.weighting import square_root
@@ -179,4 +180,27 @@ def parameter_covariance(fit: Fit) -> Matrix:
 
 def standard_errors(fit: Fit) -> dict[str, float]:
     """Standard error of each parameter of a fit."""
-    return fit.sandwich.errors
+    errors = fit.sandwich.errors
+    return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
+
+
+def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str, str]) -> dict[str, str]:
+    """Of each parameter of a fitted model that is not among `errors`: why, and where to look."""
+    why = {}
+    for term, process in zip(model.terms, model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if name in errors:
+                continue
+            if process.is_fixed(parameter.name):
+                reason = "it is held at its value"
+            elif term in acts_as:
+                reason = f"{term} acts as {acts_as[term]}, and these data determine none of its parameters alone"
+            elif process.scale == 0 and parameter.scale_power is None:
+                reason = f"{term} is estimated as zero, and the parameter then means nothing"
+            elif any(not process.is_fixed(other.name) for other in process.nonlinear_parameters()):
+                reason = "it is at the end of its domain, and the shape being free these data give it no limit"
+            else:
+                reason = "it is at the end of its domain, zero; its upper limit is in confidence_intervals()"
+            why[name] = f"{name} has no standard error: {reason}"
+    return why

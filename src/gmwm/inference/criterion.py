@@ -102,8 +102,8 @@ def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: in
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, seed)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
-        return Criterion(fit.objective, share, method)
-    return Criterion(fit.objective, optimism(fit, fit.sandwich.wavelet), method)
+        return Criterion(float(fit.objective), share, method)
+    return Criterion(float(fit.objective), optimism(fit, fit.sandwich.wavelet), method)
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:

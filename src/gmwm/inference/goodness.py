@@ -29,7 +29,7 @@ LEAST_FREEDOM = 3.0
 It leaves out the two coarsest levels of a full set."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GoodnessOfFit:
     """A test of the hypothesis that the data come from the fitted model.
 

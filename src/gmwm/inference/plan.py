@@ -14,7 +14,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
-from gmwm._words import counted
+from gmwm._words import Named, counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
@@ -81,8 +81,13 @@ class Plan:
     )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
         for array in (self.durations, *self.errors.values()):
             freeze(array)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict, and is read-only as well.
+        return Plan, (self.model, self.rate, self.weighting, self.durations, dict(self.errors), self.unit)
 
     @property
     def duration(self) -> float:
@@ -106,7 +111,7 @@ class Plan:
             If it has no more levels than the model has parameters, or more than 2⁴⁰ samples.
         """
         found = self._at(samples_of(duration, self.rate, len(self.errors)))
-        return dict(zip(self.errors, found.tolist(), strict=True))
+        return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
 
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
         """The length (s) from which on each parameter is known to a relative standard error of `accuracy`.
@@ -128,7 +133,7 @@ class Plan:
         {'WN.sigma2': '0.58 s', 'RW.gamma2': '7.9 min'}
         """
         wanted = as_accuracy(accuracy)
-        return {name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}
+        return Named({name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}, "parameter")
 
     def summary(self, accuracy: float = 0.1) -> str:
         """A table: value and relative error of each parameter at 1/4, 1 and 4 times the duration, and what
@@ -235,9 +240,9 @@ class Plan:
 
 def plan(
     model: ModelLike,
+    *,
     duration: float,
     rate: float,
-    *,
     weighting: Literal["diagonal", "optimal"] | None = None,
     unit: str = "",
 ) -> Plan:
@@ -294,7 +299,7 @@ def plan(
     found = [relative_errors(whole, n, rate, weighting) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
-    return Plan(whole, rate, weighting, samples / rate, MappingProxyType(errors), unit)
+    return Plan(whole, rate, weighting, samples / rate, errors, unit)
 
 
 def relative_errors(

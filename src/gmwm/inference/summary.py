@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
@@ -225,14 +226,18 @@ def as_html(fit: Fit) -> str:
     """The summary with its parameters as a table, for notebooks."""
     way = Way()
     intervals, reason = intervals_if_known(fit, way)
+    return table_html(head(fit, way), rows(fit, intervals, way), notes(fit, reason))
+
+
+def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
+    """Title and facts, a table of parameters with their 95 % intervals, and what to know, as HTML."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
-        for row in rows(fit, intervals, way)
+        for row in rows
     )
     names = ("parameter", "estimate", "95 % interval", "error", "unit")
-    title, *facts = head(fit, way)
-    words = notes(fit, reason)
+    title, *facts = head
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
         f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"

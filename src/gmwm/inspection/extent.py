@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
-from gmwm.signals import Signal, times_of
+from gmwm.signals import Signal, begins_of, times_of
 
 _PIECES = 64
 """Of a recording, whose means and spreads are compared."""
@@ -18,7 +19,7 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments of a recording and when they begin.
+    """Segments of a recording and when they begin, in seconds from its first sample before anything was cut off.
 
     Attributes
     ----------
@@ -35,9 +36,15 @@ class Extent:
     starts: tuple[float, ...]
 
     @classmethod
-    def of(cls, signal: Signal) -> Extent:
-        """That of a signal in memory."""
-        return cls(signal.rate, signal.segments, signal.starts)
+    def of(cls, signal: Signal, left: float = 0.0) -> Extent:
+        """That of a signal in memory, the first sample of which was taken at `left` (s)."""
+        return cls.at(signal.rate, signal.segments, signal.starts, left)
+
+    @classmethod
+    def at(cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float) -> Extent:
+        """That of segments by what some clock showed when they began; at the first sample `left` (s) were over."""
+        begins = begins_of(rate, segments, clock)
+        return cls(rate, tuple(segments), tuple(left + begin for begin in begins))
 
     @property
     def samples(self) -> int:
@@ -45,7 +52,7 @@ class Extent:
         return self.segments[-1][1]
 
     def times(self, indices: ArrayLike) -> Vector:
-        """When the samples with these indices were taken (s)."""
+        """When the samples with these indices were taken (s): what `skip` of `read` takes."""
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def pieces(self) -> list[Range]:

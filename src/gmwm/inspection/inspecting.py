@@ -81,9 +81,11 @@ def inspect(recording: Imu | Stream) -> Inspection:
         raise OptionError(
             f"recording must be an Imu or a Stream, got {type(recording).__name__}; {_way_to_an_imu(recording)}"
         )
+    first = recording[recording.axes[0]]
+    base = recording.time_base or TimeBase(recording.rate, start=first.start)
     looks = Looks(
-        recording.source, recording.notes, recording.time_base or TimeBase(recording.rate),
-        Extent.of(recording[recording.axes[0]]), {axis: recording[axis].unit for axis in recording},
+        recording.source, recording.notes, base, Extent.of(first, base.left),
+        {axis: recording[axis].unit for axis in recording},
         {axis: lsb(recording[axis].values) for axis in recording},
         lambda axis, first, last: recording[axis].values[first:last],
     )  # fmt: skip
@@ -128,7 +130,8 @@ class Survey:
     def looks(self) -> Looks:
         """What takes the pieces of the second pass."""
         stream, stops = self._stream, [*self._firsts[1:], self._stop]
-        extent = Extent(stream.rate, tuple(zip(self._firsts, stops, strict=True)), tuple(self._starts))
+        segments = list(zip(self._firsts, stops, strict=True))
+        extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
         return Looks(
             stream.source, stream.notes, stream.time_base, extent,
             {axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},

@@ -35,7 +35,8 @@ class Knock:
     Parameters
     ----------
     time : float
-        When it began, on the recording's clock (s).
+        When it began, in seconds from the first sample of the recording before anything was cut off: what `skip` of
+        `read` takes.
     duration : float
         How long it lasted (s).
     axes : tuple of str
@@ -57,7 +58,7 @@ class Step:
     Parameters
     ----------
     time : float
-        When, on the recording's clock (s).
+        When, in seconds from the first sample of the recording before anything was cut off.
     axis : str
         The axis that shows it.
     size : float

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from html import escape
 from typing import Any
 
-from gmwm._words import counted
+from gmwm._words import counted, moment
 from gmwm.cautions import span
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.settling import WarmUp
@@ -53,7 +54,7 @@ class Inspection:
     samples, segments : int
         Number of samples, and of stretches without a gap.
     time_base : TimeBase
-        Jitter, gaps, duplicates of the time stamps.
+        Jitter, gaps, duplicates of the time stamps, and how much was cut off before the first sample.
     axes : mapping of axis to AxisInspection
         The axes.
     gravity : float or None
@@ -63,7 +64,7 @@ class Inspection:
     static : bool
         Whether nothing was found that says the sensor moved.
     knocks : tuple of Knock
-        Bursts of outliers in the order of time.
+        Bursts of outliers in the order of time; times count from the first sample before anything was cut off.
     steps : tuple of Step
         Lasting changes of level in the order of time.
     warm_ups : tuple of WarmUp
@@ -118,20 +119,25 @@ class Inspection:
         for knock in self.knocks[:5]:
             what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
             long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
-            lines.append(f"knock at {knock.time:.6g} s {long} ({what})")
+            lines.append(f"knock at {moment(knock.time)} {long} ({what})")
         if len(self.knocks) > 5:
             lines.append(f"and {counted(len(self.knocks) - 5, 'more knock')}")
         for step in self.steps[:5]:
             change = f"{step.size:+.3g} {self.axes[step.axis].unit}, {step.times:.0f} times the usual"
-            lines.append(f"step of {step.axis} at {step.time:.6g} s ({change})")
+            lines.append(f"step of {step.axis} at {moment(step.time)} ({change})")
         if len(self.steps) > 5:
             lines.append(f"and {counted(len(self.steps) - 5, 'more step')}")
+        if (self.knocks or self.steps) and (self.time_base.start or self.time_base.left):
+            lines.append("these times count from the first sample of the recording, as those of skip= do")
         for found in self.warm_ups:
             change = f"{found.size:+.3g} {self.axes[found.axis].unit} at first, {found.times:.0f} times the usual"
             lines.append(f"warm-up of {found.axis} over the first {span(found.duration)} ({change})")
         lines += [f"note: {note}" for note in self.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
 
     def __repr__(self) -> str:
         state = "static" if self.static else "not static"

@@ -194,8 +194,9 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     places = sorted(range(len(labels)), key=lambda k: order.names.index(labels[k]))
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
+    acts_as = _acts_as(problem, found, best, renamed)
     diagnostics = LikelihoodDiagnostics(
-        acts_as=_acts_as(problem, found, best, renamed),
+        acts_as=acts_as,
         not_supported=tuple(sorted(renamed[best.terms[k]] for k in gone)),
         evaluations=found.evaluations,
         converged=found.converged,
@@ -203,7 +204,7 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
         remarks=tuple(
             f"{term}: {remark}"
             for term, process in zip(order.terms, order.processes, strict=True)
-            if process.scale > 0
+            if process.scale > 0 and term not in acts_as
             for remark in process.remarks(problem.record.observed, problem.rate)
         ),
     )

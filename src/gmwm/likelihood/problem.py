@@ -180,7 +180,10 @@ class Problem:
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
         """The log-likelihood with slope and information by the `active` coordinates; None where there is none."""
-        model = self.at_point(z)
+        try:
+            model = self.at_point(z)
+        except OverflowError:  # a scale that the rest of a profile ran away to
+            return None
         system = assemble(model, self.rate)
         value, level = _likelihood(system, self.series, self.regressors)
         if not math.isfinite(value):

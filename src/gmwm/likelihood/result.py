@@ -12,7 +12,10 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
+from gmwm._words import Named
 from gmwm.errors import ModelError, ReadError
+from gmwm.estimation.result import estimated_as_zero
+from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
 from gmwm.processes.model import Model
 from gmwm.variance.estimate import wavelet_variance as measure
@@ -59,7 +62,7 @@ class LikelihoodDiagnostics:
             f"{term} acts as {name}: its correlation time cannot be told from these data"
             for term, name in self.acts_as.items()
         ]
-        notes += [f"{term} is not supported by these data: estimated as zero" for term in self.not_supported]
+        notes += [estimated_as_zero(term) for term in self.not_supported]
         if not self.converged:
             notes.append("the search for the largest likelihood did not come to rest; start it from other values")
         return [*notes, *self.remarks]
@@ -137,8 +140,12 @@ class LikelihoodFit:
     residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
         "gmwm.likelihood.residuals:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
     )
+    _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(
+        "gmwm.likelihood.summary:as_html", "The summary with its parameters as a table, for notebooks."
+    )
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
         freeze(self.covariance)
 
     @cached_property
@@ -169,7 +176,8 @@ class LikelihoodFit:
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each parameter that was estimated inside its domain."""
-        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        errors = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        return Named(errors, "standard error of", why_no_error(self.model, errors, self.diagnostics.acts_as))
 
     @property
     def estimated(self) -> int:

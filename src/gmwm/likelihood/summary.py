@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm._words import counted
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.intervals import Interval
-from gmwm.inference.summary import Row, estimate_text, interval_text, table_text
+from gmwm.inference.summary import Row, estimate_text, interval_text, table_html, table_text
 from gmwm.likelihood.intervals import Method, confidence_intervals
 
 if TYPE_CHECKING:
@@ -48,6 +48,13 @@ def in_words(
     words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
+
+
+def as_html(fit: LikelihoodFit) -> str:
+    """The summary with its parameters as a table, for notebooks."""
+    intervals, reason = intervals_if_known(fit, 0.95)
+    words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
 
 
 def intervals_if_known(

@@ -73,6 +73,11 @@ class System:
 def require_state(process: Process) -> None:
     """An error where a process has no state-space form, with the way out."""
     if not process.has("state_space"):
+        if not type(process).__module__.startswith("gmwm."):
+            raise MissingTheoryError(
+                f"{process.name} defines no state_space, which the likelihood and the Kalman filter need; give the "
+                "class one if the process has a finite state, or stay with the fit to the wavelet variance"
+            )
         raise MissingTheoryError(
             f"{process.name} has no finite state, which the likelihood and the Kalman filter need; take two or three "
             "Gauss-Markov terms in its place, or stay with the fit to the wavelet variance"

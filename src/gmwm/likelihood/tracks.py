@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
+from gmwm._words import Named
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation import Fit
 from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
@@ -81,6 +82,8 @@ class Tracks:
     )
 
     def __post_init__(self) -> None:
+        for name in ("mean", "error"):
+            object.__setattr__(self, name, Named(getattr(self, name), "track"))
         for array in (self.times, self.data, *self.mean.values(), *self.error.values()):
             freeze(array)
 

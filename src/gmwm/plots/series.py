@@ -76,7 +76,8 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
         members = [axis for axis in axes if imu[axis].unit == unit]
         shown = view_of(unit, "allan", units)
-        traces = [trace(imu[axis], shown.factor, round(DOTS * width)) for axis in members]
+        left = imu.time_base.left if imu.time_base else 0.0
+        traces = [trace(imu[axis], shown.factor, round(DOTS * width), left) for axis in members]
         means = [removed(one) for one in traces]
         rows = [
             _Row(one.less(mean), _stroke(axis), _without_mean(axis_title(axis), mean, shown.unit))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.signals import Signal
+from gmwm.signals import Signal, begins_of
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -69,10 +69,10 @@ class Trace:
         return Trace(self.seconds, self.y - amount, self.low - amount, self.high - amount, self.mean - amount)
 
 
-def trace(signal: Signal, factor: float, columns: int) -> Trace:
-    """The samples of a signal that `columns` columns of dots show, times `factor`."""
+def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Trace:
+    """The samples of a signal that `columns` columns of dots show, times `factor`; the first is at `left` (s)."""
     # Counted from the first sample: a time of day in seconds since 1970 has no digits left for a microsecond.
-    starts = [start - signal.starts[0] for start in signal.starts]
+    starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
     seconds: list[Vector] = []
     y: list[Vector] = []

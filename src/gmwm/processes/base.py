@@ -11,6 +11,7 @@ import math
 from abc import ABC
 from collections.abc import Iterable
 from dataclasses import replace
+from inspect import isfunction, ismethod, signature
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -90,14 +91,16 @@ class Process(ABC):
         super().__init_subclass__(**kwargs)
         if abstract:
             return
+        if missing := [name for name in ("name", "title", "parameters") if not hasattr(cls, name)]:
+            raise ModelError(f"{cls.__name__} must define name, title and parameters; it has no {missing[0]}")
         if sum(p.scale_power is not None for p in cls.parameters) != 1:
-            raise TypeError(f"{cls.__name__}.parameters must have exactly one scale parameter (with a scale_power)")
+            raise ModelError(f"{cls.__name__}.parameters must have exactly one scale parameter (with a scale_power)")
         if not cls.has("wavelet_variance"):
             sources = ", ".join(_SOURCES["wavelet_variance"])
-            raise TypeError(f"{cls.__name__} must define at least one of shape, {sources}")
+            raise ModelError(f"{cls.__name__} must define at least one of shape, {sources}")
+        _check_calls(cls)
         if register:
-            if cls.name in registry:
-                raise TypeError(f"there is already a process called {cls.name}: {registry[cls.name]!r}")
+            _check_name(cls)
             registry[cls.name] = cls
 
     def __post_init__(self) -> None:
@@ -507,6 +510,12 @@ class Process(ABC):
 
     __rmul__ = __mul__
 
+    def __radd__(self, other: int) -> Model:
+        from gmwm.processes.model import Model
+
+        # sum() begins with 0.
+        return Model((self,)) if isinstance(other, int) and other == 0 else NotImplemented
+
     def __str__(self) -> str:
         fields = {p.name: getattr(self, p.name) for p in self.parameters}
         given = [f"{name}={value!r}" for name, value in fields.items() if value is not None]
@@ -518,3 +527,40 @@ class Process(ABC):
 
 def _function(method: Any) -> Any:
     return getattr(method, "__func__", method)
+
+
+# --- what a class must be to be registered ------------------------------------------------------------
+
+
+def _check_name(cls: type[Process]) -> None:
+    """A name is given once, however it is spelled; but a class that is defined anew takes the place of the older."""
+    older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
+    if older is None:
+        return
+    own = older.__module__.partition(".")[0] == __name__.partition(".")[0]
+    if own or (older.__module__, older.__qualname__, older.name) != (cls.__module__, cls.__qualname__, cls.name):
+        raise ModelError(
+            f"there is already a process called {older.name}, {'of gmwm' if own else 'defined'} in {older.__module__}: "
+            f"{older.__qualname__}; give {cls.__qualname__} another name"
+        )
+
+
+def _check_calls(cls: type[Process]) -> None:
+    """Whether the methods that a class overrides can be called as they will be: as those of `Process`."""
+    for name, method in vars(cls).items():
+        expected = getattr(Process, name, None)
+        if name.startswith("_") or not isfunction(_function(method)) or not callable(expected):
+            continue
+        wanted = signature(expected).parameters
+        needed = [name for name, p in wanted.items() if p.default is p.empty and p.kind is not p.VAR_POSITIONAL]
+        try:
+            given = signature(getattr(cls, name))
+            given.bind(*needed)
+            given.bind(*wanted)
+        except TypeError as error:
+            of_class = ismethod(expected)
+            written = ", ".join((["cls"] if of_class else []) + [f"{w}=…" if w not in needed else w for w in wanted])
+            raise ModelError(
+                f"{cls.__name__}.{name} must be {'a class method, ' if of_class else ''}{name}({written}); "
+                f"it is {name}{signature(_function(method))}"
+            ) from error

@@ -327,6 +327,10 @@ class Model:
 
     __rmul__ = __mul__
 
+    def __radd__(self, other: int) -> Model:
+        # sum() begins with 0.
+        return self if isinstance(other, int) and other == 0 else NotImplemented
+
     def __str__(self) -> str:
         return _text(str(p) for p in self.processes)
 

@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm._words import listed
 from gmwm.errors import ReadError
 from gmwm.readers.base import Chunk, Layout, Reader, register
 from gmwm.readers.compressed import packed_text
@@ -94,7 +95,7 @@ class ArchiveReader(Reader):
             joined = _joined(gyro, accel)
             if joined is not None:
                 others = [table.layout.topic for table in tables if table not in (gyro, accel)]
-                note = (f"tables left out: {', '.join(others)}",) if others else ()
+                note = (f"tables left out: {listed(others)}",) if others else ()
                 return (replace(joined, notes=(*joined.notes, *note)),)
         return tuple(replace(table.layout, state=table) for table in tables)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm._words import listed
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Chunk, Layout, Mark
 from gmwm.readers.headers import recognise
@@ -131,7 +132,7 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     known = [part for part in split if any(axis in AXES for axis in _roles(part))]
     chosen = known or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
     left = [a.name for part in split if part not in chosen for a in part]
-    note = (f"arrays left out: {', '.join(left)}",) if left else ()
+    note = (f"arrays left out: {listed(left)}",) if left else ()
     topics = _topics(chosen)
     return tuple(
         _layout(part, _rate(usable, part), topic, (*notes, *note), _stray_time(part, split))

@@ -166,9 +166,24 @@ _READERS: dict[str, Reader] = {}
 
 
 def register(reader: R) -> R:
-    """Add the format `reader`; use as a class decorator."""
-    if reader.name in _READERS:
-        raise ValueError(f"a reader named {reader.name!r} is registered already")
+    """Add the format `reader`; use as a class decorator.
+
+    A class that is defined anew, as in a notebook, takes the place of the older one.
+
+    Raises
+    ------
+    OptionError
+        If gmwm or another class has a format of this name.
+    """
+    key = next((name for name in _READERS if name.casefold() == reader.name.casefold()), reader.name)
+    if key in _READERS:
+        older = type(_READERS[key])
+        own = older.__module__.partition(".")[0] == __name__.partition(".")[0]
+        if own or (older.__module__, older.__qualname__, key) != (reader.__module__, reader.__qualname__, reader.name):
+            raise OptionError(
+                f"there is already a reader named {key!r}, {older.__qualname__} in {older.__module__}; give "
+                f"{reader.__qualname__} another name"
+            )
     _READERS[reader.name] = reader()
     return reader
 

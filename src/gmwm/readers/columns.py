@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmwm._words import counted
+from gmwm._words import counted, listed
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers.base import Layout
 from gmwm.readers.headers import clean, recognise
@@ -86,7 +86,7 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
         for k, channel in enumerate(layout.channels)
         if k not in choice.columns.values() and (channel.name or layout.named is False)
     ]
-    note = (f"columns left out: {', '.join(others)}",) if others else ()
+    note = (f"columns left out: {listed(others)}",) if others else ()
     return Choice(choice.columns, (*choice.notes, *note))
 
 

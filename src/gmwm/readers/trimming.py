@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from gmwm.cuts import ROUNDING, cut_base, require_some
+from gmwm.cuts import ROUNDING, cut_base, require_inside, require_some
 from gmwm.readers.pieces import Piece
 from gmwm.signals import TimeBase
 
@@ -24,17 +25,20 @@ def trimmed(
     Raises
     ------
     DataError
-        At the end, if no segment of 8 samples or more was left.
+        At the end, if no segment of 8 samples or more was left, or what was to be skipped lies behind the end.
     """
-    clock, cursor = _Clock(rate), _Cursor(rate)
+    clock, cursor, left = _Clock(rate), _Cursor(rate), math.nan
     for piece in pieces:
         clock.take(piece)
         for a, b in clock.inside(piece, kept):
+            if not cursor.sizes:
+                left = clock.time(piece, a)
             yield cursor.numbered(piece, a, b)
         if not kept or clock.end >= kept[-1][1]:
             break
     require_some(max(cursor.sizes, default=0), kept, clock.end)
-    ended(cut_base(base(), cursor.starts, cursor.sizes))
+    require_inside(kept, clock.end, rate)
+    ended(cut_base(base(), cursor.starts, cursor.sizes, left))
 
 
 class _Clock:
@@ -55,6 +59,10 @@ class _Clock:
                 self._ahead, begin = self._ahead + self.end - begin, self.end
             self._segment, self._first, self._begin = piece.segment, piece.first, begin
         self.end = self._begin + (piece.first + len(piece) - self._first) / self._rate
+
+    def time(self, piece: Piece, k: int) -> float:
+        """When its sample k was taken."""
+        return self._begin + (piece.first + k - self._first) / self._rate
 
     def inside(self, piece: Piece, kept: Kept) -> Iterator[tuple[int, int]]:
         """The ranges of it that lie in the stretches."""

@@ -126,7 +126,7 @@ def wavelet_variance(
         rate = as_rate(rate)
     else:
         pieces = signal.pieces()
-        if rate is not None and rate != signal.rate:
+        if rate is not None and as_rate(rate) != signal.rate:
             raise OptionError(f"rate={rate:g} contradicts the signal's {signal.rate:g} Hz; leave rate out")
         rate = signal.rate
     lengths = tuple(piece.size for piece in pieces)
