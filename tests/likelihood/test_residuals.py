@@ -117,6 +117,7 @@ def test_quantiles_lie_on_a_line():
     assert np.max(np.abs(seen - expected)[inner]) < 0.03
 
 
+@pytest.mark.filterwarnings("ignore:.*of its correlation times:gmwm.FitWarning")
 def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():
     # An autoregression shows at short lags: both of its coefficients, but not its variance.
     model = parse_model("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)")

@@ -259,6 +259,7 @@ def as_dict(fit: Fit, way: Way) -> dict[str, Any]:
 
 def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
+    from gmwm.calibration.tables import wrapped
     from gmwm.inference.summary import intervals_if_known, notes
 
     if len(fits) == 1:
@@ -281,7 +282,7 @@ def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
         f"{name}: {note}" for name, found in fits.items() for note in notes(found, intervals_if_known(found, way)[1])
     ]
     if told:
-        print("\n".join(["", *told]))
+        print("\n".join(["", *(line for text in told for line in wrapped(text))]))
 
 
 def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:

@@ -551,8 +551,10 @@ def _check_calls(cls: type[Process]) -> None:
         expected = getattr(Process, name, None)
         if name.startswith("_") or not isfunction(_function(method)) or not callable(expected):
             continue
-        wanted = signature(expected).parameters
-        needed = [name for name, p in wanted.items() if p.default is p.empty and p.kind is not p.VAR_POSITIONAL]
+        wanted = {
+            n: p for n, p in signature(expected).parameters.items() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+        }
+        needed = [name for name, p in wanted.items() if p.default is p.empty]
         try:
             given = signature(getattr(cls, name))
             given.bind(*needed)
