@@ -1,5 +1,6 @@
 """Processes without a search: local optima from a scan, and from the paper's draws."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,6 +122,24 @@ def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     without = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1), certify=False)
     assert without.lower_bound is None
     assert without.diagnostics.start.default is None
+
+
+def test_a_descent_from_draws_says_what_a_term_acts_as():
+    three = "GM(beta=20, sigma2=1) + GM(beta=1, sigma2=1) + GM(beta=0.05, sigma2=1)"
+    curve = gmwm.wavelet_variance(gmwm.simulate_signal(three, rate=100.0, samples=10_000, seed=6).signal)
+    weights = (curve.upper - curve.lower) ** -2.0
+    best = gmwm.fit("3*GM", curve, weighting=weights).objective
+    told = []
+    for seed in range(1, 10):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            drawn = gmwm.fit("3*GM", curve, weighting=weights, start=Sampled(1000, seed=seed))
+        astray = bool(drawn.objective > 1.5 * best)
+        assert drawn.diagnostics.acts_as == ({"GM[3]": "RW"} if astray else {})
+        # Of the one end it stands at, not of the other that would serve as well; and nothing of its correlation time.
+        assert ["acts as RW" in str(warning.message) for warning in said] == [True] * astray
+        told.append(astray)
+    assert any(told)
 
 
 def test_draws_serve_every_process_and_a_signal():

@@ -169,7 +169,8 @@ class Search:
     def _acts_as(self, best: Optimum, index: int) -> str | None:
         """The process at an end of the branch that serves as well as curved process `index` does."""
         branch, u = best.places[index]
-        for end, name in ((branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)):
+        ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
+        for end, name in sorted(ends, key=lambda end: end[0] != u):  # first the end that it stands at
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
             if name and (u == end or self.at(there).objective <= (1 + ACTS_AS) * best.objective):
                 return name

@@ -96,10 +96,13 @@ def solve_near(problem: Problem) -> Solution:
     return _solution(problem, surface, surface.sharpened(found), Start("given", 1, _value(surface.at(point), problem)))
 
 
-def resume(problem: Problem, solution: Solution) -> Solution:
-    """The local optimum next to the solution of a problem that differs by its weights; to first order if near."""
+def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
+    """The local optimum next to the solution of a problem that differs by its weights; to first order if near.
+
+    `ends`: and what its curved terms act as.
+    """
     if solution.point is not None:
-        return _resumed(problem, solution)
+        return _resumed(problem, solution, ends=ends)
     if problem.family is None:
         return solve(problem, certify=False)
     search = Search(problem, problem.family)
@@ -107,7 +110,7 @@ def resume(problem: Problem, solution: Solution) -> Solution:
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
         solution, objective=best.objective * problem.unit**2, lower_bound=None, relaxed_bound=0.0, scales=scales,
-        terms=search.terms(best, ends=False), places=tuple(best.places), nodes=0,
+        terms=search.terms(best, ends=ends), places=tuple(best.places), nodes=0,
     )  # fmt: skip
 
 
@@ -130,7 +133,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     """
     if solution.start.how != "sampled":
         return solve(problem, certify=certify)
-    followed = resume(problem, solution)
+    followed = resume(problem, solution, ends=True)
     if not certify:
         return followed
     other = solve(problem, certify=True)
@@ -192,7 +195,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
     return best
 
 
-def _resumed(problem: Problem, solution: Solution) -> Solution:
+def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
     here = surface.at(solution.point)
@@ -201,7 +204,7 @@ def _resumed(problem: Problem, solution: Solution) -> Solution:
         found = surface.downhill(solution.point)
         assert found is not None  # the point was a process under the weights before, too
         found = surface.sharpened(found)
-    return _solution(problem, surface, found, solution.start, ends=False)
+    return _solution(problem, surface, found, solution.start, ends=ends)
 
 
 def _at_rest(surface: Surface, found: Found) -> bool:

@@ -156,8 +156,7 @@ class _Markov(Process, abstract=True):
         """Where the record holds so few correlation times that intervals are too narrow."""
         _, sign, lam = self._pole(rate)
         times = lam * samples
-        # With less than one it is a random walk to this record, and is told to act as one.
-        if sign < 0 or not 1 <= times < FEW_TIMES:
+        if sign < 0 or times >= FEW_TIMES:
             return ()
         return (
             f"the recording holds {times:.2g} of its correlation times: with fewer than {FEW_TIMES}, its intervals of "
