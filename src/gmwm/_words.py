@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -37,6 +39,27 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     """
     rest = len(names) - most
     return ", ".join(names) if rest < 2 else f"{', '.join(names[:most])} and {rest} others"
+
+
+class Summarised(ABC):
+    """Something that notebooks show by its `summary()`."""
+
+    @abstractmethod
+    def summary(self) -> str:
+        """The result in words."""
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+
+def is_own(kind: type) -> bool:
+    """Whether a class is one of gmwm's."""
+    return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+def defined_anew(kind: type, older: type) -> bool:
+    """Whether a class is an older one of the user's in a new version, as of a cell of a notebook that runs again."""
+    return not is_own(older) and (kind.__module__, kind.__qualname__) == (older.__module__, older.__qualname__)
 
 
 class Named(dict[str, T]):

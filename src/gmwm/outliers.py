@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
-from gmwm._words import counted
+from gmwm._words import Summarised, counted
 from gmwm.covariance import Setting
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
@@ -39,7 +38,7 @@ _REASONS: Mapping[str, str] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(Summarised):
     """Whether a recording holds more than its noise, level by level.
 
     Attributes
@@ -161,9 +160,6 @@ class Verdict:
 
     def __str__(self) -> str:
         return self.summary()
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
 
 _ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")

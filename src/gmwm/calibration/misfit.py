@@ -25,12 +25,16 @@ LARGE = 1.5
 
 def line_in(model: Model) -> str | None:
     """The name of a process of one frequency in a model; None where there is none."""
-    return next((process.name for process in model.processes if type(process).line is not Process.line), None)
+    return next((process.name for process in model.processes if _is_line(type(process))), None)
+
+
+def _is_line(kind: type[Process]) -> bool:
+    return kind.line is not Process.line
 
 
 def _causes(rejected: Sequence[AxisCalibration]) -> str:
     """What may be the matter with axes whose model is rejected."""
-    line = next((name for name, kind in registry.items() if kind.line is not Process.line), None)
+    line = next((name for name, kind in registry.items() if _is_line(kind)), None)
     one, add = ("another", "add one more") if any(line_in(found.fit.model) for found in rejected) else ("a", "add")
     periodic = f"{one} periodic disturbance gives a curve with teeth: {add} {line} to `within`; " if line else ""
     return (

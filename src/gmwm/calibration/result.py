@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from gmwm._files import write_text
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.calibration.recording import Recording
 from gmwm.calibration.words import summary
 from gmwm.datasheets import Datasheet
@@ -91,7 +91,7 @@ class AxisCalibration:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Mapping[str, Fit]):
+class Calibration(Summarised, Mapping[str, Fit]):
     """The calibration of a unit; a mapping of axis to the recommended Fit.
 
     Attributes
@@ -224,9 +224,6 @@ class Calibration(Mapping[str, Fit]):
         models = ", ".join(f"{axis}: {fit.model.structure}" for axis, fit in self.items())
         failed = f"; failed: {', '.join(self.failed)}" if self.failed else ""
         return f"Calibration({models}{failed})"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
     def _each(self, of: Callable[[AxisCalibration], T]) -> dict[str, T]:
         return {axis: of(found) for axis, found in self.axes.items()}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
 
+from gmwm._words import Summarised
 from gmwm.calibration.agreement_words import summary
 from gmwm.calibration.maker import Reference
 from gmwm.datasheets import Entry
@@ -71,7 +71,7 @@ class SharedNumber:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Agreement(Sequence[SharedNumber]):
+class Agreement(Summarised, Sequence[SharedNumber]):
     """Every number of several recordings of one unit, and which of them differ by more than chance.
 
     Attributes
@@ -145,6 +145,3 @@ class Agreement(Sequence[SharedNumber]):
 
     def __repr__(self) -> str:
         return f"Agreement({len(self.compared)} numbers compared, {len(self.disagreeing)} differ)"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"

@@ -15,7 +15,7 @@ from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
 from gmwm.covariance.setting import Setting
 from gmwm.filters import find_filter
-from gmwm.inference.goodness import LEAST_FREEDOM, usable_levels
+from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.plan import SEEN, length_text
 
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ def _longest_unbroken(wv: WaveletVariance) -> float:
     """The longest scale (s) that as many samples would show well without a gap."""
     levels = np.arange(1, wv.samples.bit_length())
     whole = Setting(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
-    usable = levels[whole.degrees_of_freedom > LEAST_FREEDOM]
+    usable = levels[usable_in(whole)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
 
 

@@ -87,6 +87,7 @@ def calibrate(
 
     calibration.json holds everything: Calibration.load reads it, docs/calibration-format.md describes it.
     """
+    from gmwm.cli.errors import as_options
     from gmwm.cli.output import made_directory, print_json, print_written, tell, told_warnings
 
     if efficiency is not None and robust == "no":
@@ -111,7 +112,7 @@ def calibrate(
             document = {**found.to_dict(), "file": str(file), "written": list(map(str, written))}
             print_json("calibrate", document, told)
             return
-        print(found.summary())
+        print(as_options(found.summary()))
         print_written(written)
 
 
@@ -152,13 +153,14 @@ def write_all(
 ) -> list[Path]:
     """The document, the page, the summary and the pictures, each whole or not at all."""
     from gmwm._files import write_text
+    from gmwm.cli.errors import as_options
     from gmwm.cli.output import progress
 
     names = ("calibration.json", "report.html", "summary.txt", "calibration.png", "by_sensor.png")
     document, page, text, grid, by_sensor = (folder / name for name in names)
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     found.save(document)
-    write_text(text, found.summary() + "\n")
+    write_text(text, as_options(found.summary()) + "\n")
     with progress("drawing"):
         found.plot(view=view, units=system, path=grid)
         found.plot(split=False, view=view, units=system, path=by_sensor)

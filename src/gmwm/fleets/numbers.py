@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from gmwm._words import Summarised
 from gmwm.fleets.words import statistics_text
 
 if TYPE_CHECKING:
@@ -151,7 +152,7 @@ class AxisDifference:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FleetStatistics:
+class FleetStatistics(Summarised):
     """What the units of a fleet say together.
 
     Attributes

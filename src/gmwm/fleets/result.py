@@ -6,11 +6,11 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.calibration.result import Calibration, Settings
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.fleets.kept import TABLE, read_facts, unit_file
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fleet:
+class Fleet(Summarised):
     """Many units, each calibrated; `fleet["unit"]` is the Calibration of one, read when it is asked for.
 
     Attributes
@@ -136,6 +136,3 @@ class Fleet:
     def __repr__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         return f"Fleet({len(self)} of {len(self.paths)} units calibrated{failed})"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import freeze
-from gmwm._words import counted
+from gmwm._words import Summarised, counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.estimator import refitted
@@ -30,7 +30,7 @@ It leaves out the two coarsest levels of a full set."""
 
 
 @dataclass(frozen=True, eq=False)
-class GoodnessOfFit:
+class GoodnessOfFit(Summarised):
     """A test of the hypothesis that the data come from the fitted model.
 
     Attributes
@@ -172,7 +172,12 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
     """Which levels have the degrees of freedom that the test needs."""
-    return np.asarray(Setting.of(wv).degrees_of_freedom > LEAST_FREEDOM)
+    return usable_in(Setting.of(wv))
+
+
+def usable_in(setting: Setting) -> NDArray[np.bool_]:
+    """Which levels of a setting have these degrees of freedom."""
+    return np.asarray(setting.degrees_of_freedom > LEAST_FREEDOM)
 
 
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Named, counted
+from gmwm._words import Named, Summarised, counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
@@ -49,7 +48,7 @@ _LENGTHS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Plan:
+class Plan(Summarised):
     """Relative standard errors of the estimates of a model, by length of the recording.
 
     Attributes
@@ -195,9 +194,6 @@ class Plan:
 
     def __repr__(self) -> str:
         return f"Plan({self.model.structure}, {length_text(self.duration)} at {self.rate:g} Hz)"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
     # --- inside ---------------------------------------------------------------------------------------
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from html import escape
 from typing import Any
 
-from gmwm._words import counted, moment
+from gmwm._words import Summarised, counted, moment
 from gmwm.cautions import span
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.settling import WarmUp
@@ -40,7 +39,7 @@ class AxisInspection:
 
 
 @dataclass(frozen=True)
-class Inspection:
+class Inspection(Summarised):
     """What a recording looks like; `warnings` says in plain words what should be known before it is used.
 
     Parameters
@@ -135,9 +134,6 @@ class Inspection:
         lines += [f"note: {note}" for note in self.notes]
         lines += [f"warning: {warning}" for warning in self.warnings]
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
     def __repr__(self) -> str:
         state = "static" if self.static else "not static"

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, freeze
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.errors import OptionError
 from gmwm.likelihood.problem import Problem, standardised
 from gmwm.likelihood.tracks import Modelled, posed
@@ -43,7 +44,7 @@ class Check:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Residuals:
+class Residuals(Summarised):
     """Standardised innovations z_t = v_t/√S_t.
 
     Attributes

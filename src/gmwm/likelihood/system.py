@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
+from gmwm._words import is_own
 from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -73,7 +74,7 @@ class System:
 def require_state(process: Process) -> None:
     """An error where a process has no state-space form, with the way out."""
     if not process.has("state_space"):
-        if not type(process).__module__.startswith("gmwm."):
+        if not is_own(type(process)):
             raise MissingTheoryError(
                 f"{process.name} defines no state_space, which the likelihood and the Kalman filter need; give the "
                 "class one if the process has a finite state, or stay with the fit to the wavelet variance"

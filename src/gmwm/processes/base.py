@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm._words import defined_anew, is_own
 from gmwm.continuous import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
@@ -537,11 +538,10 @@ def _check_name(cls: type[Process]) -> None:
     older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
     if older is None:
         return
-    own = older.__module__.partition(".")[0] == __name__.partition(".")[0]
-    if own or (older.__module__, older.__qualname__, older.name) != (cls.__module__, cls.__qualname__, cls.name):
+    if not defined_anew(cls, older) or older.name != cls.name:
         raise ModelError(
-            f"there is already a process called {older.name}, {'of gmwm' if own else 'defined'} in {older.__module__}: "
-            f"{older.__qualname__}; give {cls.__qualname__} another name"
+            f"there is already a process called {older.name}, {'of gmwm' if is_own(older) else 'defined'} in "
+            f"{older.__module__}: {older.__qualname__}; give {cls.__qualname__} another name"
         )
 
 

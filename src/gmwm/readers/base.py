@@ -16,6 +16,7 @@ from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
+from gmwm._words import defined_anew
 from gmwm.errors import OptionError, ReadError
 
 HEAD_BYTES = 1 << 16
@@ -178,8 +179,7 @@ def register(reader: R) -> R:
     key = next((name for name in _READERS if name.casefold() == reader.name.casefold()), reader.name)
     if key in _READERS:
         older = type(_READERS[key])
-        own = older.__module__.partition(".")[0] == __name__.partition(".")[0]
-        if own or (older.__module__, older.__qualname__, key) != (reader.__module__, reader.__qualname__, reader.name):
+        if not defined_anew(reader, older) or key != reader.name:
             raise OptionError(
                 f"there is already a reader named {key!r}, {older.__qualname__} in {older.__module__}; give "
                 f"{reader.__qualname__} another name"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.errors import OptionError
 from gmwm.signals import Signal
 from gmwm.variance.allan import allan_variance
@@ -27,7 +27,7 @@ OCTAVE = 1.9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AllanRegression:
+class AllanRegression(Summarised):
     """Coefficients read from the slopes of an Allan deviation, with the lines they were read from.
 
     Attributes
@@ -100,9 +100,6 @@ class AllanRegression:
     def __repr__(self) -> str:
         values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
         return f"AllanRegression({self.allan.axis or 'unnamed'}: {values or 'nothing found'})"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
 
 def avlr(

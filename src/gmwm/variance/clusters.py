@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.errors import OptionError
 from gmwm.variance.noise_type import noise_type
 from gmwm.variance.phase import Data
@@ -33,7 +33,7 @@ _TITLES = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ClusterVariance:
+class ClusterVariance(Summarised):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 
     Attributes
@@ -166,9 +166,6 @@ class ClusterVariance:
             f"ClusterVariance({self.axis or 'unnamed'}, {self.title.removesuffix(' deviation')}, {len(self)} "
             f"cluster sizes, {self.samples} samples at {self.rate:g} Hz)"
         )
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
 
 def _plain(value: Any) -> Any:

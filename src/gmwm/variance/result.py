@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._late import LateMethod
+from gmwm._words import Summarised
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
 from gmwm.variance.limits import chi_square_limits
@@ -30,7 +30,7 @@ _OUTCOMES = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class WaveletVariance:
+class WaveletVariance(Summarised):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j, with confidence limits.
 
     Attributes
@@ -283,9 +283,6 @@ class WaveletVariance:
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""
         return f"WaveletVariance({self.axis or 'unnamed'}, {kind}{self.filter}, {len(self)} levels, {self.extent})"
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
 
 
 def _checked_samples(samples: int) -> int:
