@@ -26,6 +26,16 @@ def test_effective_noise_is_never_zero():
     assert few.value == few.high > 0
 
 
+def test_a_slow_term_counts_as_its_datasheet_says():
+    # A time that is little known makes the interval wide; whether there is such a term its scale says.
+    fit = gmwm.fit("GM + WN", exact(WN(sigma2=2e-4) + GM(beta=0.15, sigma2=1e-7)))
+    entry, counted = fit.datasheet()["q_c"], gmwm.effective_noise(fit, 1.0)["K_eff"]
+    assert not entry.upper_only
+    assert entry.high / entry.value > 2
+    np.testing.assert_allclose([counted.value, counted.low, counted.high], [entry.value, entry.low, entry.high])
+    assert not counted.upper_only
+
+
 @pytest.mark.parametrize("given", ["WN", WN(sigma2=1.0), WN(sigma2=1.0) + RW(gamma2=1.0), None])
 def test_only_a_fit_has_limits(given):
     with pytest.raises(gmwm.OptionError, match=r"fit must be a Fit, got .*gmwm\.fit\(model, data\)"):

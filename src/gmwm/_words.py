@@ -22,6 +22,15 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def rounded(value: float, digits: int = 2) -> str:
+    """A number of few digits, below a million without an exponent.
+
+    >>> rounded(744.7), rounded(-0.01234), rounded(2.34e6), rounded(2.0)
+    ('740', '-0.012', '2.3e+06', '2')
+    """
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
 def moment(seconds: float) -> str:
     """A time in seconds, to the millisecond, as options take it: never with an exponent.
 

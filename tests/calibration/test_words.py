@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 import gmwm
+from gmwm._words import rounded
 from gmwm.calibration.tables import in_order, merged
 from gmwm.calibration.words import cautions
 from gmwm.plots.imu import imu_figure
@@ -95,7 +96,7 @@ def test_a_drift_is_told():
     found = gmwm.calibrate(imu, "WN + RW + DR")
     value, _, _, unit = found.datasheets["gyro_x"]["R"].in_units("datasheet")
     assert value < 0
-    assert f"the output drifts: gyro_x by {value:.2g} {unit}." in words(found)
+    assert f"the output drifts: gyro_x by {rounded(value)} {unit}." in words(found)
 
 
 def test_a_rejected_model_is_told(calibration):

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
+from gmwm._words import rounded
 from gmwm.inference.plan import SEEN
 from gmwm.variance.slope_line import LAWS
 
@@ -76,7 +77,7 @@ def number(entry: Entry) -> str:
     if entry.upper_only:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
     share = (high - low) / 2 / abs(value)
-    return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{low:.2g} … {high:.2g}"
+    return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{rounded(low)} … {rounded(high)}"
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

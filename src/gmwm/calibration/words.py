@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from gmwm._words import counted
+from gmwm._words import counted, rounded
 from gmwm.calibration.misfit import about_rejected
 from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
@@ -251,7 +251,7 @@ def _about_drift(calibration: Calibration) -> list[str]:
         entry = found.datasheet.get(_RAMP)
         if entry is not None and entry.value and not entry.upper_only:
             value, _, _, unit = entry.in_units("datasheet")
-            drifts.append(f"{axis} by {value:.2g} {unit}")
+            drifts.append(f"{axis} by {rounded(value)} {unit}")
     if not drifts:
         return []
     return [

@@ -141,9 +141,12 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         square = sum(_square(p, None, power, use, curve.rate)[0] for p in written.model.processes)
         slopes = np.array([_square(p, name, power, use, curve.rate)[1] for p, name in curve.moving])
         name, factor = noise_unit(power, unit)
+        # As in the datasheet, a term is told from zero by its scale, however little its time is known.
+        scales = np.array([_is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
+        seen = z * curve.error(np.where(scales, slopes, 0.0)) < square
         reach = z * curve.error(slopes)
         value = factor * math.sqrt(square)
-        if reach >= square:
+        if not seen:
             high = factor * math.sqrt(square + reach)
             found[symbol] = Entry(symbol, f"{title} for {use.horizon:g} s", value, 0.0, high, name, upper_only=high > 0)
         else:
@@ -196,6 +199,10 @@ def by_deviation(process: Process, horizon: float, rate: float) -> bool:
         return True
     time = process.correlation_time(rate)
     return time is not None and time >= horizon and _walk(process, rate) is None
+
+
+def _is_scale(process: Process, name: str | None) -> bool:
+    return name is None or name == process.scale_parameter().name
 
 
 def _walk(process: Process, rate: float) -> Physical | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gmwm.datasheets.entry import significant
 from gmwm.exporters.reduction import NAMES, Number, Rule, SensorNoise
 from gmwm.units import SI_UNIT, noise_unit
 
@@ -60,7 +59,7 @@ def _mixed(axes: Mapping[str, Number], rule: Rule, level: float, unit: str) -> s
         whose = f"is a root mean square with the upper limit{'s' * (len(bounded) > 1)} of {' and '.join(bounded)}"
     # Zero is what an axis has nothing of, as no flicker noise.
     each = ", ".join(
-        f"{axis} {'≤ ' if number.upper else ''}{significant(number.value, 3)}{'' if number.upper else ' (measured)'}"
+        f"{axis} {'≤ ' if number.upper else ''}{number.value:.2e}{'' if number.upper else ' (measured)'}"
         for axis, number in axes.items()
         if number.value > 0
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Named, Summarised, counted
+from gmwm._words import Named, Summarised, counted, rounded
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
@@ -404,4 +404,4 @@ def length_text(seconds: float) -> str:
     ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
     """
     unit, size = next((unit, size) for unit, size, least in _LENGTHS if seconds >= least)
-    return f"{float(f'{seconds / size:.2g}'):g} {unit}"
+    return f"{rounded(seconds / size)} {unit}"
