@@ -12,7 +12,7 @@ from pathlib import Path
 from benchmarks.results import Results
 
 ROOT = Path(__file__).resolve().parent.parent
-MARGIN = 1.25
+MARGIN = 1.12
 """A claim is kept by what is measured up to so many times larger: runs differ, machines more."""
 MODEST = 0.6
 """One that measures less than this share of what it says could say more."""
@@ -71,12 +71,14 @@ CLAIMS = (
             lambda r: r.ratio("gmwm.wavelet_variance, 8 levels of 2^20", "pywt.swt")),
     _readme("The robust wavelet variance of 10⁶ samples takes 5 times as long as `numpy.cumsum`", 5, "",
             lambda r: r.ratio(ROBUST)),
+    _readme("with 1 outlier in 1000 samples 7 times", 7, "",
+            lambda r: r.ratio("robust, efficiency 0.6: 1 outlier in 1000")),
     _readme("8 times where most coefficients are zero", 8, "",
             lambda r: r.ratio(f"{ROBUST} in steps of 3 σ")),
     # --- streams ---
     _readme("A sample takes as long as in memory", 1, "", lambda r: r.ratio(CHUNKS, "in memory")),
     _readme("4 to 6 ns on the machine below", 6, "ns", lambda r: 1e9 * r.took(CHUNKS, "in memory") / 10**7),
-    _readme("Counting takes a sample four times as long", 4, "",
+    _readme("counting takes four times as long as the classical curve", 4, "",
             lambda r: r.ratio(f"{CHUNKS}, robust", "in chunks")),
     _readme("keeps a bounded state, some MB an axis", 10, "MB",
             lambda r: r.child("wavelet variance, in chunks")["state"] / 1e6),
@@ -86,19 +88,11 @@ CLAIMS = (
     # --- fits, covariance, choice ---
     _readme("takes 15 to 22 times as long as that `numpy.cumsum`", 22, "", lambda r: r.ratio(FIT)),
     _readme("(50 to 75 ms)", 75, "ms", lambda r: 1e3 * r.took(FIT)),
-    _readme("from 10⁶ samples to the fit 17 times", 17, "", lambda r: r.ratio("from 10^6 samples to a certified fit")),
-    _readme("with weights given, 2.5 times", 2.5, "", lambda r: r.ratio("fit with weights given, certified")),
-    _readme("those 19 levels takes 2.3 times as long", 2.3, "",
-            lambda r: r.ratio("covariance of 3*GM + WN + QN + RW")),
-    _readme("without Gauss-Markov terms 0.4 times", 0.4, "", lambda r: r.ratio("covariance of WN + QN + RW")),
-    _readme("WN + FN + RW fitted to 10⁶ samples, certified, takes 11 times as long as that `numpy.cumsum`", 11, "",
-            lambda r: r.ratio("fit of WN + FN + RW to 1000000 samples")),
-    _readme("AR(2) to 20 000 samples 50 times", 50, "", lambda r: r.ratio("fit of AR(2) to 20000 samples")),
     _readme("AR(2) + WN takes 0.3 s at 10⁶", 0.3, "s", lambda r: r.took("covariance of AR(2) + WN")),
     _readme("beside a walk 4 s", 4, "s", lambda r: r.took("covariance of AR(2) + WN + RW")),
-    _readme("takes 180 times as long as that `numpy.cumsum`", 180, "",
+    _readme("4·GM + WN + QN + RW + DR takes 190 times as long", 190, "",
             lambda r: r.ratio("selection from a wavelet variance")),
-    _readme("(0.6 s)", 0.6, "s", lambda r: r.took("selection from a wavelet variance")),
+    _readme("(0.64 s)", 0.64, "s", lambda r: r.took("selection from a wavelet variance")),
     # --- the shell ---
     _readme("from the shell to its files, 10 s", 10, "s", lambda r: r.child(SIX)["seconds"]),
     _readme("and 300 MB on two cores", 300, "MB", lambda r: r.child(SIX)["peak"] / 1e6),
@@ -106,7 +100,7 @@ CLAIMS = (
     # --- likelihood ---
     _readme("A log-likelihood takes 1.3 times as long as `numpy.cumsum` at 10⁷ samples", 1.3, "",
             lambda r: r.ratio("log-likelihood of GM+WN, 10^7 samples", "np.cumsum")),
-    _readme("and 1/25 of the time of statsmodels", 1 / 25, "", lambda r: r.ratio(LIKELIHOOD, "statsmodels")),
+    _readme("and 1/22 of the time of statsmodels", 1 / 22, "", lambda r: r.ratio(LIKELIHOOD, "statsmodels")),
     _likelihood("| log-likelihood | 5.3 ms | 1.6", 1.6, "",
                 lambda r: r.ratio(f"log-likelihood {OF_A_MILLION}", "np.cumsum")),
     _likelihood("| with its slope and the information | 53 ms | 16 |", 16, "",
@@ -116,7 +110,7 @@ CLAIMS = (
     _likelihood("10 of the wavelet fit", 10, "",
                 lambda r: r.ratio(f"the same, against the wavelet fit {OF_A_MILLION}", "gmwm.fit")),
     _likelihood("| filter | 110 ms | 32 |", 32, "", lambda r: r.ratio(f"filtering {OF_A_MILLION}", "np.cumsum")),
-    _likelihood("| smooth | 210 ms | 62 |", 62, "", lambda r: r.ratio(f"smoothing {OF_A_MILLION}", "np.cumsum")),
+    _likelihood("| smooth | 250 ms | 74 |", 74, "", lambda r: r.ratio(f"smoothing {OF_A_MILLION}", "np.cumsum")),
     _likelihood("4.3 ns for the record and its level", 4.3, "ns",
                 lambda r: 1e9 * r.took("log-likelihood of GM+WN, 10^7 samples", "np.cumsum") / 10**7),
     _likelihood("as with a weak walk, a sample takes 17 ns", 17, "ns",

@@ -55,7 +55,7 @@ def test_the_record_measures_every_claim_and_keeps_it(record: dict[str, Any]) ->
 
 def test_a_verdict_can_be_each() -> None:
     results = Results(empty())
-    for value, verdict in ((2.6, "no"), (2.4, "yes"), (1.1, "yes, and more")):
+    for value, verdict in ((2.3, "no"), (2.2, "yes"), (1.1, "yes, and more")):
         assert Claim("README.md", "", 2.0, "", lambda _, value=value: value).verdict(results) == verdict  # type: ignore[misc]
     assert not Claim("README.md", "no such words", 1.0, "", lambda _: 1.0).is_there()
 

@@ -355,4 +355,4 @@ def test_the_summary_says_units_failures_outliers_and_what_to_do():
 def test_a_healthy_fleet_says_that_it_is():
     text = " ".join(fleet_statistics(fleet(20)).summary().split())
     assert "no unit is unlike the others" in text
-    assert "chance of a false alarm in a healthy fleet is 5 %" in text
+    assert "chance of a false alarm in a healthy fleet is some 5 %" in text

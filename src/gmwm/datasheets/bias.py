@@ -40,9 +40,9 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     from the first τ on, B is only bounded, by the upper end of that interval. Lines are left out: between its teeth the
     curve of a line is low without any noise being low there.
 
-    A wrong model may put that end below the data. B is at most σ(τ) at any τ, so that the upper confidence limit of the
-    measured σ at one level is a limit without a model. Where the model lies below the data (see `_of_data`), the least
-    of these upper limits, at the confidence of the curve, is taken if it is the larger one.
+    Such a bound trusts the model where the data hardly reach: flicker noise that it does not have lies above it. B is
+    at most σ(τ) at any τ, so that the upper confidence limit of the measured σ at one level is a limit without a model.
+    The least of these upper limits, at the confidence of the curve, is taken if it is the larger one.
 
     Parameters
     ----------
@@ -80,36 +80,29 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     if note is None:
         return replace(entry, low=value / reach, high=value * reach), None
     high = value * reach
-    measured = _of_data(wv, model, lines, n, high / factor)
+    measured = _of_data(wv, model, lines, n)
     if measured is not None and factor * measured[0] > high:
         high = factor * measured[0]
-        note += f"; the model lies below the data there, so the limit is that of the data, at {measured[1]:.4g} s"
+        note += f"; the limit is that of the data, at {measured[1]:.4g} s"
     return replace(entry, low=0.0, high=high), note
 
 
-def _of_data(
-    wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int, limit: float
-) -> tuple[float, float] | None:
-    """Least upper limit of the measured Allan deviation without its lines, and its τ (s); None where the model holds.
+def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> tuple[float, float] | None:
+    """Least upper limit of the measured Allan deviation without its lines, and its τ (s).
 
-    The model does not hold if at a level where the lowest point may lie, one whose lower limit is not above the least
-    upper limit, its curve is below the lower limit; or if its own `limit` is below all lower limits. With the Haar
-    filter the Allan variance is 2 ν²; with another one it is that of the model times the ratio of data to model.
+    With the Haar filter the Allan variance is 2 ν²; with another one it is that of the model times the ratio of data to
+    model. None where the levels beside the model's lowest point are not there: the data may say nothing of it.
     """
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
     # A variance of zero is that of a coarse output, not of its noise.
     seen = (wv.variance > 0) & (wv.upper > added) & (implied > 0)
     if not {n.bit_length(), (n - 1).bit_length() + 1} <= set(wv.levels[seen].tolist()):
-        return None  # the levels beside the model's lowest point are not there: the data may say nothing of it
-    sizes = np.left_shift(1, wv.levels[seen] - 1)
-    ours = np.sqrt(model.allan_variance(sizes, wv.rate))
-    low, high = (
-        ours * np.sqrt(np.maximum(end[seen] - added[seen], 0.0) / implied[seen]) for end in (wv.lower, wv.upper)
-    )
-    at = int(np.argmin(high))
-    if np.min(low) <= limit and not np.any((low <= high[at]) & (ours < low)):
         return None
+    sizes = np.left_shift(1, wv.levels[seen] - 1)
+    ours = model.allan_variance(sizes, wv.rate)
+    high = np.sqrt(ours * (wv.upper[seen] - added[seen]) / implied[seen])
+    at = int(np.argmin(high))
     return float(high[at]), float(sizes[at]) / wv.rate
 
 

@@ -31,7 +31,7 @@ def advice(found: FleetStatistics) -> list[str]:
         )
     elif any(row.searched for row in single):
         said.append(
-            f"no unit is unlike the others; the chance of a false alarm in a healthy fleet is {100 * found.size:g} %"
+            f"no unit is unlike the others; the chance of a false alarm in a healthy fleet is some {100 * found.size:g} %"
         )
     if 1 < found.units <= LEAST:
         said.append(
