@@ -31,7 +31,8 @@ def advice(found: FleetStatistics) -> list[str]:
         )
     elif any(row.searched for row in single):
         said.append(
-            f"no unit is unlike the others; the chance of a false alarm in a healthy fleet is some {100 * found.size:g} %"
+            "no unit is unlike the others; the chance of a false alarm in a healthy fleet is "
+            f"some {100 * found.size:g} %"
         )
     if 1 < found.units <= LEAST:
         said.append(

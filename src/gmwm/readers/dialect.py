@@ -1,6 +1,6 @@
 """How a text file is written: delimiter, decimal sign, comments, header, where the numbers begin.
 
-Decided on the first lines alone. Numbers are recognised by their look, so that titles, headers, rows of
+Decided on the first lines alone. Numbers and time stamps are recognised by their look, so that titles, headers, rows of
 units and comments above them fall out as what is left.
 """
 
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from gmwm.errors import ReadError
 from gmwm.readers.headers import clean, is_unit, recognise, unit_of
+from gmwm.readers.stamps import is_stamp, parted_stamp
 
 BLANKS = " "
 """The delimiter that stands for any run of blanks and tabs."""
@@ -52,6 +53,8 @@ class Dialect:
         For each column, whether the first rows hold integers only.
     rate : float or None
         Samples per second (Hz) where a comment states them.
+    stamps : tuple of bool
+        For each column, whether the first rows hold dates with times, or times of day, that are not all the same.
     """
 
     delimiter: str
@@ -66,6 +69,7 @@ class Dialect:
     first_row: tuple[str, ...]
     integers: tuple[bool, ...]
     rate: float | None = None
+    stamps: tuple[bool, ...] = ()
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -115,11 +119,15 @@ def detect(lines: list[str], path: object) -> Dialect:
     columns = fields - trailing
     header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
     comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
-    names, units = _header(header, body, comments, columns, delimiter, (path, first_line))
+    where = (path, first_line)
+    names, units = _parted(header, body, comments, data[0][:columns], delimiter, where) or _header(
+        header, body, comments, columns, delimiter, where
+    )
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     integers = tuple(all(re.fullmatch(r"[+-]?\d+", row[c]) for row in data) for c in range(columns))
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
+    stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
     return Dialect(
         delimiter,
         decimal_comma,
@@ -133,6 +141,7 @@ def detect(lines: list[str], path: object) -> Dialect:
         first_row,
         integers,
         _stated_rate(comments),
+        stamps,
     )
 
 
@@ -147,7 +156,7 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
             rows = [split(line, delimiter) for line in sample]
             fields, same = Counter(map(len, rows)).most_common(1)[0]
             cells = [cell for row in rows for cell in row]
-            numbers = sum(is_number(cell, decimal_comma) for cell in cells if cell)
+            numbers = sum(is_number(cell, decimal_comma) or is_stamp(cell) for cell in cells if cell)
             filled = sum(bool(cell) for cell in cells) or 1
             score = (round(numbers / filled, 1), round(same / len(rows), 1), fields)
             if score > best_score and numbers:
@@ -176,6 +185,39 @@ def _trimmed(cells: list[str], columns: int) -> list[str]:
     while len(cells) > columns and cells[-1] == "":
         cells = cells[:-1]
     return cells
+
+
+def _parted(
+    header: list[tuple[int, list[str]]],
+    body: list[tuple[int, str]],
+    comments: list[str],
+    row: list[str],
+    delimiter: str,
+    where: tuple[object, int],
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Names and units where the delimiter parts the stamps too, and a name stands for both halves; None elsewhere.
+
+    Raises
+    ------
+    ReadError
+        If it parts the fraction of a second from the rest.
+    """
+    at = parted_stamp(row)
+    if at is None or any(len(cells) == len(row) for _, cells in header):
+        return None
+    try:
+        names, units = _header(header, body, comments, len(row) - 1, delimiter, where)
+    except ReadError:
+        return None
+    if not names:
+        return None
+    if delimiter != BLANKS:
+        raise ReadError(
+            f"{where[0]}, line {where[1]}: the time stamps have a comma before the fraction of a second "
+            f"({','.join(row[at : at + 2])!r}), and commas part the columns too; write a point there, or put the "
+            "stamps in quotes"
+        )
+    return (*names[:at], "date", *names[at:]), (*units[:at], "", *units[at:]) if units else ()
 
 
 def _header(

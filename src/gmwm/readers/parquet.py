@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
     import polars as pl
@@ -77,18 +78,19 @@ class ParquetReader(Reader):
             if frame.is_empty():
                 return
             columns = zip(wanted, names, strict=True)
-            yield {k: _numbers(frame.get_column(name), path, row) for k, name in columns}
+            yield {k: _numbers(frame.get_column(name), path, row, layout.first_row[k]) for k, name in columns}
             row += frame.height
 
 
-def _numbers(series: pl.Series, path: Path, row: int) -> NDArray[Any]:
-    """A column as an array, or an error at the first cell that is no number."""
+def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
+    """A column as an array, or an error at the first cell that is no number; `first` is that of the file."""
     import polars as pl
 
     dtype = series.dtype
+    dated = dtype == pl.String and is_stamp(first) and not is_time_of_day(first)
     if isinstance(dtype, pl.Datetime):
         series = series.to_physical()
-    elif not (dtype.is_numeric() or dtype == pl.Null):
+    elif not dated and not (dtype.is_numeric() or dtype == pl.Null):
         raise ReadError(
             f"{path}: column {series.name!r} holds {dtype}, expected numbers; name other columns with columns="
         )
@@ -98,6 +100,15 @@ def _numbers(series: pl.Series, path: Path, row: int) -> NDArray[Any]:
             f"{path}: column {series.name!r} has no value in row {at}; remove or fill such rows first "
             "(a sample that is missing is a gap, not a zero)"
         )
+    if dated:
+        times = times_of(series, first)
+        if (unknown := np.isnat(times)).any():
+            at = int(np.argmax(unknown))
+            raise ReadError(
+                f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}; "
+                'repair it, or leave the column out with columns={"time": None} and pass rate='
+            )
+        return times.view(np.int64)
     integer = series.dtype.is_integer()
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
         raise ReadError(f"{path}: column {series.name!r} holds numbers beyond 2^63; is it damaged?")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,13 +19,12 @@ from gmwm.readers.base import Layout, Reader, existing_file, find_reader
 from gmwm.readers.columns import Choice, Columns, choose, described
 from gmwm.readers.factors import checked_increments, checked_scale, multiply
 from gmwm.readers.scales import Scales, checked_units, resolve, time_unit
+from gmwm.readers.stamps import holds_stamps, require_readable
 from gmwm.readers.timebase import Timing, as_stamps, beside_stated, timing, unstamped
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.units import SI_UNIT
 
 Gaps = Literal["keep", "longest"]
-
-_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d\d?:\d\d")
 
 
 def read(
@@ -204,7 +202,13 @@ def _apart(layouts: Sequence[Layout]) -> str:
 
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
-    """There must be stamps or a rate, and the stamps must be numbers."""
+    """There must be stamps or a rate, and the stamps must be numbers, dates with times, or times of day."""
+    for role, column in choice.columns.items():
+        if role != "time" and holds_stamps(layout, column):
+            raise ReadError(
+                f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
+                "expected numbers; name another column for it with columns="
+            )
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
             raise ReadError(f"{path}: {layout.stray_time}; repair the file, or pass rate= to read it without stamps")
@@ -215,11 +219,8 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
             )
         return
     k = choice.columns["time"]
-    if not layout.channels[k].axis and k < len(layout.first_row) and _DATE.search(layout.first_row[k]):
-        raise ReadError(
-            f"{path}: the time column holds dates ({layout.first_row[k]!r}), expected seconds or parts of them; "
-            'convert it, or leave it out with columns={"time": None} and pass rate='
-        )
+    if not layout.channels[k].axis and k < len(layout.first_row):
+        require_readable(layout.first_row[k], path)
 
 
 def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict[str, NDArray[Any]]:

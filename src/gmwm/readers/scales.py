@@ -16,6 +16,8 @@ from gmwm.errors import OptionError, UnitError
 from gmwm.readers.base import Layout
 from gmwm.readers.columns import Choice
 from gmwm.readers.headers import LONG_TIME_UNITS, TIME_UNITS, named_unit, recognise, unit_of, unknown_unit
+from gmwm.readers.stamps import UNIT as STAMPS
+from gmwm.readers.stamps import described, holds_stamps
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY, Quantity, Unit, find_unit, parse_unit, unit_names
 
@@ -62,8 +64,18 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
     ------
     UnitError
         If the file names a unit that is not known: sizes and intervals may tell a unit that nobody named, not that one.
+        If a unit is declared for dates and times.
     """
-    channel = layout.channels[choice.columns["time"]]
+    column = choice.columns["time"]
+    channel = layout.channels[column]
+    if holds_stamps(layout, column):
+        unit = channel.unit if channel.unit in TIME_UNITS else STAMPS
+        if declared.get("time", unit) != unit:
+            raise UnitError(
+                f"the time column {channel.name!r} holds dates and times ({layout.first_row[column]!r}), which have no "
+                f'unit; got units={{"time": "{declared["time"]}"}}: drop it'
+            )
+        return unit, described(layout.first_row[column])
     said = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
     unknown = "" if said else unknown_unit(channel.name, channel.unit, "time")
     if "time" in declared:

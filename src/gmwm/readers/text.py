@@ -11,8 +11,9 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NoReturn
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, 
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
 from gmwm.readers.headers import recognise, unit_of
 from gmwm.readers.sources import FileSource
+from gmwm.readers.stamps import UNIT, Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
     import polars as pl
@@ -71,7 +73,12 @@ class TextReader(Reader):
         return self.rows(FileSource(path), layout, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """The blocks; their rows are counted, which takes a pass over the file, but parses no number."""
+        """The blocks; their rows are counted, which takes a pass over the file, but parses no number.
+
+        None where a column holds times of day, whose midnights must be followed from the first.
+        """
+        if any(map(is_time_of_day, layout.state.first_row)):
+            return ()
         source, row, marks = FileSource(path), 0, []
         parser = _Parser(source, layout.state, layout, ())
         for place, block in _blocks(source, layout.state.first_line):
@@ -89,11 +96,14 @@ class TextReader(Reader):
         """The columns of the text that a source holds, packed or not."""
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
-        channels = []
+        told, channels = _told_by_stamps(dialect), []
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
-            channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
+            if dialect.stamps[k]:
+                channels.append(Channel(name, UNIT, "time" if k == told else ""))
+            else:
+                channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Packed bytes say themselves whether they are whole.
         notes = (_NO_END,) if source.seekable and _is_open(source) else ()
         return Layout(
@@ -110,6 +120,14 @@ class TextReader(Reader):
             chunk = parser.parse(block, begin.line)
             if chunk is not None:
                 yield chunk
+
+
+def _told_by_stamps(dialect: Dialect) -> int | None:
+    """The column that is the time because dates with times stand in it, or times of day, where no name says time."""
+    if not dialect.names or any(recognise(name).axis == "time" for name in dialect.names):
+        return None
+    found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
+    return min(found, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)
 
 
 def _head_lines(source: FileSource) -> list[str]:
@@ -180,7 +198,10 @@ class _Parser:
         cells = enumerate(dialect.first_row)
         self.long = {k for k, cell in cells if dialect.integers[k] and len(cell.lstrip("+-")) > _BIG_INTEGER}
         self.schema: dict[str, type[pl.DataType]] = {str(k): pl.String for k in range(dialect.fields)}
-        self.schema |= {str(k): pl.Int64 if k in self.long else pl.Float64 for k in wanted}
+        self.stamps = {k: dialect.first_row[k] for k in wanted if is_stamp(dialect.first_row[k])}
+        self.midnights = {k: Midnights() for k, first in self.stamps.items() if is_time_of_day(first)}
+        numbers = [k for k in wanted if k not in self.stamps]
+        self.schema |= {str(k): pl.Int64 if k in self.long else pl.Float64 for k in numbers}
         # The last column is always read: a short row shows there, whichever axes are wanted.
         self.projection = sorted({*wanted, dialect.columns - 1})
         self.sign = dialect.comment.encode()
@@ -190,7 +211,19 @@ class _Parser:
         frame = self._table(block, line)
         if frame is None:
             return None
-        return {k: np.ascontiguousarray(frame.get_column(str(k)).to_numpy()) for k in self.wanted}
+        chunk = {}
+        for k in self.wanted:
+            column = frame.get_column(str(k))
+            if k not in self.stamps:
+                chunk[k] = np.ascontiguousarray(column.to_numpy())
+                continue
+            times = times_of(column, self.stamps[k])
+            if (unknown := np.isnat(times)).any():
+                self._explain_stamp(block, line, k, int(np.argmax(unknown)))
+            chunk[k] = times.view(np.int64)
+            if k in self.midnights:
+                chunk[k] = self.midnights[k].continued(chunk[k])
+        return chunk
 
     def count(self, block: bytes, line: int) -> int:
         """How many rows `parse` finds in a block; only where quotes or comments are in it, it is parsed."""
@@ -250,13 +283,7 @@ class _Parser:
     def _explain(self, block: bytes, line: int) -> None:
         """Raise the error that the first bad line of a block deserves."""
         d = self.dialect
-        for number, raw in enumerate(block.split(b"\n"), line):
-            try:
-                text = raw.decode("utf-8").strip("\r")
-            except UnicodeDecodeError:
-                text = raw.decode("latin-1").strip("\r")
-            if not text.strip() or comment_sign(text) == d.comment != "":
-                continue
+        for number, text in self._lines(block, line):
             cells = split(text, d.delimiter)
             if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
                 last = not block.endswith(b"\n") and number == line + block.count(b"\n")
@@ -268,13 +295,40 @@ class _Parser:
             for k in self.wanted:
                 self._explain_cell(cells[k], k, number)
 
+    def _lines(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
+        """The rows of a block that begins in `line`, each with its line."""
+        for number, raw in enumerate(block.split(b"\n"), line):
+            try:
+                text = raw.decode("utf-8").strip("\r")
+            except UnicodeDecodeError:
+                text = raw.decode("latin-1").strip("\r")
+            if text.strip() and not comment_sign(text) == self.dialect.comment != "":
+                yield number, text
+
+    def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
+        """Raise the error of the stamp in a row of a block, counted from 0."""
+        number, text = next(islice(self._lines(block, line), row, None))
+        cell = split(text, self.dialect.delimiter)[column]
+        last = not block.endswith(b"\n") and number == line + block.count(b"\n")
+        hint = "the file ends there: was it cut off?" if last else "repair or remove the line"
+        raise ReadError(
+            f"{self.source}, line {number}: column {self._name(column)!r} holds "
+            f"{what_is_wrong(cell, self.stamps[column])}; {hint}, or leave the column out with "
+            'columns={"time": None} and pass rate='
+        )
+
+    def _name(self, column: int) -> str:
+        return self.layout.channels[column].name or f"number {column}"
+
     def _explain_cell(self, cell: str, column: int, line: int) -> None:
-        name = self.layout.channels[column].name or f"number {column}"
+        name = self._name(column)
         if cell == "":
             raise ReadError(
                 f"{self.source}, line {line}: column {name!r} is empty; remove or fill such rows first "
                 "(a sample that is missing is a gap, not a zero)"
             )
+        if column in self.stamps:
+            return
         if not is_number(cell, self.dialect.decimal_comma):
             raise ReadError(
                 f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number; remove the "
