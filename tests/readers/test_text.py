@@ -222,3 +222,18 @@ def test_columns_by_name_index_and_order(tmp_path):
     assert imu.axes == ("gyro_z",)
     np.testing.assert_allclose(imu["gyro_z"].values, np.radians(VALUES[:, 0]), rtol=1e-15)
     assert read(nameless, columns={"accel_x": 4, "time": 0}, units={"accel": "m/s2"}).rate == 100
+
+
+@pytest.mark.parametrize(
+    ("form", "lost", "told"),
+    [("%.6f", 2, True), ("%.6f", 7, True), ("%.9e", 2, True), ("%.9e", 6, True), ("%.6f", 1, False), ("%d", 1, False)],
+)
+def test_a_number_that_was_cut_off_is_an_error_and_a_missing_line_end_is_none(tmp_path, form, lost, told):
+    numbers = np.random.default_rng(3).normal(9.8, 0.1, (200, 2)) * (1000 if form == "%d" else 1)
+    text = "gyro_x [rad/s],accel_z [m/s^2]\n" + "".join(f"{a:.3f},{form % b}\n" for a, b in numbers)
+    path = saved(tmp_path, text[:-lost])
+    if told:
+        with pytest.raises(ReadError, match=r"ends within a number.*as '.*was it cut off\? Remove the last line"):
+            read(path, rate=100.0)
+    else:
+        assert len(read(path, rate=100.0)["accel_z"]) == 200

@@ -100,6 +100,23 @@ def test_a_lost_burst_is_a_gap():
     assert base((k // 4) * 0.04).segments == ((0, 2000), (2000, 3988))
 
 
+@pytest.mark.parametrize("loss", [0.06, 0.1, 0.3])
+def test_samples_lost_at_random_are_gaps_however_many(loss):
+    kept = np.flatnonzero(np.random.default_rng(1).random(20_000) > loss)
+    found = base(kept * 0.005)
+    assert found.base.rate == pytest.approx(200, rel=1e-12)
+    assert len(found.segments) == 1 + np.count_nonzero(np.diff(kept) > 1)
+
+
+@pytest.mark.parametrize("rate", [80.0, 90.0, 128.0])
+@pytest.mark.parametrize("late", [0.0, 0.001])
+def test_rounded_stamps_are_no_lost_samples(rate, late):
+    k = np.arange(20_000)
+    found = base(np.floor((k / rate + late * np.random.default_rng(2).random(k.size)) / 0.01) * 0.01)
+    assert found.base.rate == pytest.approx(rate, rel=1e-3)
+    assert len(found.segments) == 1
+
+
 def test_rounded_stamps_use_the_mean_and_say_so():
     found = base(np.round(np.arange(3000) / 128, 2))
     assert found.base.rate == pytest.approx(128, rel=1e-3)

@@ -33,6 +33,10 @@ BLOCK_BYTES = 8 << 20
 LINE_BYTES = 8 * BLOCK_BYTES
 """Bytes in a line that are not waited for any longer."""
 
+TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
+"""Where and with how many lines the last one is compared, if it has no line end."""
+_ENOUGH = 10  # lines that say how long numbers are
+
 _BIG_INTEGER = 15  # digits that float64 always holds
 _BLANK_LINE, _BLANK_START = re.compile(rb"\n(?=[ \t\r]*\n)"), re.compile(rb"[ \t\r]*\n")
 _BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*\n)+")
@@ -105,7 +109,7 @@ class TextReader(Reader):
             else:
                 channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Packed bytes say themselves whether they are whole.
-        notes = (_NO_END,) if source.seekable and _is_open(source) else ()
+        notes = (_NO_END,) if source.seekable and _is_open(source, dialect.delimiter) else ()
         return Layout(
             tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, notes=notes, state=dialect
         )
@@ -150,11 +154,28 @@ def _head_lines(source: FileSource) -> list[str]:
     return text.replace("\r\n", "\n").split("\n")
 
 
-def _is_open(source: FileSource) -> bool:
-    """Whether the last line ends with the file, without a line end."""
+def _is_open(source: FileSource, delimiter: str) -> bool:
+    """Whether the last line ends with the file, without a line end; an error if its last number was cut off there."""
     with source.open() as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read(1) not in b"\r\n"
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - TAIL_BYTES))
+        *lines, last = file.read().decode("latin-1").split("\n")
+    if not last.strip("\r") or last.endswith("\r"):
+        return False
+    *others, cut = (split(line.strip("\r"), delimiter)[-1] for line in [*lines[-TAIL_LINES:], last] if line.strip())
+    others = [cell for cell in others if is_number(cell)]
+    if len(others) >= _ENOUGH and is_number(cut) and _lacks_digits(cut, others):
+        raise ReadError(
+            f"{source} ends within a number: its last line ends in {cut!r}, without a line end, and the lines before "
+            f"in numbers as {others[-1]!r}; was it cut off? Remove the last line"
+        )
+    return True
+
+
+def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
+    """Whether a number is shorter than all others are, or has not the exponent that all of them have."""
+    powers = [len(other.lower().partition("e")[2].lstrip("+-")) for other in (cell, *others)]
+    return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
 
 
 def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:

@@ -27,6 +27,9 @@ FARTHEST = 512
 """Stamps on either side of a long interval that say whether it is a gap, at the most."""
 
 _WINDOW = 64  # intervals over which the nominal one is averaged: rounding of single stamps fades
+_SHORT, _LONG = 64, 1024  # stamps over which lost samples and rounding are told apart
+_BY_CHANCE = 0.7  # standard deviation over mean of distances that are those of chance (1), not regular (0)
+_WHOLE = 0.05  # of an interval: how near to whole multiples intervals between lost samples are
 _PLAUSIBLE = (0.1, 1e5)  # Hz, for a unit that nobody named
 _USUAL = 1e4  # Hz, the highest rate that is believed where a lower one is possible
 _EPOCH = (1e9, 2.2e9)  # seconds since 1970 of the years 2001 to 2039
@@ -209,9 +212,38 @@ def nominal_interval(ticks: Vector, declared: float | None = None) -> float:
         # Long intervals are rare: they are gaps. Rounding makes the average better than one interval.
         regular = average <= 0 or not 0.5 < average / single < GAP or abs(average / single - 1) <= 1e-9
         return single if regular else average
+    if _samples_are_missing(ticks, single, average):
+        return single
     # Long intervals are common: samples come in bursts. Averages over many bursts fade their steps.
     burst = float(np.median(long)) / average if long.size else 1.0
     return _average(ticks, max(_WINDOW, int(8 * burst**2)))
+
+
+def _samples_are_missing(ticks: Vector, single: float, average: float) -> bool:
+    """Whether long intervals are samples lost at random from a clock of the interval `single`.
+
+    Then all intervals are whole multiples of it, the long ones come as irregularly as chance has it, and the stamps
+    leave any uniform clock as a random walk does. Those that are rounded or come in bursts have long intervals at
+    regular distances, and stay near a uniform clock however long they are looked at.
+    """
+    steps = np.diff(ticks)
+    if steps.size < 4 * _LONG or not single > 0 or not 1 < average / single < GAP:
+        return False
+    turns = np.round(steps / single)
+    if np.any(turns < 1) or np.any(np.abs(steps - turns * single) > _WHOLE * single):
+        return False
+    apart = np.diff(np.flatnonzero(turns > 1))
+    short, long = (_strays(ticks / single, window) for window in (_SHORT, _LONG))
+    return bool(np.std(apart) > _BY_CHANCE * np.mean(apart)) and long > 2 * short and long > 2
+
+
+def _strays(turns: Vector, window: int) -> float:
+    """How far stamps stray from the line through the ends of a window, at most; the median over all windows."""
+    count = turns.size // window
+    pieces = turns[: count * window].reshape(count, window)
+    ramp = np.linspace(0.0, 1.0, window)
+    away = pieces - pieces[:, :1] - ramp * (pieces[:, -1:] - pieces[:, :1])
+    return float(np.median(np.ptp(away, axis=1)))
 
 
 def _average(ticks: Vector, window: int) -> float:
@@ -296,7 +328,7 @@ def _interval(stamps: Stamps, steps: Vector, segments: tuple[tuple[int, int], ..
     by_median = f"would be {stamps.per_second / median:.6g} Hz" if median > 0 else "is 0"
     return mean, (
         f"rate from the mean interval: the stamps' median interval {by_median}, but they keep pace with "
-        f"{stamps.per_second / mean:.6g} Hz (rounded, or stamped in bursts?)"
+        f"{stamps.per_second / mean:.6g} Hz (rounded, stamped in bursts, or do samples miss at regular distances?)"
     )
 
 
