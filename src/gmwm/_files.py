@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +35,28 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             # As of a disk that is full: the name is that of the file that was wanted.
             raise OSError(error.errno, error.strerror, str(target)) from error
         raise
+
+
+@contextmanager
+def written_together(folder: Path) -> Iterator[Path]:
+    """Yield a folder for files that belong together; they go to `folder` if the block ends without an error.
+
+    So no file of this run stands beside those of an earlier one where it was interrupted.
+    """
+    room = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    try:
+        yield room
+        for file in sorted(room.iterdir()):
+            try:
+                file.replace(folder / file.name)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(folder / file.name)) from error
+    except OSError as error:
+        if error.errno is not None and error.filename and Path(error.filename).parent == room:
+            raise OSError(error.errno, error.strerror, str(folder / Path(error.filename).name)) from error
+        raise
+    finally:
+        shutil.rmtree(room, ignore_errors=True)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:

@@ -32,7 +32,7 @@ Reason = Literal["few", "rounded", "nothing"]
 
 _REASONS: Mapping[str, str] = {
     "few": "too few coefficients",
-    "rounded": "the steps of the rounding rule",
+    "rounded": "the output's steps outweigh its noise",
     "nothing": "there is no noise",
 }
 

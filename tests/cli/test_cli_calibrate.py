@@ -138,6 +138,21 @@ def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, tmp_path):
     assert "imu.yaml" not in outcome.out
 
 
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_what_stops_a_second_run_leaves_all_files_of_the_first(gmwm, recording, tmp_path, monkeypatch, error):
+    assert gmwm("calibrate", recording, "--within", "WN", "--output", tmp_path).code == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert sorted(before) == FILES
+
+    def stop(*_, **__):
+        raise error
+
+    monkeypatch.setattr("gmwm.reports.report", stop)
+    outcome = gmwm("calibrate", recording, "--within", "WN + RW", "--output", tmp_path)
+    assert outcome.code == (130 if error is KeyboardInterrupt else 2)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_gaps_are_told_in_words_of_no_language(gmwm, broken):
     outcome = gmwm("calibrate", broken, "--within", "WN")
     words = " ".join(outcome.out.split())

@@ -157,3 +157,10 @@ def test_all_at_once_has_them_too(bad, tmp_path):
     for format, path in written.items():
         assert "gyro_z (its variance at" in words(path.read_text(encoding="utf-8")), format
     assert math.isfinite(json.loads(written["json"].read_text(encoding="utf-8"))["horizon"])
+
+
+def test_a_ramp_in_matrices_is_told():
+    drifting = {**TRUTHS["no-walk"], "gyro_z": "WN(sigma2=1e-6) + DR(omega=1e-6)"}
+    said = words(export(calibrated(drifting, "WN + DR"), format="state-space"))
+    assert "CAUTION: DR of gyro_z: the ramp of this recording, known without error here (P0 = 0)." in said
+    assert "P0 = 0" not in words(export(calibrated(TRUTHS["no-walk"], "WN + RW"), format="state-space"))

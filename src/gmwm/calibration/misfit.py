@@ -97,7 +97,8 @@ def about_rejected(axes: Mapping[str, AxisCalibration]) -> list[str]:
     if near:
         said.append(
             f"{', '.join(near)}: the test rejects even the recommended model: some level is off by more than chance. "
-            "The values still describe the curve; their intervals are too narrow"
+            "The values still describe the curve, but may be off by several of their intervals: what a term that is "
+            "missing made, others took"
         )
     for axis, at in far.items():
         said.append(

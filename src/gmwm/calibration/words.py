@@ -270,6 +270,7 @@ def _about_errors(calibration: Calibration) -> list[str]:
         way = f"; {100 * WANTED:g} % takes {length_text(min(finite))}" if finite else ""
         if finite and max(finite) > min(finite):
             way += f" to {length_text(max(finite))}"
+        way += " at most" if finite else ""
         if any(seconds == math.inf for seconds in lengths):
             way += "; of some a longer record hardly tells more: hold them with fixed(…), or take a smaller model"
         said.append(f"{axis}: {', '.join(found.needed)} known to no better than {100 * SEEN:g} %{way}")

@@ -151,19 +151,21 @@ def calibrated(
 def write_all(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
 ) -> list[Path]:
-    """The document, the page, the summary and the pictures, each whole or not at all."""
-    from gmwm._files import write_text
+    """The document, the page, the summary and the pictures, all of them or none."""
+    from gmwm._files import write_text, written_together
     from gmwm.cli.errors import as_options
     from gmwm.cli.output import progress
 
     names = ("calibration.json", "report.html", "summary.txt", "calibration.png", "by_sensor.png")
-    document, page, text, grid, by_sensor = (folder / name for name in names)
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
-    found.save(document)
-    write_text(text, as_options(found.summary()) + "\n")
-    with progress("drawing"):
-        found.plot(view=view, units=system, path=grid)
-        found.plot(split=False, view=view, units=system, path=by_sensor)
-    with progress("writing the report"):
-        found.report(page)
-    return [document, page, text, grid, by_sensor, *written_for_kalibr(found, folder)]
+    with written_together(folder) as room:
+        document, page, text, grid, by_sensor = (room / name for name in names)
+        found.save(document)
+        write_text(text, as_options(found.summary()) + "\n")
+        with progress("drawing"):
+            found.plot(view=view, units=system, path=grid)
+            found.plot(split=False, view=view, units=system, path=by_sensor)
+        with progress("writing the report"):
+            found.report(page)
+        kalibr = written_for_kalibr(found, room, folder)
+    return [folder / name for name in (*names, *kalibr)]

@@ -141,23 +141,24 @@ def _tell_left(left: Mapping[str, str], told: list[str]) -> None:
         tell(told, f"not written: {', '.join(names)}: {each}{why}")
 
 
-def written_for_kalibr(found: Calibration, folder: Path) -> list[Path]:
-    """imu.yaml, if gyroscopes and accelerometers are calibrated and the data bound what it needs; an old one goes."""
+def written_for_kalibr(found: Calibration, room: Path, folder: Path) -> list[str]:
+    """imu.yaml in `room`, if both sensors are calibrated and the data bound what it needs; else `folder`'s own goes."""
     import warnings
 
     from gmwm.exporters import export as exported
 
-    target = folder / "imu.yaml"
+    target = room / "imu.yaml"
     if {"gyro", "accel"} <= {axis.rpartition("_")[0] for axis in found}:
         try:
             exported(found, target)
         except (DataError, MissingTheoryError) as error:
             warnings.warn(f"{target.name} is not written: {error}", GmwmWarning, stacklevel=2)
         else:
-            return [target]
+            return [target.name]
     # Another run would have written over it; beside the new numbers it would be taken for theirs.
-    if target.is_file():
-        target.unlink()
+    old = folder / target.name
+    if old.is_file():
+        old.unlink()
         warnings.warn(f"the {target.name} of an earlier run is removed: it is not of this calibration", GmwmWarning,
                       stacklevel=2)  # fmt: skip
     return []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import require_matrices, rows
 from gmwm.exporters.words import commented, plain, recording
+from gmwm.likelihood.system import is_ramp
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -88,13 +89,29 @@ class StateSpaceFile(Exporter):
         head = commented(
             [
                 f"Noise of an IMU as {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                *recording(calibration), *_MEANING,
+                *recording(calibration), *_ramps(calibration), *_MEANING,
             ],
             "#",
         )  # fmt: skip
         axes = {plain(axis): axis_matrices(axis, calibration) for axis in calibration}
         table = pformat(axes, indent=1, width=110, sort_dicts=False)
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
+
+
+def _ramps(calibration: Calibration) -> list[str]:
+    """What a filter must know of terms without any chance in them, which are here with P0 = 0."""
+    told = {}
+    for axis, fit in calibration.items():
+        terms = zip(fit.model.terms, fit.model.processes, strict=True)
+        if found := [term for term, process in terms if is_ramp(process, fit.wavelet_variance.rate)]:
+            told[axis] = found
+    if not told:
+        return []
+    where = ", ".join(f"{term} of {axis}" for axis, terms in told.items() for term in terms)
+    return [
+        f"CAUTION: {where}: the ramp of this recording, known without error here (P0 = 0). That of another recording "
+        "is another one: in a filter leave its states out, or start its slope at zero with a variance."
+    ]
 
 
 def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:

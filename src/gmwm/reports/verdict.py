@@ -127,7 +127,7 @@ def _about_fit(calibration: Calibration, useless: Mapping[str, Misfit]) -> list[
             _point(
                 "look",
                 f"On {', '.join(bad)} some scale is off the model by more than chance: the values describe the curve, "
-                "but the truth may lie outside their intervals.",
+                "but the truth may lie far outside their intervals.",
             )
         ]
     if len(useless) == len(calibration.axes):
@@ -146,7 +146,11 @@ def _about_outliers(calibration: Calibration) -> dict[str, Any]:
     if not looked:
         return _point("look", "Outliers were not looked for.")
     if not struck:
-        return _point("good", "No outliers raise the curves.")
+        blind = [axis for axis, found in looked.items() if not found.tested.any()]
+        if len(blind) == len(looked):
+            return _point("look", "Whether outliers raise the curves could not be tested.")
+        untold = f"; not tested: {', '.join(blind)}" if blind else ""
+        return _point("look" if blind else "good", f"No outliers raise the curves{untold}.")
     left = [axis for axis in struck if calibration.axes[axis].fit.wavelet_variance.robust]
     kept = [axis for axis in struck if axis not in left]
     parts = [f"left out of {', '.join(left)}"] if left else []
