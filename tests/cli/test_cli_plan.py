@@ -29,6 +29,20 @@ def test_it_prints_the_summary_and_draws(gmwm, tmp_path):
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_folder_stands_for_what_is_in_it(gmwm, fits, tmp_path):
+    arguments = ("--axis", "gyro_y", "--duration", "1d", "--json")
+    of_file, of_folder = (gmwm("plan", "--from-fits", path, *arguments).json for path in (fits, fits.parent))
+    assert of_folder["needed"] == of_file["needed"]
+    outcome = gmwm("plan", "--from-fits", tmp_path, *arguments)
+    assert outcome.err == f"error: {tmp_path} holds no fits.json or calibration.json\n"
+    for name in ("fits.json", "calibration.json"):
+        (tmp_path / name).write_bytes(fits.read_bytes())
+    assert (
+        "holds both fits.json and calibration.json: name the file"
+        in gmwm("plan", "--from-fits", tmp_path, *arguments).err
+    )
+
+
 def test_json_is_the_library_s(gmwm):
     content = gmwm("plan", MODEL, "--rate", 100, "--duration", "1min", "--weighting", "optimal", "--json").json
     plan = library.plan(MODEL, duration=60.0, rate=100.0, weighting="optimal")

@@ -19,6 +19,8 @@ from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.plots.fit import fit_panel
 from gmwm.reports.citation import citation
 from gmwm.reports.plotly import Scale, plotly_panel
+from gmwm.reports.verdict import verdict
+from gmwm.reports.write import _worded
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -271,3 +273,21 @@ def test_names_stay_names():
     assert "<i>" not in text
     assert "%{x}</a" not in text
     assert text.count("%{x") == text.count("%{x:.4~g}") == 1
+
+
+def test_names_between_backticks_are_code_and_nothing_else_is():
+    assert str(_worded("see `gmwm info` <b>`a<b`</b>")) == (
+        "see <code>gmwm info</code> &lt;b&gt;<code>a&lt;b</code>&lt;/b&gt;"
+    )
+
+
+def test_outliers_that_were_not_looked_for_on_all_axes_get_no_tick():
+    rng = np.random.default_rng(1)
+    fine, coarse = rng.normal(0.0, 1e-3, 20_000), np.round(rng.normal(0.0, 0.3, 20_000)) * 1e-3
+    said = {}
+    for name, axes in (("some", {"gyro_x": fine, "gyro_y": coarse}), ("none", {"gyro_y": coarse})):
+        imu = gmwm.Imu.from_arrays(axes, 100.0, units={"gyro": "rad/s"})
+        points = verdict(gmwm.calibrate(imu, "WN"))["points"]
+        (said[name],) = [point for point in points if "utliers" in point["text"]]
+    assert said["some"] == {"state": "look", "text": "No outliers raise the curves; not tested: gyro_y."}
+    assert said["none"] == {"state": "look", "text": "Whether outliers raise the curves could not be tested."}

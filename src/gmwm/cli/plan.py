@@ -147,7 +147,13 @@ def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
 
 
 def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """The recording that was fitted, where that is known, and the fit of each axis, from such a file."""
+    """The recording that was fitted, where that is known, and the fit of each axis, from such a file or its folder."""
+    if path.is_dir():
+        there = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
+        if len(there) != 1:
+            held = "both fits.json and calibration.json: name the file" if there else "no fits.json or calibration.json"
+            raise ReadError(f"{path} holds {held}")
+        (path,) = there
     try:
         content = json_module.loads(path.read_text(encoding="utf-8"))
         fits = _fits(content)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import html
 import json
 import os
+import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -75,6 +77,7 @@ def page(data: dict[str, Any]) -> str:
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["worded"] = _worded
     scripts = [_part("vendor/plotly-basic.min.js"), _part("page/report.js")]
     allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     policy = (
@@ -102,6 +105,11 @@ def _ours(text: str) -> Any:
     from markupsafe import Markup
 
     return Markup(text)
+
+
+def _worded(text: str) -> Any:
+    """A text of ours, in which names of commands and options stand between backticks."""
+    return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", html.escape(text)))
 
 
 @cache
