@@ -81,14 +81,14 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
         return replace(entry, low=value / reach, high=value * reach), None
     high = value * reach
     measured = _of_data(wv, model, lines, n)
-    if measured is not None and factor * measured[0] > high:
-        high = factor * measured[0]
-        note += f"; the limit is that of the data, at {measured[1]:.4g} s"
+    if measured is not None and factor * measured > high:
+        high = factor * measured
+        note += "; the limit is that of the data"
     return replace(entry, low=0.0, high=high), note
 
 
-def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> tuple[float, float] | None:
-    """Least upper limit of the measured Allan deviation without its lines, and its τ (s).
+def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
+    """Least upper limit of the measured Allan deviation without its lines.
 
     With the Haar filter the Allan variance is 2 ν²; with another one it is that of the model times the ratio of data to
     model. None where the levels beside the model's lowest point are not there: the data may say nothing of it.
@@ -102,8 +102,7 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
     sizes = np.left_shift(1, wv.levels[seen] - 1)
     ours = model.allan_variance(sizes, wv.rate)
     high = np.sqrt(ours * (wv.upper[seen] - added[seen]) / implied[seen])
-    at = int(np.argmin(high))
-    return float(high[at]), float(sizes[at]) / wv.rate
+    return float(high.min())
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
