@@ -1,4 +1,4 @@
-# Needs Python >= 3.11 (with venv and headers), g++ and make; the rest comes from the package index into .venv.
+# Needs Python >= 3.11 (with venv and headers), g++ >= 11 and make; the rest comes from the package index into .venv.
 # Another interpreter: make test PYTHON=python3.12
 
 PYTHON ?= python3

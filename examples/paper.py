@@ -211,7 +211,7 @@ def fits_of(rankings: Mapping[str, gmwm.Ranking]) -> dict[str, gmwm.Fit]:
 
 def published(file: Path) -> dict[str, gmwm.WaveletVariance]:
     """Wavelet variances with their limits, by axis."""
-    record = json.loads(file.read_text())
+    record = json.loads(file.read_text(encoding="utf-8"))
     return {
         axis: gmwm.WaveletVariance.from_values(
             values,

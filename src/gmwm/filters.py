@@ -165,6 +165,16 @@ def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
     Daubechies filters the other way round in time (db2 is d4 reversed) under as many names as vanishing moments;
     sym4 is la8. Direction changes no variance.
 
+    Parameters
+    ----------
+    filter : str or WaveletFilter
+        A name, in capitals or not, or a filter, which comes back as it is.
+
+    Returns
+    -------
+    WaveletFilter
+        With its coefficients; each name is looked up once.
+
     Raises
     ------
     OptionError
@@ -174,6 +184,8 @@ def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
 
     Examples
     --------
+    >>> find_filter("la8").length, find_filter("la8").vanishing_moments
+    (8, 4)
     >>> find_filter("mb4").adjustment <= 1e-7
     True
     """

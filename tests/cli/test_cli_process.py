@@ -11,7 +11,7 @@ from rich.text import Text
 from typer.main import get_command
 
 import gmwm as library
-from gmwm.cli.main import app
+from gmwm.cli.main import app, speak
 from gmwm.processes import registry
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
@@ -98,6 +98,54 @@ def test_tables_in_a_pipe_are_plain_and_narrow(recording):
     assert "\x1b" not in out
     assert "…" not in out
     assert max(map(len, out.splitlines())) <= 80
+
+
+# As on Windows, whose pipes are in a code page of its own.
+CP1252 = """
+import sys
+for stream in (sys.stdout, sys.stderr):
+    stream.reconfigure(encoding="cp1252")
+sys.argv[0] = "gmwm"
+from gmwm.cli.main import run
+run()
+"""
+
+
+def run_in_a_code_page(*arguments, **asked):
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYTHONIOENCODING", "PYTHONUTF8")}
+    return subprocess.run(
+        [sys.executable, "-c", CP1252, *map(str, arguments)],
+        capture_output=True, timeout=120, check=True, env={**environment, **asked},
+    )  # fmt: skip
+
+
+def test_pipes_and_files_are_utf_8_on_every_system(recording):
+    table = run_in_a_code_page("calibrate", recording, "--axis", "gyro_x", "--within", "WN + RW")
+    assert "deg/√h" in table.stdout.decode("utf-8")
+    warned = run_in_a_code_page("wv", recording, "--skip", "1s-2s", "--json")
+    assert json.loads(warned.stdout.decode("utf-8"))["command"] == "wv"
+    assert warned.stderr.decode("utf-8").startswith("warning: ")
+
+
+@pytest.mark.parametrize("asked", [{"PYTHONIOENCODING": "cp1252"}, {"PYTHONUTF8": "0"}], ids=str)
+def test_an_encoding_that_is_asked_for_stays_and_json_is_whole_in_it(recording, asked):
+    table = run_in_a_code_page("fit", recording, "--axis", "gyro_x", "--model", "WN", **asked)
+    assert "²".encode("cp1252") in table.stdout
+    result = run_in_a_code_page("fit", recording, "--axis", "gyro_x", "--model", "WN", "--json", **asked)
+    assert result.stdout.isascii()
+    assert "(rad/s)²" in json.loads(result.stdout)["axes"]["gyro_x"]["units"].values()
+
+
+@POSIX
+def test_a_terminal_keeps_its_encoding():
+    leader, follower = os.openpty()
+    try:
+        with open(follower, "w", encoding="ascii") as terminal:
+            speak(terminal)
+            terminal.write("σ²")
+        assert (terminal.encoding, os.read(leader, 8)) == ("ascii", b"??")
+    finally:
+        os.close(leader)
 
 
 def test_an_ascii_terminal_is_no_obstacle(recording):

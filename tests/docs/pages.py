@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import re
 import shlex
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 DOCS = Path(__file__).parents[2] / "docs"
-BLOCK = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(python|sh|text|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PRINTED = "printed.json"
+"""What each block printed, by its line on the page: written where a page was run."""
 
 
 def pages() -> list[Path]:
@@ -19,11 +26,54 @@ def pages() -> list[Path]:
     return sorted(page for page in DOCS.rglob("*.md") if generated not in page.parents)
 
 
-def blocks(page: Path) -> list[tuple[int, str, str]]:
-    """Line of the page, language and code of each block that runs; of shells only what calls gmwm."""
+def fenced(page: Path) -> list[tuple[int, str, str]]:
+    """Line of the page, language and text of each block of code or of what it prints."""
     text = page.read_text(encoding="utf-8")
-    found = [(text.count("\n", 0, block.start(2)), block[1], block[2]) for block in BLOCK.finditer(text)]
-    return [(line, language, code) for line, language, code in found if language == "python" or commands(code)]
+    return [(text.count("\n", 0, block.start(2)), block[1], block[2]) for block in BLOCK.finditer(text)]
+
+
+def blocks(page: Path) -> list[tuple[int, str, str]]:
+    """Those that run; of shells only what calls gmwm, of consoles what does so behind a `$`."""
+    found = []
+    for line, language, text in fenced(page):
+        code = prompted(text) if language == "console" else text
+        if language == "python" or (language != "text" and commands(code)):
+            found.append((line, language, code))
+    return found
+
+
+def prompted(text: str) -> str:
+    """What somebody typed in a console."""
+    return "".join(f"{line[2:]}\n" for line in text.splitlines() if line.startswith("$ "))
+
+
+class Shown(NamedTuple):
+    """A block that shows what was printed, or what stands in a file."""
+
+    line: int
+    text: str
+    above: list[int]
+    """Lines of the blocks that it may come from: those that run between it and the last that was shown."""
+    files: list[str]
+    """Names in those, and in the paragraph above it, that may be of files."""
+
+
+def shown(page: Path) -> list[Shown]:
+    """Each block of a page that is no code."""
+    text = page.read_text(encoding="utf-8").splitlines()
+    running = {line: code for line, _, code in blocks(page)}
+    found: list[Shown] = []
+    above: list[int] = []
+    for line, language, shows in fenced(page):
+        if line in running:
+            above.append(line)
+        if language in ("text", "console"):
+            before = "\n".join(text[: line - 1]).rstrip().rpartition("\n\n")[2]
+            words = "\n".join([before, *(running[one] for one in above)])
+            answer = "".join(f"{row}\n" for row in shows.splitlines() if not row.startswith("$ "))
+            found.append(Shown(line, answer, above, re.findall(r"[\w./-]+\.\w+", words)))
+            above = []
+    return found
 
 
 def commands(code: str) -> list[str]:
@@ -33,18 +83,46 @@ def commands(code: str) -> list[str]:
 
 
 def run(page: Path) -> None:
-    """Run a page's blocks from top to bottom, in this folder and in one namespace."""
+    """Run a page's blocks from top to bottom, in this folder and in one namespace, and write down what they print."""
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     names: dict[str, object] = {"__name__": "__main__"}
+    printed: dict[int, str] = {}
     for line, language, code in blocks(page):
-        if language == "python":
-            # So many empty lines, so that an error names the line of the page.
-            exec(compile("\n" * line + code, str(page), "exec"), names)
-            continue
-        for command in commands(code):
-            done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=False)
-            if done.returncode:
-                raise SystemExit(f"{page}:{line}: {done.returncode} from {command}")
+        with listening(printed, line):
+            if language == "python":
+                # So many empty lines, so that an error names the line of the page.
+                exec(compile("\n" * line + code, str(page), "exec"), names)
+                continue
+            for command in commands(code):
+                done = subprocess.run(["bash", "-euo", "pipefail", "-c", command], check=False)
+                # In a console an error may be what is shown.
+                if done.returncode and language == "sh":
+                    raise SystemExit(f"{page}:{line}: {done.returncode} from {command}")
+    Path(PRINTED).write_text(json.dumps(printed), encoding="utf-8")
+
+
+@contextlib.contextmanager
+def listening(printed: dict[int, str], line: int) -> Iterator[None]:
+    """Note what this process and those it starts print, then what they say of errors, and print it after all."""
+    streams = (sys.stdout, sys.stderr)
+    with contextlib.ExitStack() as kept:
+        files = [kept.enter_context(tempfile.TemporaryFile()) for _ in streams]
+        before = [os.dup(number) for number in (1, 2)]
+        for number, (stream, file) in enumerate(zip(streams, files, strict=True), start=1):
+            stream.flush()
+            os.dup2(file.fileno(), number)
+        try:
+            yield
+        finally:
+            for number, (stream, old) in enumerate(zip(streams, before, strict=True), start=1):
+                stream.flush()
+                os.dup2(old, number)
+                os.close(old)
+            printed[line] = ""
+            for file in files:
+                file.seek(0)
+                printed[line] += file.read().decode("utf-8")
+            print(printed[line], end="", flush=True)
 
 
 if __name__ == "__main__":

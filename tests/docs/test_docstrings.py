@@ -19,7 +19,6 @@ NO_EXAMPLE = {
 CANNOT_FAIL = {
     "export_formats": "takes nothing",
     "reference_imu": "takes nothing",
-    "fixed": "the process that holds the value checks it",
 }
 RETURNS_NOTHING = ("write",)
 

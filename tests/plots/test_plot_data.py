@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -85,6 +86,27 @@ def test_a_fit_shows_the_model_and_every_term(fit):
         (line,) = [line for line in panel.lines if line.label.startswith(f"{term}: ")]
         np.testing.assert_array_equal(line.y, variance)
     assert any("T = 2 s, σ = 7.7×10⁻⁵ rad/s" in label for label in panel.labels)
+
+
+@pytest.mark.parametrize("view", ["wavelet", "allan"])
+def test_in_datasheet_units_the_legend_gives_the_numbers_of_the_datasheet(fit, view):
+    labels = {label.split(":")[0]: label for label in fit_panel(fit, view=view, units="datasheet").labels}
+    numbers = [entry for entry in fit.datasheet().values() if entry.term]
+    assert {entry.symbol for entry in numbers} == {"N", "Q", "K", "T_c", "q_c"}
+    for entry in numbers:
+        value, _, _, unit = entry.in_units()
+        shown = re.search(rf"\b{entry.symbol} = (\S+) {unit}(,|$)", labels[entry.term])
+        assert shown, entry
+        assert float(shown[1]) == pytest.approx(value, rel=0.05)
+
+
+def test_a_term_without_such_numbers_keeps_its_parameters_in_datasheet_units():
+    model = gmwm.Model.parse("AR(phi=[0.5, 0.2], sigma2=1e-7) + WN(sigma2=4e-4)")
+    exact = gmwm.WaveletVariance.from_values(model.wavelet_variance(12, 100.0), 100_000, 100.0, unit="deg/s")
+    labels = fit_panel(gmwm.fit(model, exact), units="datasheet").labels
+    assert any(label.startswith("AR(2): φ₁ = ") for label in labels), labels
+    # √(4e-4 / 100 Hz) deg/s/√Hz, by 60.
+    assert "WN: N = 0.12 deg/√h" in labels
 
 
 def test_a_fit_without_its_terms(fit):

@@ -15,7 +15,7 @@ inline constexpr std::size_t biweight_fused = 3;
 
 // The smaller one in each place, also where p is infinite.
 GMWM_INLINE Pack smaller(const Pack& p, const Pack& limit) {
-#if defined(__GNUC__) && !defined(GMWM_PORTABLE)
+#if defined(GMWM_HAS_VECTORS)
   return {p.v < limit.v ? p.v : limit.v};
 #else
   Pack out = limit;

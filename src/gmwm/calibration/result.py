@@ -108,6 +108,20 @@ class Calibration(Summarised, Mapping[str, Fit]):
         What an inspection of the recording warns of: motion, knocks, gaps, units.
     recording : Recording or None
         Its length, time base and file; None where it was no Imu.
+
+    Examples
+    --------
+    >>> from gmwm import calibrate, simulate
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, seed=1)
+    >>> calibration = calibrate(imu, within="WN + RW")
+    >>> list(calibration), calibration["gyro_x"].model.structure
+    (['gyro_x'], 'WN + RW')
+    >>> low, high = calibration.axes["gyro_x"].intervals["RW.gamma2"]
+    >>> low < 1e-11 < high
+    True
+    >>> value, low, high, unit = calibration.datasheets["gyro_x"]["N"].in_units("deg/√h")
+    >>> f"{value:.3f} {unit}"
+    '0.217 deg/√h'
     """
 
     axes: Mapping[str, AxisCalibration]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 from typing import Annotated
 
@@ -100,10 +102,20 @@ def _gmwm(
         print(context.get_help())
 
 
+def speak(stream: io.TextIOWrapper) -> None:
+    """Make a standard stream take every character: UTF-8 into files and pipes, on any system.
+
+    On a terminal, or where PYTHONIOENCODING or PYTHONUTF8 asks for another encoding, that one stays: what it lacks, as
+    σ or ², is a question mark, and does not stop the command.
+    """
+    asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0] or os.environ.get("PYTHONUTF8")
+    keep = asked or stream.isatty()
+    stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
+
+
 def run() -> None:
     """Run the command line; the entry point of the script `gmwm`."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):
-            # A terminal without σ and ² shows a question mark there; it does not stop the command.
-            stream.reconfigure(errors="replace")
+        if isinstance(stream, io.TextIOWrapper):
+            speak(stream)
     app(prog_name="gmwm")

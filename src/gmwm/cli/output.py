@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import math
 import sys
@@ -26,12 +27,15 @@ class Advance(Protocol):
 
 
 def print_json(command: str, content: Mapping[str, Any], warned: Sequence[str]) -> None:
-    """The result of a command on stdout, as `json_text` has it."""
-    print(json_text(command, {**content, "warnings": list(warned)}))
+    """The result of a command on stdout, as `json_text` has it, escaped where stdout is not in UTF-8."""
+    escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
+    print(json_text(command, {**content, "warnings": list(warned)}, escaped=escaped))
 
 
-def json_text(command: str, content: Mapping[str, Any]) -> str:
+def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False) -> str:
     """The result of a command as JSON, with the version; NaN and infinities are null.
+
+    All that is not ASCII is `escaped` if so asked, as \\u00b2 for ².
 
     >>> print(json_text("wv", {"limits": [1.0, float("inf")]}))
     {
@@ -46,7 +50,7 @@ def json_text(command: str, content: Mapping[str, Any]) -> str:
     from gmwm import __version__
 
     document = _plain({"gmwm": __version__, "command": command, **content})
-    return json.dumps(document, allow_nan=False, ensure_ascii=False, indent=1)
+    return json.dumps(document, allow_nan=False, ensure_ascii=escaped, indent=1)
 
 
 def _plain(value: Any) -> Any:

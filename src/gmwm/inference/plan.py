@@ -66,6 +66,14 @@ class Plan(Summarised):
         Standard error of θ̂ over |θ|; infinite where a record does not determine the parameter at all.
     unit : str
         Unit of the signal, for the summary.
+
+    Examples
+    --------
+    >>> made = plan("WN(sigma2=4e-6) + RW(gamma2=1e-10)", duration=3600.0, rate=100.0)
+    >>> made.duration, {name: errors.shape == made.durations.shape for name, errors in made.errors.items()}
+    (3600.0, {'WN.sigma2': True, 'RW.gamma2': True})
+    >>> {name: f"{error:.1%}" for name, error in made.at(600.0).items()}
+    {'WN.sigma2': '0.6%', 'RW.gamma2': '17.8%'}
     """
 
     model: Model

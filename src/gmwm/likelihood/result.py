@@ -98,6 +98,16 @@ class LikelihoodFit:
         How the search went, and what the data do not support.
     record : Record or None
         What was fitted; None of a fit that was read from a file.
+
+    Examples
+    --------
+    >>> from gmwm import GM, WN, fit_ml
+    >>> x = (GM(beta=2.0, sigma2=4.0) + WN(sigma2=1.0)).simulate(5_000, 100.0, rng=1)
+    >>> found = fit_ml("GM + WN", x, rate=100.0)
+    >>> found.names, found.covariance.shape
+    (('GM.beta', 'GM.sigma2', 'WN.sigma2'), (3, 3))
+    >>> abs(found.parameters["WN.sigma2"] - 1.0) < 3 * found.standard_errors["WN.sigma2"]
+    True
     """
 
     model: Model

@@ -64,6 +64,18 @@ class Tracks:
         record's constant mean, where no walk takes it up; and of "bias", the sum of the level and of all terms that
         wander, which have a correlation time of more than a sample. Where the data do not determine it
         yet the error is infinite and the mean NaN.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN
+    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+    >>> terms = model.simulate_terms(20_000, rate=100.0, rng=1)
+    >>> tracks = model.smooth(terms["WN"] + terms["RW"], rate=100.0)
+    >>> tracks.labels, tracks.times[:3], tracks.mean["RW"].shape
+    (('WN', 'RW', 'bias'), array([0.  , 0.01, 0.02]), (20000,))
+    >>> low, high = tracks.band("RW", level=0.95)
+    >>> round(float(np.mean((low < terms["RW"]) & (terms["RW"] < high))), 2)
+    0.95
     """
 
     kind: Kind

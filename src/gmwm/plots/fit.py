@@ -13,7 +13,7 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
 from gmwm.plots.figure import Figure, Line, Panel, Stroke, Text, drawable
-from gmwm.plots.labels import axis_title, model_text, term_label
+from gmwm.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.plots.view import UnitSystem, View, ViewName
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
+    from gmwm.processes.base import Process
     from gmwm.processes.model import Model
     from gmwm.variance.result import WaveletVariance
 
@@ -101,8 +102,8 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
     """The wavelet variance of every term, thin, over the model and behind the data.
 
-    Where the plot is alone, they are named with their key parameters, and those that were estimated as zero, which
-    have no curve, together in one entry.
+    Where the plot is alone, they are named with their key parameters or the numbers of a datasheet, and those that were
+    estimated as zero, which have no curve, together in one entry.
     """
     times = view.time(fit.wavelet_variance.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
@@ -115,7 +116,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             continue
         label = term
         if alone:
-            label = term_label(term, processes[term], view, fit.wavelet_variance.rate)
+            label = _told(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
         lines.append(Line(times, y, strokes[term], label, ABOVE))
@@ -123,6 +124,12 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
         nothing = np.full(times.shape, np.nan)
         lines.append(Line(times, nothing, Stroke(GREY, 0.0), f"{', '.join(zero)}: zero, not supported", ABOVE))
     return tuple(lines)
+
+
+def _told(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
+    """A term with what the units shown tell of it: numbers of a datasheet, or its key parameters."""
+    found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
+    return found or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:
@@ -160,7 +167,8 @@ def plot_fit(
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
     decomposition : bool
-        Whether to draw the terms; the legend gives their standard deviations and correlation times.
+        Whether to draw the terms; the legend gives their standard deviations and correlation times, in datasheet
+        units the numbers of a datasheet: N in deg/√h, K in deg/h/√h, T_c and q_c.
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
     path : path, optional

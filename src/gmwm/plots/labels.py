@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 from gmwm.plots.axes import number_text
 from gmwm.plots.view import View
+from gmwm.units import datasheet_units, noise_unit
 
 if TYPE_CHECKING:
     from gmwm.processes.base import Process
     from gmwm.processes.parameter import Parameter
+    from gmwm.processes.physical import Physical
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
 
@@ -89,6 +91,43 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
     ]
     more = ", …" if len(process.parameters) > KEY_PARAMETERS else ""
     return f"{term}: {', '.join(texts)}{more}"
+
+
+def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
+    """A term with its numbers in continuous time, in the terms and units of datasheets; "" where it has none.
+
+    Parameters
+    ----------
+    term : str
+        Name of the term, such as "GM[1]".
+    process : Process
+        The term with its estimates.
+    unit : str
+        That of the signal.
+    rate : float
+        Samples a second, in Hz.
+
+    >>> from gmwm.processes import GM, SIN, WN
+    >>> datasheet_label("WN", WN(sigma2=4e-7), "rad/s", rate=100.0)
+    'WN: N = 0.22 deg/√h'
+    >>> datasheet_label("GM[1]", GM(beta=0.02, sigma2=9e-8), "rad/s", rate=100.0)
+    'GM[1]: T_c = 50 s, q_c = 740 deg/h/√h'
+    >>> datasheet_label("SIN", SIN(frequency=0.7, power=2e-8), "rad/s", rate=100.0)
+    'SIN: 0.700 Hz, A = 41 deg/h'
+    """
+    numbers = process.physical(rate)
+    return f"{term}: {', '.join(_physical_text(number, unit) for number in numbers)}" if numbers else ""
+
+
+def _physical_text(number: Physical, unit: str) -> str:
+    """One number of a datasheet; a frequency needs no symbol."""
+    if not number.signal_power:
+        if number.time_power < 0:
+            return f"{_three_digits(number.value)} Hz"
+        return f"{number.symbol} = {duration_text(number.value)}"
+    si, factor = noise_unit(number.time_power, unit)
+    name, size = next(iter(datasheet_units(si).items()))
+    return f"{number.symbol} = {number_text(factor * size * number.value, DIGITS)} {name}".replace("-", "−")
 
 
 def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:

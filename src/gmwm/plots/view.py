@@ -75,6 +75,11 @@ class View:
         return _SQUARES.get(self.unit, f"({self.unit})²")
 
     @property
+    def of_datasheets(self) -> bool:
+        """Whether it is in the units of datasheets."""
+        return self.unit in DATASHEET_UNIT.values()
+
+    @property
     def reach(self) -> float:
         """How far limits and models may stretch the vertical axis beyond the data: a factor."""
         return 10**0.5 if self.name == "allan" else 10.0

@@ -376,7 +376,10 @@ class Process(ABC):
         return ContinuousStateSpace.of(self.state_space(rate), rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients at pairs of levels and lags, in u²."""
+        """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients: (n,) in u², for n pairs of levels and lags u.
+
+        `at` holds, each (n,), the half-scales 2^(j−1) ≤ 2^(k−1) of the pairs as `fine` and `coarse`, and the `lag` u.
+        """
         raise self.missing("coefficient_covariance")
 
     @property

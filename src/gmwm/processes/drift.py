@@ -65,7 +65,7 @@ class DR(Process):
         return np.zeros(np.shape(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """None: a drift is a mean."""
+        """Zeros (n,): a drift is a mean, and adds no scatter."""
         return np.zeros_like(at.lag)
 
     def state_space(self, rate: float) -> StateSpace:

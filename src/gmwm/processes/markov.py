@@ -114,7 +114,7 @@ class _Markov(Process, abstract=True):
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Exponentials in the distance from the ends of the blocks."""
+        """Exponentials in the distance from the ends of the blocks: (n,) in u², one for each pair of levels and lag."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (differences.exponential(at, lam) if sign > 0 else differences.alternating(at, lam))
 

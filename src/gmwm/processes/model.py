@@ -162,8 +162,31 @@ class Model:
     # --- theory ---------------------------------------------------------------------------------------
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
-        """Wavelet variance ν_j² (J,) in u² at `levels` (or 1 … J) and `rate` (Hz) under a wavelet filter.
+        """Wavelet variance ν_j² of the sum under a wavelet filter, in closed form.
 
+        Parameters
+        ----------
+        levels : int or (J,) ascending ints
+            Levels j, of the scales 2^j samples; a number J stands for 1 … J.
+        rate : float
+            Samples per second (Hz).
+        filter : str or WaveletFilter
+            A name of `find_filter`.
+
+        Returns
+        -------
+        (J,) array
+            In u² for a signal in u.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value.
+        OptionError
+            If the levels do not ascend from 1, the rate is not positive, or there is no such filter.
+
+        Examples
+        --------
         >>> from gmwm.processes import RW, WN
         >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).wavelet_variance(3, rate=100.0, filter="d4").round(4)
         array([2.1875, 1.2637, 0.9849])
@@ -173,7 +196,13 @@ class Model:
     def decomposition(
         self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
     ) -> dict[str, Vector]:
-        """The wavelet variance of each term, by label."""
+        """The wavelet variance of each term, by label: (J,) arrays in u² that add up to `wavelet_variance`.
+
+        It takes the same levels, rate (Hz) and filter, and raises the same errors.
+
+        >>> Model.parse("WN(sigma2=4) + RW(gamma2=1)").decomposition(3, rate=100.0)
+        {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
+        """
         self._require_complete("decomposition")
         return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
 
@@ -279,7 +308,41 @@ class Model:
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Sample paths of the sum, stationary parts from the start: (n,), or (paths, n)."""
+        """Gaussian sample paths of the sum, stationary parts from the start.
+
+        Parameters
+        ----------
+        n : int
+            Samples.
+        rate : float
+            Samples per second (Hz).
+        rng : numpy.random.Generator or int
+            The source of the draws, or its seed.
+        paths : int or None
+            How many paths; None for one.
+
+        Returns
+        -------
+        (n,) or (paths, n) array
+            In the unit u of the signal; (n,) where `paths` is None.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value.
+        MissingTheoryError
+            If a term cannot be simulated.
+        OptionError
+            If n or paths is not a positive integer, the rate not positive, or rng neither generator nor seed.
+
+        Examples
+        --------
+        >>> model = Model.parse("WN(sigma2=4) + RW(gamma2=1)")
+        >>> model.simulate(1000, rate=100.0, rng=1).shape
+        (1000,)
+        >>> model.simulate(1000, rate=100.0, rng=1, paths=3).shape
+        (3, 1000)
+        """
         self._require("simulate")
         as_paths(n, paths)
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())

@@ -96,7 +96,7 @@ class WN(Process):
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Triangles, zero beyond the reach of the filters."""
+        """Triangles, zero beyond the reach of the filters: (n,) in u², one for each pair of levels and lag in `at`."""
         return self.scale * differences.white(at)
 
     def simulate(
@@ -155,7 +155,7 @@ class QN(Process):
         return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Spikes at nine lags."""
+        """Spikes at nine lags: (n,) in u², one for each pair of levels and lag in `at`."""
         return self.scale * differences.quantization(at)
 
     @property

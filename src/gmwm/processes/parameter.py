@@ -31,8 +31,25 @@ class Fixed:
 
 
 def fixed(value: float) -> Fixed:
-    """A parameter held at `value`: estimation leaves it alone.
+    """A parameter held at `value`: estimation leaves it alone, and counts it as known.
 
+    Parameters
+    ----------
+    value : float
+        In the unit of the parameter, SI and per sample: u² for a variance, 1/s for β, Hz for a frequency.
+
+    Returns
+    -------
+    Fixed
+        To give to a process in place of a number.
+
+    Raises
+    ------
+    ModelError
+        If it is not a finite number; the process that is given it says whether it may be negative or zero.
+
+    Examples
+    --------
     >>> from gmwm.processes import GM
     >>> GM(beta=fixed(0.01))
     GM(beta=fixed(0.01))

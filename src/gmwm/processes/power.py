@@ -75,7 +75,7 @@ class PowerLaw(Process, abstract=True):
         return 0.5 * first * kappa * homogeneous.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −K(m+1) + 2K(m) − K(m−1); it falls without end, as m^(α−1)."""
+        """A(m) = −K(m+1) + 2K(m) − K(m−1), in u² at integer `lags`; it falls without end, as m^(α−1)."""
         epsilon, first = self.law
         kappa = float(homogeneous.unit_factor(np.asarray(epsilon)))
         return -0.5 * first * kappa * homogeneous.bend(as_lags(lags).astype(np.float64), epsilon)
@@ -86,7 +86,7 @@ class PowerLaw(Process, abstract=True):
         return np.asarray(2.0 * first * as_clusters(clusters).astype(np.float64) ** epsilon)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Second differences of K over both half-scales."""
+        """Second differences of K over both half-scales: (n,) in u², one for each pair of levels and lag in `at`."""
         epsilon, first = self.law
         return first * differences.power(at, epsilon)
 
@@ -270,5 +270,8 @@ class FGN(PowerLaw):
         return 0.5 * self.scale * homogeneous.power_bend(as_lags(lags).astype(np.float64), self.law[0])
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """The autocovariance."""
+        """The autocovariance r(k), in u² at integer `lags` and in their shape: the process is stationary.
+
+        It has no dependence on `rate`: H is a pure number and σ² the variance of a sample.
+        """
         return self.autocovariance(lags, rate)

@@ -67,11 +67,14 @@ class RW(Process):
         return self.scale * (m**3 - m) / 12.0
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −γ²|m|/2."""
+        """A(m) = −γ²|m|/2, in u² at integer `lags`, in their shape."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Cubic pieces, zero beyond the reach of the filters."""
+        """Cubic pieces in the lag u, zero beyond the reach of the filters: (n,) in u², one for each pair in `at`.
+
+        K(m) = γ²(|m|³ − |m|)/12, differenced twice over both half-scales. The same at any `rate`, as γ² is per sample.
+        """
         return self.scale * differences.walk(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:

@@ -61,6 +61,15 @@ class WaveletVariance(Summarised):
         Of each level, at every how many samples a coefficient was taken; () where all were, see `WaveletAccumulator`.
     slope : float or None
         Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
+
+    Examples
+    --------
+    >>> from gmwm import WN, wavelet_variance
+    >>> wv = wavelet_variance(WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+    >>> wv.tau[:3], wv.counts[:3]
+    (array([0.02, 0.04, 0.08]), array([4095, 4093, 4089]))
+    >>> bool(wv.lower[0] < 2.0 < wv.upper[0])  # white noise has ν_j² = σ²/2^j
+    True
     """
 
     levels: NDArray[np.int64]
