@@ -46,6 +46,8 @@ def test_the_source_archive_is_whole_and_small(tmp_path, monkeypatch):
     missing = [str(file.relative_to(ROOT)) for file in (ROOT / "src").rglob("*.py")]
     missing += [str(file.relative_to(ROOT)) for file in (ROOT / "cpp").rglob("*.[ch]pp")]
     assert sorted(set(missing) - packed) == []
+    # Its commands need what stays in the repository.
+    assert "Makefile" not in packed
 
 
 @pytest.mark.parametrize("surplus", ["tests/test_house.py", "docs/index.md", ".venv/pyvenv.cfg"])
@@ -127,7 +129,8 @@ def test_workflows_may_do_little_and_pin_what_they_use(path):
     writes = {
         name: set(job["permissions"]) for name, job in content["jobs"].items() if "write" in str(job.get("permissions"))
     }
-    assert writes == ({"publish": {"pages", "id-token"}} if path.stem == "docs" else {})
+    needed = {"docs": {"publish": {"pages", "id-token"}}, "wheels": {"publish": {"id-token"}}}
+    assert writes == needed.get(path.stem, {})
     assert all("timeout-minutes" in job for job in content["jobs"].values())
     used = [step["uses"] for step in steps(path) if "uses" in step]
     assert used
@@ -151,6 +154,23 @@ def test_the_same_versions_are_tested_and_built():
     assert described()["project"]["requires-python"] == f">={tested[0]}"
     # The version from which on one wheel serves all later ones is built itself.
     assert described()["tool"]["scikit-build"]["wheel"]["py-api"] + "-*" in build
+
+
+def test_what_wheels_are_tried_with_is_there_and_follows_the_code():
+    content = workflow(ROOT / ".github" / "workflows" / "wheels.yml")
+    asked = content["on"]["pull_request"]["paths"]
+    assert {"src/**", "cpp/**", "CMakeLists.txt", "pyproject.toml"} <= set(asked)
+    tried = " ".join(described()["tool"]["cibuildwheel"]["test-command"])
+    files = re.findall(r"\{project\}/(\S+)", tried)
+    assert files
+    assert [name for name in files if not (ROOT / name).exists()] == []
+
+
+def test_only_tags_are_published_and_only_with_all_wheels():
+    job = workflow(ROOT / ".github" / "workflows" / "wheels.yml")["jobs"]["publish"]
+    assert job["if"] == "startsWith(github.ref, 'refs/tags/v')"
+    assert set(job["needs"]) == {"archive", "wheels"}
+    assert job["environment"] == "pypi"
 
 
 def test_the_site_that_is_published_is_the_one_that_is_built():

@@ -286,3 +286,62 @@ def test_pages_ask_for_nothing_but_files_and_complain_of_nothing(site, page):
     assert asked
     assert [url for url in asked if not url.startswith(("file:", "data:"))] == []
     assert said == []
+
+
+# --- by keys, and on paper ----------------------------------------------------------------------------
+
+SEEN = """() => {
+    const thing = document.activeElement;
+    const labels = thing.id ? document.querySelectorAll(`header label[for=${thing.id}]`) : [];
+    return [thing, ...labels].some(box => {
+        const { left, right, width, height } = box.getBoundingClientRect();
+        const style = getComputedStyle(box);
+        const there = width && height && left >= 0 && right <= innerWidth && style.visibility === 'visible';
+        return there && style.opacity > 0 && style.outlineStyle !== 'none';
+    });
+}"""
+"""Whether what has the focus, or the label that stands for it, is in the window's width with a line around it."""
+
+
+def at(page):
+    return page.evaluate("document.activeElement.id || document.activeElement.className")
+
+
+def test_keys_lead_only_to_what_is_seen_on_a_phone(site, page):
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.goto((site / "start.html").as_uri(), wait_until="load")
+    # Nothing slides: what has the focus is where it will be.
+    page.add_style_tag(content="* { transition: none !important; }")
+    stops = []
+    for _ in range(12):
+        page.keyboard.press("Tab")
+        stops.append((at(page), page.evaluate(SEEN)))
+    assert [name for name, seen in stops if not seen] == []
+    assert [name for name, _ in stops[:2]] == ["__navigation", "__toc"]
+
+
+@pytest.mark.parametrize(("toggle", "drawer"), [("__navigation", ".sidebar-drawer"), ("__toc", ".toc-drawer")])
+def test_drawers_open_and_close_by_keys(site, page, toggle, drawer):
+    page.set_viewport_size({"width": 390, "height": 800})
+    page.goto((site / "start.html").as_uri(), wait_until="load")
+    page.focus(f"#{toggle}")
+    assert not page.is_visible(f"{drawer} a >> visible=true")
+    page.keyboard.press("Space")
+    assert page.evaluate(f"document.querySelector('{drawer}').contains(document.activeElement)")
+    page.keyboard.press("Escape")
+    assert (at(page), page.is_checked(f"#{toggle}")) == (toggle, False)
+    page.keyboard.press("Space")
+    page.focus("article p a")
+    assert not page.is_checked(f"#{toggle}")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_on_paper_stands_the_text_alone_and_it_can_be_read(site, page, scheme):
+    page.emulate_media(media="print", color_scheme=scheme)
+    page.goto((site / "start.html").as_uri(), wait_until="load")
+    assert page.evaluate(LEGIBLE) == {}
+    around = "header, aside, .skip-to-content, .sidebar-toggle, .related-pages, .content-icon-container, .back-to-top"
+    shown = f"things => [...document.querySelectorAll({around!r})].filter(x => x.getClientRects().length)"
+    assert page.evaluate(f"({shown})().map(x => x.className)") == []
+    page.emulate_media(media="screen", color_scheme=scheme)
+    assert "skip-to-content muted-link" in page.evaluate(f"({shown})().map(x => x.className)")
