@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
-from gmwm._words import Summarised, counted
+from gmwm._words import Summarised, counted, rounded
 from gmwm.covariance import Setting
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
@@ -19,6 +19,8 @@ from gmwm.signals import Signal
 from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
+HUGE = 10.0
+"""Excess from which on it is told as a factor."""
 LEAST_FREEDOM = 30.0
 """More degrees of freedom M_j / 2^j than this a level must have for the law of the ratio to hold far out."""
 COARSE, COARSEST = 0.4, 0.54
@@ -324,6 +326,8 @@ def _seconds(tau: Vector) -> str:
 
 
 def _percent(share: float) -> str:
+    if share >= HUGE:
+        return f"a factor of {rounded(1 + share)}"
     return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
 
 

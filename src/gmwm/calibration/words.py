@@ -17,6 +17,7 @@ from gmwm.covariance.setting import Setting
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.plan import SEEN, length_text
+from gmwm.outliers import HUGE
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -230,7 +231,9 @@ def _excesses(axes: Mapping[str, AxisCalibration], names: Sequence[str]) -> str:
         verdict = axes[axis].verdict
         assert verdict is not None
         worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
-        parts.append(f"{axis} (by {100 * verdict.excess[worst]:.0f} % at {verdict.tau[worst]:.3g} s)")
+        excess = float(verdict.excess[worst])
+        much = f"{100 * excess:.0f} %" if excess < HUGE else f"a factor of {rounded(1 + excess)}"
+        parts.append(f"{axis} (by {much} at {verdict.tau[worst]:.3g} s)")
     return ", ".join(parts)
 
 
