@@ -5,15 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from gmwm.cli.options import Json
 from gmwm.errors import OptionError
-
-if TYPE_CHECKING:
-    from gmwm.calibration import Calibration
 
 EXAMPLES = (
     "gmwm agree monday/calibration.json tuesday/calibration.json",
@@ -55,15 +52,15 @@ def agree(
     The recordings are calibrated each by itself. N, B, K, R and Q are compared whatever their models, T_c and q_c where
     the models are the same. --reference sets the datasheet's values beside them.
     """
-    from gmwm import agreement
-    from gmwm.cli.output import print_json, progress, told_warnings
+    from gmwm import Calibration, agreement
+    from gmwm.cli.output import calibration_file, print_json, progress, told_warnings
 
     references = dict(parse_reference(text) for text in reference or ())
     if len(references) != len(reference or ()):
         raise OptionError("--reference names each number once")
     with told_warnings() as told:
         with progress("reading"):
-            calibrations = [loaded(file) for file in files]
+            calibrations = [Calibration.load(calibration_file(file)) for file in files]
         stems = {Path(found.source).stem for found in calibrations} - {""}
         # Names of the recordings if they have them.
         names = label or (None if len(stems) == len(files) else names_of(files))
@@ -106,10 +103,3 @@ def names_of(files: Sequence[Path]) -> list[str]:
     if len(set(paths)) == len(paths):
         return paths
     raise OptionError(f"each calibration can be compared once, got {', '.join(paths)}")
-
-
-def loaded(file: Path) -> Calibration:
-    """The calibration in a file, or in the folder that `gmwm calibrate --output` wrote."""
-    from gmwm import Calibration
-
-    return Calibration.load(file / "calibration.json" if file.is_dir() else file)

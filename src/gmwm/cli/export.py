@@ -82,14 +82,14 @@ def export(
     continuous or discrete, axes, inflation, horizon, models and source.
     """
     from gmwm import Calibration
-    from gmwm.cli.output import made_directory, print_json, print_written, told_warnings
+    from gmwm.cli.output import calibration_file, made_directory, print_json, print_written, told_warnings
     from gmwm.exporters import export as exported
 
     if all is not None and (format is not None or output is not None):
         raise OptionError("--all writes every format into a directory; leave --format and --output out")
     time = parse_length(horizon, "--horizon")
     with told_warnings() as told:
-        file = calibration / "calibration.json" if calibration.is_dir() else calibration
+        file = calibration_file(calibration)
         found = Calibration.load(file)
         if all is not None:
             made_directory(all, "--all")

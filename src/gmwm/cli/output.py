@@ -175,6 +175,11 @@ def tell_cautions(told: list[str], imu: Imu) -> None:
         tell(told, warning)
 
 
+def calibration_file(path: Path) -> Path:
+    """The calibration.json at `path`, or in the folder that `gmwm calibrate --output` wrote."""
+    return path / "calibration.json" if path.is_dir() else path
+
+
 def made_directory(path: Path, option: str = "--output") -> Path:
     """The directory `path`, made with those above it where there is none."""
     if path.exists() and not path.is_dir():

@@ -39,10 +39,10 @@ def report(
     compared, outliers, configuration files to paste, and how to cite.
     """
     from gmwm import Calibration
-    from gmwm.cli.output import print_json, print_written, progress, told_warnings
+    from gmwm.cli.output import calibration_file, print_json, print_written, progress, told_warnings
 
     with told_warnings() as told:
-        file = file / "calibration.json" if file.is_dir() else file
+        file = calibration_file(file)
         with progress("writing the report"):
             found = Calibration.load(file)
             page = found.report(file.with_name("report.html") if output is None else output)

@@ -307,11 +307,9 @@ class _Parser:
         for number, text in self._lines(block, line):
             cells = split(text, d.delimiter)
             if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
-                last = not block.endswith(b"\n") and number == line + block.count(b"\n")
-                hint = "the file ends there: was it cut off?" if last else "repair or remove the line"
                 raise ReadError(
                     f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
-                    f"{d.first_line}; {hint} ({text.strip()[:60]!r})"
+                    f"{d.first_line}; {_to_do(block, line, number)} ({text.strip()[:60]!r})"
                 )
             for k in self.wanted:
                 self._explain_cell(cells[k], k, number)
@@ -330,11 +328,9 @@ class _Parser:
         """Raise the error of the stamp in a row of a block, counted from 0."""
         number, text = next(islice(self._lines(block, line), row, None))
         cell = split(text, self.dialect.delimiter)[column]
-        last = not block.endswith(b"\n") and number == line + block.count(b"\n")
-        hint = "the file ends there: was it cut off?" if last else "repair or remove the line"
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
-            f"{what_is_wrong(cell, self.stamps[column])}; {hint}, or leave the column out with "
+            f"{what_is_wrong(cell, self.stamps[column])}; {_to_do(block, line, number)}, or leave the column out with "
             'columns={"time": None} and pass rate='
         )
 
@@ -360,6 +356,12 @@ class _Parser:
                 f"{self.source}, line {line}: column {name!r} holds {cell!r} among integers of more than "
                 f"{_BIG_INTEGER} digits; write all of them as integers"
             )
+
+
+def _to_do(block: bytes, line: int, number: int) -> str:
+    """What to do about a bad line of a block that begins in `line`."""
+    last = not block.endswith(b"\n") and number == line + block.count(b"\n")
+    return "the file ends there: was it cut off?" if last else "repair or remove the line"
 
 
 def _without_blank_lines(block: bytes) -> bytes:
