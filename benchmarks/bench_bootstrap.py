@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmarks.harness import Case
 from gmwm import filters
-from gmwm.covariance.setting import Setting
-from gmwm.inference.paths import simulated_variances
+from gmwm.covariance.design import Setting
+from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes import parse_model
 
 SAMPLES, DRAWS = 10**5, 20

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import gmwm
-from gmwm.continuous import ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.processes import parse_model
 from gmwm.statespace import StateSpace

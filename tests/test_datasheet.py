@@ -14,7 +14,7 @@ from gmwm import AR1, DR, FN, GM, QN, RW, SIN, WN, Datasheet, Model, Signal, Wav
 from gmwm.datasheets import Entry
 from gmwm.datasheets.bias import lowest
 from gmwm.datasheets.effective import Use, noise_in_use
-from gmwm.datasheets.translation import translated
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import OptionError
 from gmwm.processes import Process, registry
 from gmwm.processes.parameter import Parameter, Value

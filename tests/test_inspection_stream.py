@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.inspection.extent import Extent
-from gmwm.inspection.look import Look
+from gmwm.inspection.axis_statistics import Look
+from gmwm.inspection.time_grid import Extent
 from gmwm.signals import Imu
 
 RATE = 100.0

@@ -11,7 +11,7 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm.calibration.words import summary
+from gmwm.calibration.summary_text import summary
 from gmwm.processes.base import Process
 
 RATE = 100.0

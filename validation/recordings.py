@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import gmwm
 from gmwm.covariance import Setting
-from gmwm.inference.paths import simulated_variances
+from gmwm.inference.simulated_curves import simulated_variances
 
 RATE = 100.0
 SAMPLES = 100_000

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t
 
-from gmwm.fleets.deviants import deviants
-from gmwm.fleets.effects import effects, predicted, spread_limits
+from gmwm.fleets.outlier_units import deviants
+from gmwm.fleets.random_effects import effects, predicted, spread_limits
 
 NAME = "fleet"
 SEED = 20270322

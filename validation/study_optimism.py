@@ -18,7 +18,7 @@ import gmwm
 from gmwm.covariance import Setting, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
-from gmwm.inference.paths import simulated_variances
+from gmwm.inference.simulated_curves import simulated_variances
 from validation import recordings
 
 NAME = "optimism"

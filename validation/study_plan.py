@@ -13,7 +13,7 @@ import numpy as np
 import gmwm
 from gmwm._arrays import Vector
 from gmwm.covariance import Setting
-from gmwm.inference.paths import simulated_variances
+from gmwm.inference.simulated_curves import simulated_variances
 
 NAME = "plan"
 SEED = 20270118

@@ -12,7 +12,7 @@ import numpy as np
 
 import gmwm
 from gmwm.covariance import Setting
-from gmwm.inference.paths import simulated_variances
+from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.selection.structure import structure_of, within
 from validation import recordings
 

@@ -10,7 +10,7 @@ from gmwm.calibration import Agreement as Agreement
 from gmwm.calibration import Calibration as Calibration
 from gmwm.calibration import agreement as agreement
 from gmwm.calibration import calibrate as calibrate
-from gmwm.continuous import ContinuousStateSpace as ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace as ContinuousStateSpace
 from gmwm.covariance import wavelet_covariance as wavelet_covariance
 from gmwm.covariance.empirical import empirical_covariance as empirical_covariance
 from gmwm.datasheets import Datasheet as Datasheet
@@ -38,8 +38,8 @@ from gmwm.filters import WaveletFilter as WaveletFilter
 from gmwm.filters import find_filter as find_filter
 from gmwm.fleets import Fleet as Fleet
 from gmwm.fleets import fleet as fleet
-from gmwm.inference.plan import Plan as Plan
-from gmwm.inference.plan import plan as plan
+from gmwm.inference.planning import Plan as Plan
+from gmwm.inference.planning import plan as plan
 from gmwm.inspection import Inspection as Inspection
 from gmwm.inspection import inspect as inspect
 from gmwm.likelihood import LikelihoodFit as LikelihoodFit

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.errors import DataError, OptionError
 
 Vector = NDArray[np.float64]

@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm._words import OVERRULED, counted, moment
+from gmwm._text import OVERRULED, counted, moment
 from gmwm.signals import TimeBase
 from gmwm.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from gmwm.inspection import AxisInspection
     from gmwm.inspection.knocks import Knock, Step
-    from gmwm.inspection.settling import WarmUp
+    from gmwm.inspection.warm_up import WarmUp
 
 MOVED = 1.0
 """Degrees of the direction of gravity that mean motion: a bias of 17 mg would do the same."""

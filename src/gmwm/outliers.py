@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
-from gmwm._words import Summarised, counted, rounded
+from gmwm._text import Summarised, counted, rounded
 from gmwm.covariance import Setting
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
 from gmwm.signals import Signal
-from gmwm.variance.estimate import wavelet_variance
+from gmwm.variance.api import wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 HUGE = 10.0

@@ -354,7 +354,7 @@ class Imu:
         return next(iter(self.signals.values())).segments
 
     between: ClassVar[LateMethod[..., Imu]] = LateMethod(
-        "gmwm.cuts:cut",
+        "gmwm.time_ranges:cut",
         "The part between two times, as between(start, stop, skip=[(from, to), …]) in seconds from the first sample.",
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm._files import written_whole
 from gmwm.errors import DataError, OptionError
-from gmwm.records import TYPES, RecordType, counts
+from gmwm.imu_records import TYPES, RecordType, counts
 from gmwm.signals import AXES, Imu, Signal
 
 SUFFIXES = (".csv", ".parquet")

@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm import OptionError, UnitError, agreement
-from gmwm.calibration.maker import as_reference
+from gmwm.calibration.reference import as_reference
 from gmwm.datasheets import Datasheet, Entry
 
 TRUTH = {

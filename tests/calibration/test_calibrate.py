@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm import DataError, OptionError
-from gmwm.calibration.calibrate import STAGES
+from gmwm.calibration.api import STAGES
 from gmwm.selection.structure import structure_of
 
 from .conftest import TRUTH, WITHIN

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.streamed import Seen, measured_and_seen
+from gmwm.calibration.stream_measurement import Seen, measured_and_seen
 from gmwm.errors import OptionError
-from gmwm.inspection.inspecting import Survey
+from gmwm.inspection.api import Survey
 
 MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1e-7)", "accel_z": "WN(sigma2=4e-6)"}
 

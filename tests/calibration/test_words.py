@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 import gmwm
-from gmwm._words import rounded
+from gmwm._text import rounded
+from gmwm.calibration.summary_text import cautions
 from gmwm.calibration.tables import in_order, merged
-from gmwm.calibration.words import cautions
 from gmwm.plots.imu import imu_figure
 
 from .conftest import WITHIN

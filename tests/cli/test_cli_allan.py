@@ -7,7 +7,7 @@ import pytest
 
 from gmwm.readers import read
 from gmwm.variance.allan import allan_variance
-from gmwm.variance.avlr import avlr
+from gmwm.variance.allan_regression import avlr
 from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.total import total_variance
 

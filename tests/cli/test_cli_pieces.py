@@ -3,7 +3,7 @@
 import pytest
 
 import gmwm as library
-from gmwm.readers import chunks
+from gmwm.readers import streams
 from gmwm.writers import write
 
 WITHIN = "GM + WN + RW"
@@ -53,7 +53,7 @@ def test_worker_processes(gmwm, file):
 
 
 def test_large_files_are_read_in_pieces(gmwm, file, monkeypatch):
-    monkeypatch.setattr(chunks, "LARGE", 1000)
+    monkeypatch.setattr(streams, "LARGE", 1000)
     read = []
     stream = library.readers.stream
     monkeypatch.setattr("gmwm.readers.stream", lambda *a, **k: read.append(a) or stream(*a, **k))

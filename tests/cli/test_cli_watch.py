@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import gmwm as library
 from gmwm.cli.main import app
-from gmwm.readers import growing
+from gmwm.readers import growing_files
 
 HEAD = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
 
@@ -26,7 +26,7 @@ def rows(begin=0, end=4000, seed=1):
 
 @pytest.fixture(autouse=True)
 def fast(monkeypatch):
-    monkeypatch.setattr(growing, "POLL", 0.005)
+    monkeypatch.setattr(growing_files, "POLL", 0.005)
 
 
 def piped(text, *options):

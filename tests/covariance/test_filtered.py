@@ -7,8 +7,8 @@ import pytest
 
 from gmwm import AR1, DR, GM, QN, RW, WN
 from gmwm.covariance import covariance, filtered, gaussian, variances
+from gmwm.covariance.design import Setting
 from gmwm.covariance.robust import hermite_weights
-from gmwm.covariance.setting import Setting
 from gmwm.filters import find_filter
 from gmwm.processes import Parameter, Process
 from gmwm.processes.model import as_model

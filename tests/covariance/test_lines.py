@@ -5,7 +5,7 @@ import pytest
 
 from gmwm import DR, FN, GM, RW, WN, MissingTheoryError, ModelError, wavelet_covariance
 from gmwm.covariance import covariance, lines, ratio_variances, variances
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.estimation.reweighting import implied_weights
 from gmwm.filters import find_filter
 from gmwm.processes import SIN, Model

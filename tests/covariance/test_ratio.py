@@ -14,7 +14,7 @@ from gmwm.covariance import Setting, filtered, ratio_variances, variances
 from gmwm.covariance.gaussian import covariance
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.covariance.robust import hermite_weights, ratio_skewness
-from gmwm.inference.paths import simulated_variances
+from gmwm.inference.simulated_curves import simulated_variances
 
 RATE = 100.0
 MODELS = ("WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=5.0, sigma2=1.0) + WN(sigma2=1.0)")

@@ -5,8 +5,8 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN, wavelet_covariance
-from gmwm.covariance import as_setting, covariance, ratio_variances, stretches, variances
-from gmwm.inference.paths import simulated_variances
+from gmwm.covariance import as_setting, covariance, ratio_variances, segments, variances
+from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.model import as_model
 
 RATE = 100.0
@@ -83,7 +83,7 @@ def test_many_lengths_are_interpolated(monkeypatch):
     lengths = np.random.default_rng(1).integers(1, 900, size=300).tolist()
     how, model = setting(lengths), MODELS["Gauss-Markov"]
     quick = covariance(model, how)
-    monkeypatch.setattr(stretches, "EXACT", len(lengths))
+    monkeypatch.setattr(segments, "EXACT", len(lengths))
     exact = covariance(model, how)
     np.testing.assert_allclose(np.diag(quick)[:-1], np.diag(exact)[:-1], rtol=2e-3)
     assert np.diag(quick)[-1] == pytest.approx(np.diag(exact)[-1], rel=1e-2)

@@ -10,10 +10,10 @@ import pytest
 
 import gmwm
 from gmwm import cautions
-from gmwm._words import OVERRULED
-from gmwm.calibration.words import advice
+from gmwm._text import OVERRULED
+from gmwm.calibration.summary_text import advice
 from gmwm.inspection.knocks import Knock, Step
-from gmwm.inspection.settling import WarmUp
+from gmwm.inspection.warm_up import WarmUp
 from gmwm.signals import TimeBase
 from tests.docs.pages import DOCS
 

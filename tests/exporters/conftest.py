@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.processes import parse_model
-from gmwm.variance.estimate import wavelet_variance
+from gmwm.variance.api import wavelet_variance
 
 RATE, SAMPLES = 200.0, 400_000
 UNITS = {"gyro": "rad/s", "accel": "m/s²"}

@@ -11,7 +11,7 @@ import pytest
 import gmwm
 from gmwm import export, export_formats
 from gmwm.calibration.misfit import undescribed
-from gmwm.calibration.words import rejected
+from gmwm.calibration.summary_text import rejected
 from gmwm.exporters import export_all
 from gmwm.exporters.base import find_exporter
 from gmwm.reports.verdict import verdict

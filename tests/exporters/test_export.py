@@ -10,7 +10,7 @@ import pytest
 
 import gmwm
 from gmwm.exporters import export, export_all, export_formats
-from gmwm.exporters.words import plain, unended
+from gmwm.exporters.text import plain, unended
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve
 from .consumers import CONSUMERS, PER_AXIS, yaml

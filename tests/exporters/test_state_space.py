@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gmwm.continuous import ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.exporters import export
 from gmwm.statespace import StateSpace
 

@@ -12,10 +12,10 @@ import pytest
 import gmwm
 from gmwm import Calibration, DataError, Fleet, GmwmError, OptionError, ReadError, calibrate, fleet, read, simulate
 from gmwm.errors import GmwmWarning
-from gmwm.fleets import work
-from gmwm.fleets.finding import find_units
-from gmwm.fleets.spread import patient, spread
-from gmwm.fleets.work import Asked, Job
+from gmwm.fleets import unit_job
+from gmwm.fleets.discovery import find_units
+from gmwm.fleets.unit_job import Asked, Job
+from gmwm.fleets.workers import patient, spread
 
 WITHIN = "WN + RW"
 ONE = {"gyro_x": "WN(sigma2=4e-7)"}
@@ -331,7 +331,7 @@ def test_errors_of_the_file_system_are_tried_again_and_then_told(few, tmp_path, 
             raise ReadError(f"{path} does not exist") from FileNotFoundError(errno.ENOENT, "")
         return read(path, **arguments)
 
-    monkeypatch.setattr(work, "read", flaky)
+    monkeypatch.setattr(unit_job, "read", flaky)
     found = fleet(few, tmp_path / "out", within=WITHIN, workers=0, retries=2)
     assert found.failed == {
         "2.parquet": "2.parquet cannot be opened: Stale file handle", "3.parquet": "3.parquet does not exist",
@@ -345,7 +345,7 @@ def test_an_error_of_ours_is_the_unit_s_own(few, tmp_path, monkeypatch):
             raise ZeroDivisionError("division by zero")
         return read(path, **arguments)
 
-    monkeypatch.setattr(work, "read", faulty)
+    monkeypatch.setattr(unit_job, "read", faulty)
     found = fleet(few, tmp_path / "out", within=WITHIN, workers=0)
     assert found.failed == {"4.parquet": "ZeroDivisionError: division by zero"}
     assert found.done == 5
@@ -357,7 +357,7 @@ def test_an_axis_that_fails_is_a_row_and_its_unit_is_calibrated(few, tmp_path, m
         flat = gmwm.Signal([1.0] * 2000, 100.0, "rad/s", "gyro_y")
         return gmwm.Imu({"gyro_x": imu["gyro_x"], "gyro_y": flat}, str(path), time_base=imu.time_base)
 
-    monkeypatch.setattr(work, "read", half)
+    monkeypatch.setattr(unit_job, "read", half)
     found = fleet([few / "0.parquet"], tmp_path / "out", within=WITHIN, workers=0)
     assert (found.done, found.failed) == (1, {})
     rows = found.table.select("axis", "status", "reason").rows()
@@ -506,8 +506,8 @@ def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatc
 
 def test_large_recordings_are_read_in_pieces(few, tmp_path, monkeypatch):
     whole = fleet(few, tmp_path / "whole", within=WITHIN, workers=0)
-    monkeypatch.setattr("gmwm.readers.chunks.LARGE", 1000)
-    monkeypatch.setattr(work, "read", None)  # not come to
+    monkeypatch.setattr("gmwm.readers.streams.LARGE", 1000)
+    monkeypatch.setattr(unit_job, "read", None)  # not come to
     found = fleet(few, tmp_path / "pieces", within=WITHIN, workers=0)
     assert found.done == 6
     assert found.table["model"].to_list() == whole.table["model"].to_list()

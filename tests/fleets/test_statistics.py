@@ -11,10 +11,10 @@ from scipy import stats
 
 from gmwm.errors import DataError, OptionError
 from gmwm.fleets.axes import hotelling
-from gmwm.fleets.deviants import deviants, looked_for
-from gmwm.fleets.effects import between_units, effects, predicted, spread_limits
+from gmwm.fleets.outlier_units import deviants, looked_for
+from gmwm.fleets.random_effects import between_units, effects, predicted, spread_limits
 from gmwm.fleets.statistics import fleet_statistics
-from gmwm.fleets.words import summary
+from gmwm.fleets.summary_text import summary
 
 Z = stats.norm.ppf(0.975)
 

@@ -11,10 +11,10 @@ import pytest
 from scipy.signal import lfilter
 
 from gmwm import GM, RW, WN, Model, parse_model, wavelet_covariance, wavelet_variance
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import find_filter
-from gmwm.inference.paths import BATCH, simulated_variances
+from gmwm.inference.simulated_curves import BATCH, simulated_variances
 from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter
 from gmwm.statespace import StateSpace

@@ -11,7 +11,7 @@ from gmwm import DR, GM, QN, RW, WN
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.asymptotic import sandwich
-from gmwm.inference.plan import length_text
+from gmwm.inference.planning import length_text
 
 RATE = 100.0
 MODELS = {

@@ -6,7 +6,7 @@ from gmwm.plots.allan import SLOPES, allan_figure, allan_panel, avlr_panel, plot
 from gmwm.plots.figure import Line
 from gmwm.signals import Signal
 from gmwm.variance.allan import allan_variance
-from gmwm.variance.avlr import avlr
+from gmwm.variance.allan_regression import avlr
 from gmwm.variance.hadamard import hadamard_variance
 
 

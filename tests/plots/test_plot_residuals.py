@@ -7,7 +7,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import OptionError
-from gmwm.likelihood.residuals import Residuals
+from gmwm.likelihood.innovations import Residuals
 from gmwm.plots.residuals import (
     LEVEL,
     correlation_panel,

@@ -8,9 +8,9 @@ import pytest
 
 from gmwm import GM, MAT, WN, MissingTheoryError, fit
 from gmwm.covariance import variances
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.filters import HAAR, find_filter
-from gmwm.processes import Process, filtered, octaves
+from gmwm.processes import Process, filtered, smooth_autocovariance
 from gmwm.processes.bessel import matern
 from gmwm.processes.model import as_model
 
@@ -153,9 +153,9 @@ def test_sums_up_to_any_lag(beta, nu):
 
 
 def test_lags_on_the_edges_of_octaves():
-    known = octaves.spread_places(64, 4)
+    known = smooth_autocovariance.spread_places(64, 4)
     lags = np.array([0, 1, 63, 64, 65, 127, 128, 129, 256, 257, 1023, 1024])
-    np.testing.assert_allclose(octaves.spread(np.sqrt(known), lags, 64), np.sqrt(lags), rtol=1e-14)
+    np.testing.assert_allclose(smooth_autocovariance.spread(np.sqrt(known), lags, 64), np.sqrt(lags), rtol=1e-14)
 
 
 def test_the_correlation_time_is_where_a_share_of_one_over_e_is_left():

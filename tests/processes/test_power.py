@@ -8,10 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance, effective_noise, wavelet_covariance
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.embedding import amplitudes
+from gmwm.processes.circulant_embedding import amplitudes
+from gmwm.processes.haar_covariance import LagGrid
 
 RATE = 100.0
 ALPHAS = (-0.99, -0.3, 0.0, 0.7, 1.0 - 1e-9, 1.0, 1.0 + 1e-12, 1.4, 2.0, 2.7, 2.99)

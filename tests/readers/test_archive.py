@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gmwm.errors import GmwmError, OptionError, ReadError
-from gmwm.readers import find_reader, read, sources
+from gmwm.readers import byte_sources, find_reader, read
 
 VALUES = np.random.default_rng(6).normal(size=(200, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 START = 1_718_030_736_872_695_300
@@ -156,10 +156,10 @@ def test_bombs(tmp_path, monkeypatch):
     with pytest.raises(ReadError, match="which no recording does"):
         read(path)
     path = zipped(tmp_path, log=head + "1" * (80 << 20))
-    monkeypatch.setattr(sources, "MAX_RATIO", 10**6)
+    monkeypatch.setattr(byte_sources, "MAX_RATIO", 10**6)
     with pytest.raises(ReadError, match=r"line of more than 64 MB|no row of numbers"):
         read(path)
-    path = zipped(tmp_path, **{f"log{k}": head for k in range(sources.MAX_MEMBERS + 1)})
+    path = zipped(tmp_path, **{f"log{k}": head for k in range(byte_sources.MAX_MEMBERS + 1)})
     with pytest.raises(ReadError, match="more than 1000 files"):
         read(path)
 

@@ -9,13 +9,13 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, ReadError, UnitError
-from gmwm.readers import growing
-from gmwm.readers.growing import GrowingFile, GrowingPipe, Lines, growing_stream
+from gmwm.readers import growing_files
+from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
 
 
 @pytest.fixture(autouse=True)
 def fast(monkeypatch):
-    monkeypatch.setattr(growing, "POLL", 0.001)
+    monkeypatch.setattr(growing_files, "POLL", 0.001)
 
 
 def table(rows=3000, gap=1200):

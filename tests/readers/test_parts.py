@@ -10,10 +10,10 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.readers import arrays, chunks, parquet, parts, stream, text, waypoint
+from gmwm.readers import arrays, parquet, parts, stream, streams, text, waypoint
 from gmwm.readers.base import Mark, find_reader
-from gmwm.readers.chunks import Stream
 from gmwm.readers.parts import Passage
+from gmwm.readers.streams import Stream
 from tests.readers.test_imr import imr
 from tests.readers.test_stream import ROWS, columns, stamps, written
 
@@ -23,7 +23,7 @@ UNITS = {"gyro": "deg/s", "accel": "g"}
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(chunks.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     monkeypatch.setattr(parquet, "ROWS", 1500)
     monkeypatch.setattr(arrays, "ROWS", 1500)

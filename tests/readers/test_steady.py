@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm.errors import ReadError
-from gmwm.readers.steady import rate_change
-from gmwm.readers.timebase import as_stamps, timing
+from gmwm.readers.rate_check import rate_change
+from gmwm.readers.time_stamps import as_stamps, timing
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)
 

@@ -12,7 +12,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
-from gmwm.readers import arrays, chunks, parquet, stream, text
+from gmwm.readers import arrays, parquet, stream, streams, text
 
 ROWS = 20_000
 
@@ -20,8 +20,8 @@ ROWS = 20_000
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Blocks and heads so small that a file of some thousand rows has many of them."""
-    monkeypatch.setattr(chunks, "HEAD", 3000)
-    monkeypatch.setattr(chunks.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(streams, "HEAD", 3000)
+    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     monkeypatch.setattr(parquet, "ROWS", 1500)
     monkeypatch.setattr(arrays, "ROWS", 1500)

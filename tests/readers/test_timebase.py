@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gmwm.errors import OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.readers import read
-from gmwm.readers.timebase import as_stamps, timing
+from gmwm.readers.time_stamps import as_stamps, timing
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 

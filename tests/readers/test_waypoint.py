@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gmwm.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
+from gmwm.imu_records import TYPES, counts
 from gmwm.readers import find_reader, read, waypoint
-from gmwm.records import TYPES, counts
 from gmwm.signals import AXES, Imu, Signal
 from gmwm.writers import write
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm._words import OVERRULED
+from gmwm._text import OVERRULED
 from gmwm.cautions import about_declared, about_steps, about_values
 from gmwm.errors import OptionError
 from gmwm.inspection.knocks import Step

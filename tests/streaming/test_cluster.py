@@ -20,7 +20,7 @@ from gmwm.errors import (
     ReadError,
     TimeBaseWarning,
 )
-from gmwm.readers import arrays, chunks, parquet, text
+from gmwm.readers import arrays, parquet, streams, text
 from gmwm.streaming import cluster, scheduling
 from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.scheduling import connected
@@ -47,7 +47,7 @@ def client():
 
 @pytest.fixture(autouse=True)
 def small_chunks(monkeypatch):
-    monkeypatch.setattr(chunks.first_rows, "__defaults__", (10_000,))
+    monkeypatch.setattr(streams.first_rows, "__defaults__", (10_000,))
     for module, name, value in (
         (arrays, "ROWS", SMALL), (parquet, "ROWS", SMALL), (text, "BLOCK_BYTES", 20 * SMALL)
     ):  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError
-from gmwm.readers import chunks
+from gmwm.readers import streams
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
 
@@ -117,7 +117,7 @@ def recording(tmp_path):
 
 
 def test_a_file_in_one_pass_is_the_file_in_memory(recording, monkeypatch):
-    monkeypatch.setattr(chunks.first_rows, "__defaults__", (3000,))
+    monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
     imu = gmwm.read(recording)
     told = []
     curves = gmwm.stream(recording, chunk=4096).wavelet_variance(exact=15, done=told.append)

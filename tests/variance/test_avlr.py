@@ -9,7 +9,7 @@ import pytest
 from gmwm.errors import OptionError
 from gmwm.readers import read
 from gmwm.variance.allan import allan_variance
-from gmwm.variance.avlr import AllanRegression, avlr
+from gmwm.variance.allan_regression import AllanRegression, avlr
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.slope_line import LAWS, coefficient_unit

@@ -10,10 +10,10 @@ from gmwm import _core, wavelet_variance
 from gmwm.errors import DataError, OptionError
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
-from gmwm.variance.drawn_in import KEPT, Some
-from gmwm.variance.finds import MOST, Cells
 from gmwm.variance.robust import robust_variance
 from gmwm.variance.second_pass import SecondPass
+from gmwm.variance.second_pass_sums import MOST, Cells
+from gmwm.variance.winsorised_mean import KEPT, Some
 
 RATE = 100.0
 N = 60_000

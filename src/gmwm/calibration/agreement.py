@@ -10,11 +10,11 @@ from statistics import NormalDist
 
 import numpy as np
 
-from gmwm.calibration.maker import as_reference
+from gmwm.calibration.agreement_result import Agreement, SharedNumber
+from gmwm.calibration.reference import as_reference
 from gmwm.calibration.result import Calibration
-from gmwm.calibration.shared import Agreement, SharedNumber
+from gmwm.calibration.summary_text import rejected
 from gmwm.calibration.tables import in_order, merged, sensor_of
-from gmwm.calibration.words import rejected
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError

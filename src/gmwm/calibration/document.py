@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gmwm.calibration.kinds import require_kinds
-from gmwm.calibration.rankings import ranking_document, ranking_from
-from gmwm.calibration.recording import Recording
+from gmwm.calibration.ranking_document import ranking_document, ranking_from
+from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.schema import require_kinds
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Fit

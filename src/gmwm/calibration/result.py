@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
 from gmwm._files import write_text
 from gmwm._late import LateMethod
-from gmwm._words import Summarised
-from gmwm.calibration.recording import Recording
-from gmwm.calibration.words import summary
+from gmwm._text import Summarised
+from gmwm.calibration.recording_info import Recording
+from gmwm.calibration.summary_text import summary
 from gmwm.datasheets import Datasheet
 from gmwm.errors import DataError, ReadError
 from gmwm.estimation.result import Fit

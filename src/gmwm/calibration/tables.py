@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
-from gmwm._words import rounded
-from gmwm.inference.plan import SEEN
+from gmwm._text import rounded
+from gmwm.inference.planning import SEEN
 from gmwm.variance.slope_line import LAWS
 
 if TYPE_CHECKING:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens, require_whole
 from gmwm.cli.options import RESULT, Datasheet, Json
+from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens, require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gmwm.plots.view import UnitSystem
     from gmwm.signals import Signal
-    from gmwm.variance.avlr import AllanRegression
+    from gmwm.variance.allan_regression import AllanRegression
     from gmwm.variance.clusters import ClusterVariance
 
 EXAMPLES = (
@@ -171,7 +171,7 @@ def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegression]:
-    from gmwm.variance.avlr import avlr
+    from gmwm.variance.allan_regression import avlr
 
     return {name: avlr(result) for name, result in results.items()}
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.calibration.calibrate import WITHIN
+from gmwm.calibration.api import WITHIN
 from gmwm.cli.export import written_for_kalibr
-from gmwm.cli.opening import Axes, File, Opening, chosen_names, opens
+from gmwm.cli.measuring import InPieces, Scheduler, Workers, opened
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -24,13 +24,13 @@ from gmwm.cli.options import (
     Within,
     parse_within,
 )
-from gmwm.cli.pieces import InPieces, Scheduler, Workers, opened
+from gmwm.cli.read_options import Axes, File, Opening, chosen_names, opens
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.processes.model import ModelLike
-    from gmwm.readers.chunks import Stream
+    from gmwm.readers.streams import Stream
     from gmwm.signals import Imu
 
 EXAMPLES = (
@@ -131,7 +131,7 @@ def calibrated(
     workers: int | None = None,
 ) -> Calibration:
     """The calibration, with a progress bar."""
-    from gmwm.calibration.calibrate import STAGES, calibrate
+    from gmwm.calibration.api import STAGES, calibrate
     from gmwm.cli.output import progress
 
     before = 0

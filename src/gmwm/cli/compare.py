@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.opening import Axes, Opening, chosen_axes, load, opens
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Json, View
+from gmwm.cli.read_options import Axes, Opening, chosen_axes, load, opens
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.opening import File, Opening, load, opens
 from gmwm.cli.options import Json
+from gmwm.cli.read_options import File, Opening, load, opens
 
 if TYPE_CHECKING:
     from gmwm.signals import Imu

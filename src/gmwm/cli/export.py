@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.lengths import parse_length
+from gmwm.cli.durations import parse_length
 from gmwm.cli.options import RESULT, Json
 from gmwm.errors import DataError, GmwmWarning, MissingTheoryError, OptionError
 from gmwm.exporters import export_formats

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm.cli.likelihood import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
-from gmwm.cli.likelihood import as_dict as likelihood_as_dict
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, opens
+from gmwm.cli.likelihood_output import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
+from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
+from gmwm.cli.measuring import InPieces, needs_memory, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
@@ -23,7 +23,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     confidence_level,
 )
-from gmwm.cli.pieces import InPieces, needs_memory, opened, signals_or_curves
+from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, opens
 from gmwm.processes import families, registry
 
 if TYPE_CHECKING:

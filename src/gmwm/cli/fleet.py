@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.calibrate import WITHIN
+from gmwm.calibration.api import WITHIN
 from gmwm.cli.calibrate import ROBUST, Outliers
-from gmwm.cli.opening import INPUT, Axes, Opening, opens, reading
+from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -23,7 +23,7 @@ from gmwm.cli.options import (
     Within,
     parse_within,
 )
-from gmwm.cli.pieces import MACHINES
+from gmwm.cli.read_options import INPUT, Axes, Opening, opens, reading
 from gmwm.errors import DataError, OptionError
 
 if TYPE_CHECKING:
@@ -157,8 +157,8 @@ def write_all(found: Fleet, folder: Path) -> list[Path]:
     from gmwm._files import write_text
     from gmwm.cli.errors import as_options
     from gmwm.cli.output import progress
-    from gmwm.fleets.finding import FILE
-    from gmwm.fleets.kept import TABLE
+    from gmwm.fleets.discovery import FILE
+    from gmwm.fleets.storage import TABLE
 
     facts, table, text, picture = (folder / name for name in (FILE, TABLE, "summary.txt", "fleet.png"))
     write_text(text, as_options(found.summary()) + "\n")

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.opening import File, Opening, opens
+from gmwm.cli.measuring import InPieces, opened
 from gmwm.cli.options import RESULT, Json
-from gmwm.cli.pieces import InPieces, opened
+from gmwm.cli.read_options import File, Opening, opens
 
 EXAMPLES = (
     "gmwm info static.csv",

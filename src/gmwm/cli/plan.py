@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm.cli.lengths import parse_length, parse_share
+from gmwm.cli.durations import parse_length, parse_share
 from gmwm.cli.options import RESULT, Json
 from gmwm.errors import OptionError, ReadError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gmwm._arrays import Matrix
     from gmwm.filters import WaveletFilter
-    from gmwm.inference.plan import Plan
+    from gmwm.inference.planning import Plan
     from gmwm.processes.base import Process
 
 EXAMPLES = (
@@ -129,7 +129,7 @@ def _planned(
     from gmwm import plan as planned
     from gmwm._arrays import as_rate
     from gmwm.cli.output import progress
-    from gmwm.inference.plan import as_accuracy
+    from gmwm.inference.planning import as_accuracy
 
     as_accuracy(accuracy)
     with progress("planning"):
@@ -181,7 +181,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
     Without the terms that were estimated as zero; those that act as another process are that process.
     """
     from gmwm import Model, parse_model
-    from gmwm.processes.likeness import likeness
+    from gmwm.processes.equivalence import likeness
 
     model, notes = parse_model(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.following import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
 from gmwm.cli.options import RESULT, Efficiency, Json, Robust, chosen_efficiency
+from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.calibrate import WITHIN
-from gmwm.cli.opening import Axes, File, Opening, chosen_names, opens
+from gmwm.calibration.api import WITHIN
+from gmwm.cli.measuring import InPieces, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -23,7 +23,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     parse_within,
 )
-from gmwm.cli.pieces import InPieces, opened, signals_or_curves
+from gmwm.cli.read_options import Axes, File, Opening, chosen_names, opens
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.lengths import parse_length
+from gmwm.cli.durations import parse_length
 from gmwm.cli.options import Json
 from gmwm.errors import OptionError
 from gmwm.signals import AXES
@@ -111,7 +111,7 @@ def simulate(
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
-    """What `gmwm.simulation.simulate` takes, from the values of --model.
+    """What `gmwm.simulation.api` takes, from the values of --model.
 
     >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
     {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.following import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
-from gmwm.cli.lengths import parse_length
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.durations import parse_length
+from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
@@ -20,6 +19,7 @@ from gmwm.cli.options import (
     chosen_efficiency,
     confidence_level,
 )
+from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.errors import OptionError
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def track(
     the model as known.
     """
     from gmwm.cli.output import print_json, print_written, tell, tell_cautions, told_warnings
-    from gmwm.cli.tracks import as_dict, print_tracks
+    from gmwm.cli.track_output import as_dict, print_tracks
     from gmwm.writers import table_path
 
     way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))

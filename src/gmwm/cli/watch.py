@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.enough import as_dicts, fitted, one_line_of, whole_text
-from gmwm.cli.lengths import parse_length, parse_share
-from gmwm.cli.opening import (
+from gmwm.cli.durations import parse_length, parse_share
+from gmwm.cli.options import Datasheet, Json
+from gmwm.cli.read_options import (
     Axes,
     Columns,
     Increments,
@@ -26,7 +26,7 @@ from gmwm.cli.opening import (
     parse_scale,
     parse_units,
 )
-from gmwm.cli.options import Datasheet, Json
+from gmwm.cli.watch_status import as_dicts, fitted, one_line_of, whole_text
 from gmwm.errors import GmwmError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from gmwm.processes.model import Model
-    from gmwm.readers.growing import GrowingFile, GrowingPipe
+    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
     from gmwm.variance.accumulate import WaveletAccumulator
 
 EXAMPLES = (
@@ -89,9 +89,9 @@ def watch(
     """
     from gmwm import parse_model
     from gmwm.cli.output import print_json, tell, told_warnings
-    from gmwm.inference.plan import as_accuracy
-    from gmwm.readers.growing import Lines, growing_stream
-    from gmwm.streaming.driver import accumulators, feed
+    from gmwm.inference.planning import as_accuracy
+    from gmwm.readers.growing_files import Lines, growing_stream
+    from gmwm.streaming.passes import accumulators, feed
 
     seconds, patience = parse_length(every, "--every"), None if idle is None else parse_length(idle, "--idle")
     wanted = as_accuracy(parse_share(accuracy))
@@ -212,7 +212,7 @@ def _unwrapped(text: Text) -> Text:
 @contextmanager
 def _source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
     """What is watched, and its name."""
-    from gmwm.readers.growing import GrowingFile, GrowingPipe
+    from gmwm.readers.growing_files import GrowingFile, GrowingPipe
 
     if file != "-" and not Path(file).is_file():
         what = "is no file" if Path(file).exists() else "does not exist"

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.opening import Axes, File, Opening, chosen_axes, chosen_names, opens
+from gmwm.cli.measuring import InPieces, Scheduler, Workers, curves_and_cautions, needs_memory, opened
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Json, Robust, TransformName, View, chosen_efficiency
-from gmwm.cli.pieces import InPieces, Scheduler, Workers, curves_and_cautions, needs_memory, opened
+from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, chosen_names, opens
 
 if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
@@ -68,7 +68,7 @@ def wv(
     from gmwm import wavelet_variance
     from gmwm.cli.output import print_json, print_written, progress, tell, tell_cautions, told_warnings
     from gmwm.cli.parallel import over_axes
-    from gmwm.readers.chunks import Stream
+    from gmwm.readers.streams import Stream
 
     with told_warnings() as told:
         recording = opened(

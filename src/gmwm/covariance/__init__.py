@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.covariance import filtered, gaussian, lines
-from gmwm.covariance.setting import Setting as Setting
-from gmwm.covariance.stretches import pooled
+from gmwm.covariance.design import Setting as Setting
+from gmwm.covariance.segments import pooled
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.model import Model, ModelLike, as_model

@@ -20,12 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import covariance
+from gmwm.covariance.design import Setting
 from gmwm.covariance.mixture import drawn, mixture
-from gmwm.covariance.setting import Setting
 from gmwm.errors import DataError
 from gmwm.filters import WaveletFilter
 from gmwm.signals import Signal
-from gmwm.variance.estimate import wavelet_variance
+from gmwm.variance.api import wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0

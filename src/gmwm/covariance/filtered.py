@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.design import Setting
 from gmwm.covariance.robust import hermite_weights
-from gmwm.covariance.setting import Setting
 from gmwm.errors import MissingTheoryError
 from gmwm.filters import WaveletFilter
 from gmwm.processes import filtered

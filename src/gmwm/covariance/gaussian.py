@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.design import Setting
 from gmwm.covariance.robust import hermite_weights
-from gmwm.covariance.setting import Setting
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix
 from gmwm.covariance import filtered
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model

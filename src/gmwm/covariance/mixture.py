@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance.setting import Setting
+from gmwm.covariance.design import Setting
 from gmwm.filters import WaveletFilter
 from gmwm.processes.base import Process, registry
 from gmwm.processes.model import Model

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.covariance import ratio_variances
+from gmwm.covariance.design import Setting
 from gmwm.covariance.mixture import mixture
 from gmwm.covariance.robust import ratio_skewness
-from gmwm.covariance.setting import Setting
 from gmwm.processes.model import ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
 

@@ -13,8 +13,8 @@ from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.effective import effective_noise as effective_noise
 from gmwm.datasheets.entry import Entry as Entry
 from gmwm.datasheets.entry import significant
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.sheet import Datasheet as Datasheet
-from gmwm.datasheets.translation import translated
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import Interval, as_level, confidence_intervals, free_shape, is_weak

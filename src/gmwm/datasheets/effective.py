@@ -10,8 +10,8 @@ import numpy as np
 
 from gmwm.datasheets.curve import ENDLESS, Curve, slope
 from gmwm.datasheets.entry import Entry
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
-from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import as_level

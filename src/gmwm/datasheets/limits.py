@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping
 
 from gmwm.datasheets.entry import Entry
-from gmwm.datasheets.translation import translated
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import DataError, FitWarning, GmwmError
 from gmwm.estimation import fit as fitted
 from gmwm.estimation.result import Fit

@@ -11,14 +11,14 @@ from gmwm.errors import FitWarning, ModelError, OptionError
 from gmwm.estimation.problem import pose, to_find
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.reweighting import REWEIGHTED, First, Settled, settle
-from gmwm.estimation.solve import estimated, final, solve, solve_near, solve_sampled
+from gmwm.estimation.solver import estimated, final, solve, solve_near, solve_sampled
 from gmwm.estimation.starts import Sampled
 from gmwm.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_notes
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.signals import Signal
+from gmwm.variance.api import wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, require_robust
-from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 NEAR = 1e-6

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod, LateProperty
-from gmwm._words import Named
+from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
 from gmwm.estimation.starts import Start
 from gmwm.processes.model import Model
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gmwm.inference.criterion import Criterion
     from gmwm.inference.goodness import GoodnessOfFit
     from gmwm.inference.intervals import Interval
-    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.innovations import Residuals
     from gmwm.likelihood.tracks import Tracks
 
 
@@ -191,7 +191,7 @@ class Fit:
         "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
     )
     residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.residuals:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
+        "gmwm.likelihood.innovations:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
     )
 
     _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(

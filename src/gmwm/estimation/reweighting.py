@@ -18,7 +18,7 @@ from gmwm.covariance import Setting, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.problem import Problem, pose
-from gmwm.estimation.solve import Solution, estimated, final, resume, solve
+from gmwm.estimation.solver import Solution, estimated, final, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance

@@ -14,10 +14,10 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.errors import OptionError
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.problem import Problem
-from gmwm.estimation.surface import Coordinates, Point, Surface
+from gmwm.estimation.variable_projection import Coordinates, Point, Surface
 from gmwm.filters import find_filter
 from gmwm.processes.base import Process
-from gmwm.processes.occasion import Dominant, Occasion
+from gmwm.processes.start_context import Dominant, Occasion
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from gmwm.exporters.base import Noise, TwoNumbers, register
-from gmwm.exporters.words import limit_mark, written
+from gmwm.exporters.text import limit_mark, written
 
 
 class _Floor(TwoNumbers):

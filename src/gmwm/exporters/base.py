@@ -26,7 +26,7 @@ from gmwm.exporters.reduction import (
     sensor_noise,
     walk_time,
 )
-from gmwm.exporters.words import commented, recording, written_rate
+from gmwm.exporters.text import commented, recording, written_rate
 from gmwm.units import Quantity
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gmwm.calibration.tables import sensor_of
 from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
-from gmwm.exporters.words import unended, written
+from gmwm.exporters.text import unended, written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gmwm.exporters.base import Noise, TwoNumbers, register
 from gmwm.exporters.reduction import Number
-from gmwm.exporters.words import limit_mark, written
+from gmwm.exporters.text import limit_mark, written
 
 _MEANING = (
     "Units: continuous-time power spectral densities, the squares of N and K: accelerometer (m/s²)²/Hz, gyroscope "

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
 from gmwm.exporters.reduction import Number
-from gmwm.exporters.words import written
+from gmwm.exporters.text import written
 
 _DEGREE = math.pi / 180
 _MILLIGAL = 1e-5

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.exporters.base import Noise, TwoNumbers, register
 from gmwm.exporters.reduction import Number
-from gmwm.exporters.words import written
+from gmwm.exporters.text import written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -13,7 +13,7 @@ from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import has_matrices
 from gmwm.exporters.reduction import axis_noise
 from gmwm.exporters.statespace import axis_matrices
-from gmwm.exporters.words import cautioned
+from gmwm.exporters.text import cautioned
 from gmwm.units import SI_UNIT, find_unit, noise_unit
 
 if TYPE_CHECKING:

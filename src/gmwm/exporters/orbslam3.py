@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gmwm.exporters.base import Noise, TwoNumbers, register
-from gmwm.exporters.words import limit_mark, written
+from gmwm.exporters.text import limit_mark, written
 
 
 @register

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 from gmwm.datasheets.bias import SYMBOL
 from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
 from gmwm.datasheets.entry import Entry, significant
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
-from gmwm.datasheets.translation import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
 from gmwm.units import SI_UNIT, Quantity

@@ -7,12 +7,12 @@ from importlib import metadata
 from typing import TYPE_CHECKING
 
 from gmwm.datasheets.effective import is_scale_free
-from gmwm.datasheets.translation import translated
+from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
 from gmwm.exporters.base import QUANTITIES, Exporter, Settings, register
 from gmwm.exporters.reduction import RULES, Number, axes_of, lines_of, require_unit, ruled
-from gmwm.exporters.words import commented, recording, written
+from gmwm.exporters.text import commented, recording, written
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import require_matrices, rows
-from gmwm.exporters.words import commented, plain, recording
+from gmwm.exporters.text import commented, plain, recording
 from gmwm.likelihood.system import is_ramp
 
 if TYPE_CHECKING:

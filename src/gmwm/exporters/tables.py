@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.calibration.tables import SENSORS, by_sensor, in_order, number
 from gmwm.exporters.base import Exporter, Settings, register
-from gmwm.exporters.words import commented, recording
+from gmwm.exporters.text import commented, recording
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.calibration.tables import sensor_of
-from gmwm.fleets.deviants import FEWEST
+from gmwm.fleets.outlier_units import FEWEST
 
 if TYPE_CHECKING:
-    from gmwm.fleets.numbers import FleetNumber, FleetStatistics
+    from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 LISTED = 10
 """So many failures, outliers and names are told one by one."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix
 from gmwm.calibration.tables import sensor_of
-from gmwm.fleets.numbers import SIGNED, AxisDifference
+from gmwm.fleets.statistics_result import SIGNED, AxisDifference
 
 LEAST = 6
 """Units in which all axes have a number, below which their differences are not tested."""

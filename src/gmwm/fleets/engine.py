@@ -13,22 +13,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm._arrays import as_rate
+from gmwm._text import counted
 from gmwm._threads import processors
-from gmwm._words import counted
-from gmwm.calibration.calibrate import WITHIN, check_settings
+from gmwm.calibration.api import WITHIN, check_settings
 from gmwm.calibration.result import Settings
 from gmwm.errors import GmwmWarning, OptionError
-from gmwm.fleets.finding import Found, Recordings, find_units
-from gmwm.fleets.kept import TABLE, drop, keep, kept_rows, strangers, write_facts
+from gmwm.fleets.discovery import Found, Recordings, find_units
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
-from gmwm.fleets.spread import here, patient, spread
+from gmwm.fleets.storage import TABLE, drop, keep, kept_rows, strangers, write_facts
 from gmwm.fleets.table import as_table, write_table
-from gmwm.fleets.work import Asked, Job, Outcome
+from gmwm.fleets.unit_job import Asked, Job, Outcome
+from gmwm.fleets.workers import here, patient, spread
 from gmwm.processes.model import ModelLike, as_model
 from gmwm.readers import find_reader, read
-from gmwm.readers.factors import checked_increments, checked_scale
-from gmwm.readers.scales import checked_units
+from gmwm.readers.axis_units import checked_units
+from gmwm.readers.scale_factors import checked_increments, checked_scale
 from gmwm.signals import AXES
 
 if TYPE_CHECKING:

@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from gmwm._late import LateMethod
-from gmwm._words import Summarised
+from gmwm._text import Summarised
 from gmwm.calibration.result import Calibration, Settings
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.fleets.kept import TABLE, read_facts, unit_file
+from gmwm.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.fleets.table import read_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from polars import DataFrame
 
-    from gmwm.fleets.numbers import FleetStatistics
+    from gmwm.fleets.statistics_result import FleetStatistics
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,7 +104,7 @@ class Fleet(Summarised):
 
     def summary(self) -> str:
         """How many units are done, what they are like together, which are not like the others, and which failed."""
-        from gmwm.fleets.words import summary
+        from gmwm.fleets.summary_text import summary
 
         return summary(self)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.calibration.tables import in_order
 from gmwm.errors import DataError
-from gmwm.fleets.numbers import SIGNED
+from gmwm.fleets.statistics_result import SIGNED
 from gmwm.variance.slope_line import LAWS
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from gmwm.calibration.tables import in_order, sensor_of
 from gmwm.errors import OptionError
 from gmwm.fleets.advice import LEAST
 from gmwm.fleets.axes import differences
-from gmwm.fleets.deviants import FEWEST, deviants, looked_for
-from gmwm.fleets.effects import effects, predicted, spread_limits
-from gmwm.fleets.numbers import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
+from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
+from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 
 if TYPE_CHECKING:
     import polars

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm._words import Named
+from gmwm._text import Named
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.weighting import square_root

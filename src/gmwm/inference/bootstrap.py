@@ -14,8 +14,8 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Setting
 from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
-from gmwm.estimation.solve import estimated, solve_near
-from gmwm.inference.paths import simulated_variances
+from gmwm.estimation.solver import estimated, solve_near
+from gmwm.inference.simulated_curves import simulated_variances
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit

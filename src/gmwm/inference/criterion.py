@@ -17,7 +17,7 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Setting
 from gmwm.errors import OptionError
 from gmwm.estimation.problem import Problem, pose
-from gmwm.estimation.solve import estimated, solve
+from gmwm.estimation.solver import estimated, solve
 from gmwm.estimation.weighting import square_root
 from gmwm.filters import WaveletFilter
 from gmwm.inference.asymptotic import COLLINEAR

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import freeze
-from gmwm._words import Summarised, counted
+from gmwm._text import Summarised, counted
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.estimator import refitted

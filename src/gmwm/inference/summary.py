@@ -13,7 +13,7 @@ from gmwm.filters import find_filter
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
-from gmwm.processes.likeness import likeness
+from gmwm.processes.equivalence import likeness
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit

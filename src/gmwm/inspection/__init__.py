@@ -1,6 +1,6 @@
 """A look at a recording before it is used: its time base, its resolution, and whether it was static."""
 
-from gmwm.inspection.inspecting import inspect
+from gmwm.inspection.api import inspect
 from gmwm.inspection.result import AxisInspection, Inspection
 
 __all__ = ["AxisInspection", "Inspection", "inspect"]

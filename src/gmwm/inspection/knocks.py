@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.inspection.extent import Extent
+from gmwm.inspection.time_grid import Extent
 
 BLOCK = 1000
 """Samples over which a local median is taken: knocks are shorter, drift is slower."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from gmwm._words import Summarised, counted, moment
+from gmwm._text import Summarised, counted, moment
 from gmwm.cautions import span
 from gmwm.inspection.knocks import Knock, Step
-from gmwm.inspection.settling import WarmUp
+from gmwm.inspection.warm_up import WarmUp
 from gmwm.signals import TimeBase
 
 

@@ -2,8 +2,8 @@
 
 from gmwm.likelihood.estimator import fit_ml as fit_ml
 from gmwm.likelihood.estimator import loglikelihood as loglikelihood
-from gmwm.likelihood.residuals import Residuals as Residuals
-from gmwm.likelihood.residuals import residuals as residuals
+from gmwm.likelihood.innovations import Residuals as Residuals
+from gmwm.likelihood.innovations import residuals as residuals
 from gmwm.likelihood.result import LikelihoodFit as LikelihoodFit
 from gmwm.likelihood.tracks import Tracks as Tracks
 from gmwm.likelihood.tracks import filter_tracks as filter_tracks

@@ -12,20 +12,20 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Named
+from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
 from gmwm.estimation.result import estimated_as_zero
 from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
 from gmwm.processes.model import Model
-from gmwm.variance.estimate import wavelet_variance as measure
+from gmwm.variance.api import wavelet_variance as measure
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from gmwm.inference.intervals import Interval
-    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.innovations import Residuals
     from gmwm.likelihood.tracks import Tracks
 
 
@@ -148,7 +148,7 @@ class LikelihoodFit:
         "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
     )
     residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.residuals:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
+        "gmwm.likelihood.innovations:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
     )
     _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(
         "gmwm.likelihood.summary:as_html", "The summary with its parameters as a table, for notebooks."

@@ -6,14 +6,14 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.intervals import Interval
 from gmwm.inference.summary import Row, estimate_text, interval_text, table_html, table_text
 from gmwm.likelihood.intervals import Method, confidence_intervals
 
 if TYPE_CHECKING:
-    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.innovations import Residuals
     from gmwm.likelihood.result import LikelihoodFit
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
-from gmwm._words import is_own
+from gmwm._text import is_own
 from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model

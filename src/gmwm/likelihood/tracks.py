@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Named
+from gmwm._text import Named
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation import Fit
 from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance

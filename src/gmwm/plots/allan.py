@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.variance.avlr import AllanRegression
+    from gmwm.variance.allan_regression import AllanRegression
     from gmwm.variance.result import WaveletVariance
 
 SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))

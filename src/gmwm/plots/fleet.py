@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.errors import OptionError
 from gmwm.fleets.samples import Reading, Sample
-from gmwm.fleets.words import shown_unit
+from gmwm.fleets.summary_text import shown_unit
 from gmwm.plots.axes import limits_of, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Text, Tick
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure as MatplotlibFigure
 
-    from gmwm.fleets.numbers import FleetNumber, FleetStatistics
+    from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
 """Up to so many units each is a dot with its interval; more are a curve."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.inference.plan import SEEN, Plan, as_accuracy, length_text
+from gmwm.inference.planning import SEEN, Plan, as_accuracy, length_text
 from gmwm.plots.axes import limits_of, time_axis, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol

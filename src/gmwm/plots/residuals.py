@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.likelihood.residuals import Residuals
+from gmwm.likelihood.innovations import Residuals
 from gmwm.plots.axes import number_text, power_text
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke

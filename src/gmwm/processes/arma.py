@@ -10,7 +10,7 @@ from itertools import product
 
 from gmwm.errors import ModelError
 from gmwm.processes.base import Process
-from gmwm.processes.lagged import PHI, SEASONAL_PHI, SEASONAL_THETA, THETA, Lagged
+from gmwm.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_THETA, THETA, Lagged
 
 
 class _Arma(Lagged, abstract=True, listed=False):

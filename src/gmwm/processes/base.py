@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm._words import defined_anew, is_own
-from gmwm.continuous import ContinuousStateSpace
+from gmwm._text import defined_anew, is_own
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
-from gmwm.processes import embedding, filtered
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.processes.occasion import Occasion
+from gmwm.processes import circulant_embedding, filtered
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.start_context import Occasion
+from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
@@ -417,8 +417,10 @@ class Process(ABC):
         if self.has("state_space"):
             out = self.state_space(rate).simulate(n, generator, count)
         else:
-            roots = embedding.safe_amplitudes(lambda lags: self.autocovariance(lags.astype(np.int64), rate), n)
-            out = embedding.paths(roots, n, generator, count)
+            roots = circulant_embedding.safe_amplitudes(
+                lambda lags: self.autocovariance(lags.astype(np.int64), rate), n
+            )
+            out = circulant_embedding.paths(roots, n, generator, count)
         return out.reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:

@@ -12,11 +12,11 @@ from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.processes.occasion import Occasion
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.start_context import Occasion
+from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
 

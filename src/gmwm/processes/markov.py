@@ -11,16 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm.continuous import ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.filters import HAAR, WaveletFilter
-from gmwm.processes import differences, exponential, filtered
+from gmwm.processes import exponential, filtered, haar_covariance
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.noise import WN
-from gmwm.processes.occasion import Occasion
 from gmwm.processes.parameter import Branch, Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.start_context import Occasion
+from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.walk import RW
 from gmwm.statespace import StateSpace
 
@@ -116,7 +116,7 @@ class _Markov(Process, abstract=True):
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Exponentials in the distance from the ends of the blocks: (n,) in u², one for each pair of levels and lag."""
         s2, sign, lam = self._pole(as_rate(rate))
-        return s2 * (differences.exponential(at, lam) if sign > 0 else differences.alternating(at, lam))
+        return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """±λ."""

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError
 from gmwm.filters import HAAR, WaveletFilter
-from gmwm.processes import embedding, octaves
+from gmwm.processes import circulant_embedding, smooth_autocovariance
 from gmwm.processes.base import Process
 from gmwm.processes.bessel import LARGEST, matern
-from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 
 _MANY = 4096
 """From so many lags on a correlation is interpolated."""
@@ -36,9 +36,9 @@ class MAT(Process):
     At ν = ½ it is a Gauss-Markov process; above, its paths are smoother, below rougher. At frequencies well above β/2π
     its spectrum falls as f^(−2ν−1). It has no finite state space but where ν is ½, 3/2, 5/2, …, and so none here.
 
-    The wavelet variance follows from the autocovariance at a few hundred lags, see `octaves`, under any filter; it is
-    exact to 1e-12 under the Haar filter, and less under long ones where β is small: what they leave of a smooth path is
-    less than rounding takes.
+    The wavelet variance follows from the autocovariance at a few hundred lags (see `smooth_autocovariance`), under
+    any filter. It is exact to 1e-12 under the Haar filter, and less exact under long filters where β is small: what
+    they leave of a smooth path is smaller than the rounding error.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class MAT(Process):
     ) -> Matrix:
         """∂ν²/∂β and ∂ν²/∂ν at marginal variance 1."""
         wanted, rows = as_levels(levels), []
-        sums = octaves.sums(filter, int(wanted[-1]))
+        sums = smooth_autocovariance.sums(filter, int(wanted[-1]))
         for beta, nu in np.asarray(nonlinear, dtype=np.float64):
             at = matern(sums.places * (beta / rate), nu)
             slopes, _ = sums.variance(-np.stack([at.by_distance, at.by_smoothness]), wanted)
@@ -90,7 +90,7 @@ class MAT(Process):
         return np.array(rows).reshape(-1, wanted.size, 2)
 
     def _variance_under(self, filter: WaveletFilter, levels: NDArray[np.int64], rate: float) -> Vector:
-        sums = octaves.sums(filter, int(levels[-1]))
+        sums = smooth_autocovariance.sums(filter, int(levels[-1]))
         at = matern(sums.places * (self.value("beta") / rate), self.value("nu"))
         # The sum over the correlation, or that over its complement: where less cancels.
         values, sizes = sums.variance(np.stack([at.correlation, -at.lost]), levels)
@@ -120,7 +120,7 @@ class MAT(Process):
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = −½ σ² [|m| + 2 Σ_{k < |m|} (|m| − k) M(βkΔt)]."""
         m, unit = np.abs(as_lags(lags)), self.value("beta") / as_rate(rate)
-        (zeroth,), (first,) = octaves.partial_sums(
+        (zeroth,), (first,) = smooth_autocovariance.partial_sums(
             lambda k: matern(k * unit, self.value("nu")).correlation[None], m.ravel()
         )
         return np.asarray(-0.5 * self.scale * (m + 2.0 * (m * zeroth.reshape(m.shape) - first.reshape(m.shape))))
@@ -134,7 +134,7 @@ class MAT(Process):
             return np.stack([at.correlation, -at.lost])
 
         h = n.ravel().astype(np.float64)
-        zeroth, first = octaves.partial_sums(known, np.concatenate([n.ravel(), 2 * n.ravel()]))
+        zeroth, first = smooth_autocovariance.partial_sums(known, np.concatenate([n.ravel(), 2 * n.ravel()]))
         terms = np.stack([
             np.array([[1.0], [0.0]]) * h,
             4.0 * h * zeroth[:, : h.size],
@@ -164,7 +164,7 @@ class MAT(Process):
         if n <= _SHORT:
             draws = generator.standard_normal((count, n)) @ self._root(n, rate)
         else:
-            draws = embedding.paths(self._amplitudes(n, rate), n, generator, count)
+            draws = circulant_embedding.paths(self._amplitudes(n, rate), n, generator, count)
         draws *= size
         return np.asarray(draws.reshape(shape_of_paths(n, paths)))
 
@@ -194,8 +194,10 @@ class MAT(Process):
             found = getattr(matern(k.ravel() * (beta / rate), nu), what)
         else:
             longest = int(k.max())
-            places = octaves.spread_places(_ONE_BY_ONE, max(longest // _ONE_BY_ONE, 1).bit_length())
-            found = octaves.spread(getattr(matern(places * (beta / rate), nu), what), k.ravel(), _ONE_BY_ONE)
+            places = smooth_autocovariance.spread_places(_ONE_BY_ONE, max(longest // _ONE_BY_ONE, 1).bit_length())
+            found = smooth_autocovariance.spread(
+                getattr(matern(places * (beta / rate), nu), what), k.ravel(), _ONE_BY_ONE
+            )
         return np.asarray(self.scale * found.reshape(k.shape))
 
     def _root(self, n: int, rate: float) -> Matrix:
@@ -207,11 +209,11 @@ class MAT(Process):
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
         """Roots of the eigenvalues of the circle of correlations."""
-        beta, nu, half = self.value("beta"), self.value("nu"), embedding.half_period(n)
+        beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)
             reach = far[np.argmax(matern(far, nu).correlation < _GONE)] * rate / beta
-            half = max(half, embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
+            half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
         if half > _LONGEST:
             raise MissingTheoryError(
                 f"{self} is too slow and too smooth to be simulated at {rate:g} Hz: paths of {n} samples would have to "
@@ -219,4 +221,4 @@ class MAT(Process):
                 f"{_SHORT} samples, or nu=0.5"
             )
         unit = self.with_values(sigma2=1.0)
-        return embedding.amplitudes(lambda k: unit.autocovariance(k.astype(np.int64), rate), half)
+        return circulant_embedding.amplitudes(lambda k: unit.autocovariance(k.astype(np.int64), rate), half)

@@ -15,16 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm._late import LateMethod
-from gmwm.continuous import ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
-from gmwm.processes.doors import as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Fixed, Value
+from gmwm.processes.validation import as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
 if TYPE_CHECKING:
-    from gmwm.likelihood.residuals import Residuals
+    from gmwm.likelihood.innovations import Residuals
     from gmwm.likelihood.tracks import Tracks
 
 MOST_TERMS = 100
@@ -295,7 +295,7 @@ class Model:
         "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps, rate)."
     )
     residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.residuals:residuals",
+        "gmwm.likelihood.innovations:residuals",
         "Standardised innovations of a record, and their tests: residuals(x, rate).",
     )
     loglikelihood: ClassVar[LateMethod[..., float]] = LateMethod(

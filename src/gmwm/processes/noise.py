@@ -26,13 +26,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.filters import HAAR, WaveletFilter
-from gmwm.processes import differences, filtered
+from gmwm.processes import filtered, haar_covariance
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.processes.occasion import Occasion
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.start_context import Occasion
+from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
 
@@ -97,7 +97,7 @@ class WN(Process):
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Triangles, zero beyond the reach of the filters: (n,) in u², one for each pair of levels and lag in `at`."""
-        return self.scale * differences.white(at)
+        return self.scale * haar_covariance.white(at)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
@@ -156,7 +156,7 @@ class QN(Process):
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Spikes at nine lags: (n,) in u², one for each pair of levels and lag in `at`."""
-        return self.scale * differences.quantization(at)
+        return self.scale * haar_covariance.quantization(at)
 
     @property
     def error_cumulant(self) -> float:

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import MissingTheoryError
 from gmwm.filters import HAAR, WaveletFilter
-from gmwm.processes import differences, homogeneous
+from gmwm.processes import haar_covariance, self_similar
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.processes.embedding import amplitudes, half_period, paths
-from gmwm.processes.homogeneous import Numbers
+from gmwm.processes.circulant_embedding import amplitudes, half_period, paths
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.self_similar import Numbers
+from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 
 _STEP = 1e-30
 _LOG2 = math.log(2.0)
@@ -65,20 +65,20 @@ class PowerLaw(Process, abstract=True):
     def _shape(cls, nonlinear: Numbers, levels: NDArray[np.int64], filter: WaveletFilter) -> Numbers:
         epsilon, first = cls.exponents(nonlinear)
         if filter is HAAR:
-            return np.asarray(first[:, None] * homogeneous.powers_of_two(epsilon, levels))
-        return np.asarray(first[:, None] * homogeneous.filtered_shape(epsilon, filter, levels))
+            return np.asarray(first[:, None] * self_similar.powers_of_two(epsilon, levels))
+        return np.asarray(first[:, None] * self_similar.filtered_shape(epsilon, filter, levels))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m²."""
         epsilon, first = self.law
-        kappa = float(homogeneous.unit_factor(np.asarray(epsilon)))
-        return 0.5 * first * kappa * homogeneous.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
+        kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
+        return 0.5 * first * kappa * self_similar.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """A(m) = −K(m+1) + 2K(m) − K(m−1), in u² at integer `lags`; it falls without end, as m^(α−1)."""
         epsilon, first = self.law
-        kappa = float(homogeneous.unit_factor(np.asarray(epsilon)))
-        return -0.5 * first * kappa * homogeneous.bend(as_lags(lags).astype(np.float64), epsilon)
+        kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
+        return -0.5 * first * kappa * self_similar.bend(as_lags(lags).astype(np.float64), epsilon)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
         """σ²(n) = 2ν_1² n^(α−1)."""
@@ -88,7 +88,7 @@ class PowerLaw(Process, abstract=True):
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
         """Second differences of K over both half-scales: (n,) in u², one for each pair of levels and lag in `at`."""
         epsilon, first = self.law
-        return first * differences.power(at, epsilon)
+        return first * haar_covariance.power(at, epsilon)
 
     def decays(self, rate: float) -> tuple[float, ...]:
         """A power of the lag is as smooth as exponentials of every length together."""
@@ -101,7 +101,7 @@ class PowerLaw(Process, abstract=True):
         """
         f = as_frequencies(frequencies, as_rate(rate))
         epsilon, first = self.law
-        return np.asarray(first * homogeneous.spectrum(np.abs(f) / rate, epsilon) / rate)
+        return np.asarray(first * self_similar.spectrum(np.abs(f) / rate, epsilon) / rate)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
@@ -136,9 +136,9 @@ def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, c
 def _roots(epsilon: float, half: int) -> Vector:
     """For paths of ν_1² = 1, or of their increments where ε ≥ 0; kept, as simulations come in hundreds."""
     if epsilon < 0:
-        return amplitudes(lambda k: _variance(epsilon) * 0.5 * homogeneous.power_bend(k, epsilon), half)
+        return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)
-    return amplitudes(lambda k: differences.power(LagGrid(ones, ones, k), epsilon), half)
+    return amplitudes(lambda k: haar_covariance.power(LagGrid(ones, ones, k), epsilon), half)
 
 
 def _variance(epsilon: float) -> float:
@@ -267,7 +267,7 @@ class FGN(PowerLaw):
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
         """r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H))."""
-        return 0.5 * self.scale * homogeneous.power_bend(as_lags(lags).astype(np.float64), self.law[0])
+        return 0.5 * self.scale * self_similar.power_bend(as_lags(lags).astype(np.float64), self.law[0])
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
         """The autocovariance r(k), in u² at integer `lags` and in their shape: the process is stationary.

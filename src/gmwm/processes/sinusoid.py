@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm.continuous import ContinuousStateSpace
+from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import filtered
 from gmwm.processes.base import Process
-from gmwm.processes.doors import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
 

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.filters import HAAR, WaveletFilter
-from gmwm.processes import differences, filtered
+from gmwm.processes import filtered, haar_covariance
 from gmwm.processes.base import Process
-from gmwm.processes.differences import LagGrid
-from gmwm.processes.doors import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
-from gmwm.processes.occasion import Occasion
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
+from gmwm.processes.start_context import Occasion
+from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.statespace import StateSpace
 
 
@@ -75,7 +75,7 @@ class RW(Process):
 
         K(m) = γ²(|m|³ − |m|)/12, differenced twice over both half-scales. The same at any `rate`, as γ² is per sample.
         """
-        return self.scale * differences.walk(at)
+        return self.scale * haar_covariance.walk(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), as a filter that sums to 0 sees it; infinite at f = 0."""

@@ -19,10 +19,10 @@ from gmwm.readers import text as text
 from gmwm.readers import ulog as ulog
 from gmwm.readers import waypoint as waypoint
 from gmwm.readers import xsens as xsens
+from gmwm.readers.api import read
 from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, find_reader, register, registered
-from gmwm.readers.chunks import Piece, Stream, stream
 from gmwm.readers.parts import Part
-from gmwm.readers.recording import read
+from gmwm.readers.streams import Piece, Stream, stream
 
 __all__ = [
     "Channel", "Chunk", "Layout", "Mark", "Part", "Piece", "Reader", "Stream", "find_reader", "read", "register",

@@ -15,13 +15,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._words import listed
+from gmwm._text import listed
 from gmwm.errors import ReadError
 from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, open_archive
+from gmwm.readers.column_names import named_unit, recognise
 from gmwm.readers.compressed import packed_text
-from gmwm.readers.headers import named_unit, recognise
 from gmwm.readers.sensorlogger import REMOVED, WITHOUT_GRAVITY, SensorLoggerReader, sensor
-from gmwm.readers.sources import ZIP, MemberSource, PackedError, open_archive
 from gmwm.readers.text import TextReader
 from gmwm.signals import AXES, axis_quantity
 

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._words import listed
+from gmwm._text import listed
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Chunk, Layout, Mark
-from gmwm.readers.headers import recognise
+from gmwm.readers.column_names import recognise
 from gmwm.signals import AXES
 
 ROWS = 1 << 20

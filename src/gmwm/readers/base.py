@@ -2,7 +2,7 @@
 
 A format is one file in this folder: a subclass of `Reader` under `@register`. It says which files are its
 own, what their columns are before a number is read, and gives the numbers in chunks. Everything else, from
-names and units to the time base, is decided once for all formats in `gmwm.readers.recording`.
+names and units to the time base, is decided once for all formats in `gmwm.readers.api`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
-from gmwm._words import defined_anew
+from gmwm._text import defined_anew
 from gmwm.errors import OptionError, ReadError
 
 HEAD_BYTES = 1 << 16

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmwm._words import counted, listed
+from gmwm._text import counted, listed
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers.base import Layout
-from gmwm.readers.headers import clean, recognise
+from gmwm.readers.column_names import clean, recognise
 from gmwm.signals import AXES
 
 Columns = Mapping[str, str | int | None] | Sequence[str | None]

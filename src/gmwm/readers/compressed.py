@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import HEAD_BYTES, Chunk, Layout, Reader, register, registered
-from gmwm.readers.sources import GZIP, ZSTD, CompressedSource, FileSource
+from gmwm.readers.byte_sources import GZIP, ZSTD, CompressedSource, FileSource
 from gmwm.readers.text import TextReader
 
 

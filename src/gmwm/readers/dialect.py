@@ -11,8 +11,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 from gmwm.errors import ReadError
-from gmwm.readers.headers import clean, is_unit, recognise, unit_of
-from gmwm.readers.stamps import is_stamp, parted_stamp
+from gmwm.readers.column_names import clean, is_unit, recognise, unit_of
+from gmwm.readers.text_stamps import is_stamp, parted_stamp
 
 BLANKS = " "
 """The delimiter that stands for any run of blanks and tabs."""

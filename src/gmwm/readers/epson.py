@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.readers.base import HEAD_BYTES, Channel, Layout, register
-from gmwm.readers.sources import FileSource
+from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.text import TextReader
 
 _COLUMN = re.compile(r"(G|A|DA|DV)([xyz])\[(dps|mG|deg|m/s|dec)\]")

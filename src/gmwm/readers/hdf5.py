@@ -28,7 +28,7 @@ from gmwm.readers.arrays import (
     split_path,
 )
 from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
-from gmwm.readers.sources import require_ratio
+from gmwm.readers.byte_sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 _DEPTH = 8

@@ -15,9 +15,9 @@ from typing import ClassVar
 import numpy as np
 
 from gmwm.errors import ReadError
+from gmwm.imu_records import record
 from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
 from gmwm.readers.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
-from gmwm.records import record
 
 _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.readers.base import Channel, Layout, register
-from gmwm.readers.sources import FileSource
+from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.text import TextReader
 
 _HEADER = b"timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"

@@ -1,4 +1,4 @@
-"""MATLAB's .mat: versions 5 to 7 by `gmwm.readers.matfile`, version 7.3, which is HDF5, by h5py.
+"""MATLAB's .mat: versions 5 to 7 by `gmwm.readers.mat5`, version 7.3, which is HDF5, by h5py.
 
 Besides arrays under names that say what they are, two layouts of the field are known: `data_imu`, a table of
 time, accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
@@ -16,7 +16,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
 from gmwm.readers.base import Chunk, Layout, Reader, register
 from gmwm.readers.hdf5 import MAGIC, arrays_in
-from gmwm.readers.matfile import variables
+from gmwm.readers.mat5 import variables
 from gmwm.signals import AXES
 
 _NAVEGO = {"t": (("time",), ("s",)), "wb": (AXES[:3], ("rad/s",) * 3), "fb": (AXES[3:], ("m/s²",) * 3)}

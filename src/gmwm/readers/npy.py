@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
 from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
-from gmwm.readers.sources import ZIP, MemberSource, open_archive, require_ratio
+from gmwm.readers.byte_sources import ZIP, MemberSource, open_archive, require_ratio
 
 _MAGIC = b"\x93NUMPY"
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, register
-from gmwm.readers.stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
+from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
     import polars as pl

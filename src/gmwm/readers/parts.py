@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.errors import OptionError, ReadError
+from gmwm.readers.api import one_layout
+from gmwm.readers.assembly import Assembly, Piece, Tally, Understood
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
-from gmwm.readers.chunks import Stream
-from gmwm.readers.pieces import Assembly, Piece, Tally, Understood
-from gmwm.readers.recording import one_layout
-from gmwm.readers.running import KEPT
+from gmwm.readers.running_clock import KEPT
+from gmwm.readers.streams import Stream
 
 SHORTEST = 2 * KEPT
 """Rows of a part, at least: gaps are settled by the rows around them."""

@@ -26,9 +26,9 @@ from gmwm.readers.bag_sqlite import SqliteStorage
 from gmwm.readers.bag_types import IMU, definition
 from gmwm.readers.bagfiles import ZSTD, Batch, Storage, Topic, merged, unpacked_messages
 from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+from gmwm.readers.byte_sources import CompressedSource
 from gmwm.readers.cdr import Decoder, Definition
-from gmwm.readers.headers import recognise
-from gmwm.readers.sources import CompressedSource
+from gmwm.readers.column_names import recognise
 from gmwm.signals import AXES
 
 LOG_TIME = "log_time"

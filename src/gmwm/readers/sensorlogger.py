@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.readers.base import Channel, Layout, register
-from gmwm.readers.sources import FileSource, MemberSource
+from gmwm.readers.byte_sources import FileSource, MemberSource
 from gmwm.readers.text import TextReader
 
 _HEADER = b"time,seconds_elapsed,z,y,x"

@@ -19,10 +19,10 @@ import numpy as np
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.byte_sources import FileSource
+from gmwm.readers.column_names import recognise, unit_of
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
-from gmwm.readers.headers import recognise, unit_of
-from gmwm.readers.sources import FileSource
-from gmwm.readers.stamps import UNIT, Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
+from gmwm.readers.text_stamps import UNIT, Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
     import polars as pl

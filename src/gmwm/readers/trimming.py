@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from gmwm.cuts import ROUNDING, cut_base, require_inside, require_some
-from gmwm.readers.pieces import Piece
+from gmwm.readers.assembly import Piece
 from gmwm.signals import TimeBase
+from gmwm.time_ranges import ROUNDING, cut_base, require_inside, require_some
 
 Kept = Sequence[tuple[float, float]]
 """Stretches of time (s), in order."""

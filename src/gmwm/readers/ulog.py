@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.errors import MissingDependencyError, ReadError
 from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
 

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm._words import counted
+from gmwm._text import counted
 from gmwm.errors import GmwmWarning, ReadError
+from gmwm.imu_records import TYPES, RecordType
 from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
-from gmwm.records import TYPES, RecordType
 from gmwm.signals import AXES, axis_quantity
 from gmwm.units import STANDARD_GRAVITY
 

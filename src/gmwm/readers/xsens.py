@@ -17,8 +17,8 @@ from typing import ClassVar
 import numpy as np
 
 from gmwm.readers.base import Channel, Chunk, Layout, Mark, register
+from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import Dialect
-from gmwm.readers.sources import FileSource
 from gmwm.readers.text import Place, TextReader
 
 _TICK_US = 100

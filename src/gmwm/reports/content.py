@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gmwm.calibration.summary_text import SIZE, advice, rejected, rows_of
 from gmwm.calibration.tables import SENSORS, by_sensor
-from gmwm.calibration.words import SIZE, advice, rejected, rows_of
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
-from gmwm.inference.plan import length_text
+from gmwm.inference.planning import length_text
 from gmwm.plots.labels import axis_title
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations

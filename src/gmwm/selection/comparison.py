@@ -6,7 +6,7 @@ import numpy as np
 
 from gmwm.covariance import Setting
 from gmwm.estimation.weighting import square_root
-from gmwm.selection.evidence import axes_of
+from gmwm.selection.equivalence import axes_of
 from gmwm.selection.ranking import Candidate, Comparison, Ranking
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix
 from gmwm._late import LateMethod
-from gmwm._words import Summarised, counted
+from gmwm._text import Summarised, counted
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.criterion import Criterion

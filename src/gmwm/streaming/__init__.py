@@ -1,5 +1,5 @@
 """Curves of recordings that come in pieces: over gaps, all axes at once."""
 
-from gmwm.streaming.driver import measured_pairs, stream_variance
+from gmwm.streaming.passes import measured_pairs, stream_variance
 
 __all__ = ["measured_pairs", "stream_variance"]

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import BREATH
 from gmwm.errors import GmwmError, OptionError, TimeBaseWarning
-from gmwm.readers.chunks import Stream
+from gmwm.readers.assembly import Tally
 from gmwm.readers.parts import Part, Passage
-from gmwm.readers.pieces import Tally
-from gmwm.streaming.driver import accumulators, feed
+from gmwm.readers.streams import Stream
+from gmwm.streaming.passes import accumulators, feed
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.gathering import EXACT
+from gmwm.variance.open_segments import EXACT
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 

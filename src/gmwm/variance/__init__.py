@@ -2,9 +2,9 @@
 
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.allan import allan_variance
-from gmwm.variance.avlr import AllanRegression, avlr
+from gmwm.variance.allan_regression import AllanRegression, avlr
+from gmwm.variance.api import wavelet_variance
 from gmwm.variance.clusters import ClusterVariance
-from gmwm.variance.estimate import wavelet_variance
 from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.total import total_variance

@@ -12,15 +12,15 @@ from gmwm._arrays import Vector, as_rate
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import MINIMUM_SAMPLES
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.drawn_in import Some
-from gmwm.variance.gathering import DEEPEST, EXACT, Gathering
 from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.open_segments import DEEPEST, EXACT, Gathering
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.second_pass import SecondPass, wanted_of
+from gmwm.variance.segment_state import Stretch
 from gmwm.variance.sketch import SKETCHING, Counts, Sketches
 from gmwm.variance.sketched import SketchCoefficients
-from gmwm.variance.stretch import Stretch
+from gmwm.variance.winsorised_mean import Some
 
 
 class WaveletAccumulator(Gathering):

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.variance.coefficients import haar_resolution
-from gmwm.variance.taking import Part, Taking
+from gmwm.variance.statistics_protocol import Part, Taking
 
 STEPS = 64
 """Of a scale: its coefficients are taken at every τ/64-th sample."""

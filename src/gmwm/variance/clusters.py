@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Summarised
+from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.variance.noise_type import noise_type
 from gmwm.variance.phase import Data

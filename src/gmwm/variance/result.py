@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._late import LateMethod
-from gmwm._words import Summarised
+from gmwm._text import Summarised
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
 from gmwm.variance.limits import chi_square_limits

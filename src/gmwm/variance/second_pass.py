@@ -19,12 +19,12 @@ from gmwm._arrays import Vector
 from gmwm.errors import DataError, OptionError
 from gmwm.variance.biweight import REACH, Biweight, Criterion, biweight, scan
 from gmwm.variance.coefficients import SAMPLE
-from gmwm.variance.drawn_in import DrawnIn
-from gmwm.variance.finds import Finds, Found, Wanted
-from gmwm.variance.gathering import Gathering
+from gmwm.variance.open_segments import Gathering
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
+from gmwm.variance.second_pass_sums import Finds, Found, Wanted
 from gmwm.variance.sketched import SketchCoefficients
+from gmwm.variance.winsorised_mean import DrawnIn
 
 if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator

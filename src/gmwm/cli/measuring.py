@@ -1,0 +1,127 @@
+"""Recordings larger than memory: when they are read in pieces, and how their curves are had, here or on a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gmwm.cli.read_options import INPUT, Opening, chosen_axes, chosen_names, load, reading
+from gmwm.errors import OptionError
+
+if TYPE_CHECKING:
+    from gmwm.readers.streams import Stream
+    from gmwm.signals import Imu, Signal
+    from gmwm.variance.result import WaveletVariance
+
+InPieces = Annotated[
+    Literal["auto", "yes", "no"],
+    typer.Option(
+        help="Read the recording in pieces, twice, in bounded memory: files of 300 MB or more, all, or none. Scales "
+        "from 2^15 samples on then take one coefficient every τ/64, and temperatures are not looked at.",
+        rich_help_panel=INPUT,
+    ),
+]
+MACHINES = "Where it is done"
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        help="Dask scheduler whose workers read the recording, a part each, as tcp://10.0.0.5:8786; they find the "
+        "file under the same path. Default: this process.",
+        metavar="ADDRESS",
+        rich_help_panel=MACHINES,
+        show_default=False,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        help="Processes on this machine that read the recording, a part each. Default: threads of this one.",
+        min=1,
+        rich_help_panel=MACHINES,
+        show_default=False,
+    ),
+]
+
+
+def opened(
+    path: Path,
+    opening: Opening,
+    in_pieces: Literal["auto", "yes", "no"],
+    *,
+    spread: bool = False,
+    whole: str = "",
+) -> Imu | Stream:
+    """The recording in a file, in memory or in pieces.
+
+    Parameters
+    ----------
+    path, opening, in_pieces
+    spread : bool
+        Whether others are to read it: that is in pieces.
+    whole : str
+        What was asked for that needs it in memory; "" if nothing was.
+    """
+    whole = whole or ("--gaps longest" if opening.gaps == "longest" else "")
+    if whole and (spread or in_pieces == "yes"):
+        asked = "--scheduler and --workers read" if spread else "--in-pieces yes reads"
+        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in pieces: leave one of them out")
+    if spread and in_pieces == "no":
+        raise OptionError("--scheduler and --workers read the recording in pieces: leave --in-pieces no out")
+    from gmwm.cli.output import progress
+    from gmwm.readers import stream
+    from gmwm.readers.streams import is_large
+
+    if not spread and (in_pieces == "no" or (in_pieces == "auto" and (whole or not is_large(path)))):
+        return load(path, opening)
+
+    with progress(f"reading {path.name}"):
+        return stream(path, **{name: value for name, value in reading(opening).items() if name != "gaps"})
+
+
+def needs_memory(filter: str, transform: str) -> str:
+    """The option that only a recording in memory can have, "" if there is none."""
+    if filter != "haar":
+        return f"--filter {filter}"
+    return f"--transform {transform}" if transform != "modwt" else ""
+
+
+def curves_and_cautions(
+    stream: Stream,
+    axes: Sequence[str],
+    *,
+    robust: bool,
+    efficiency: float,
+    scheduler: str | None = None,
+    workers: int | None = None,
+) -> tuple[dict[str, WaveletVariance], tuple[str, ...]]:
+    """The curves of some axes of a recording in pieces, and what an inspection warns of."""
+    from gmwm.calibration.stream_measurement import measured_and_seen
+    from gmwm.cli.output import progress
+
+    with progress("reading") as advance:
+        curves, seen = measured_and_seen(
+            stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
+            done=lambda text: advance(text, 0),
+        )  # fmt: skip
+    return {axis: found[0] for axis, found in curves.items()}, seen.warnings
+
+
+def signals_or_curves(
+    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, told: list[str]
+) -> Mapping[str, Signal | WaveletVariance]:
+    """The axes that --axis names, measured already if the recording is in pieces; cautions are told."""
+    from gmwm.cli.output import tell, tell_cautions
+    from gmwm.signals import Imu
+
+    if isinstance(recording, Imu):
+        tell_cautions(told, recording)
+        return chosen_axes(recording, wanted)
+    curves, seen = curves_and_cautions(
+        recording, chosen_names(recording.axes, wanted), robust=robust, efficiency=efficiency
+    )
+    for warning in seen:
+        tell(told, warning)
+    return curves

@@ -1,0 +1,153 @@
+"""What the commands that follow a recording with a model share: which model, and where its values come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gmwm.cli.likelihood_output import LIKELIHOOD, likelihood_fits, require_states
+from gmwm.errors import OptionError, ReadError
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+    from gmwm.likelihood import LikelihoodFit
+    from gmwm.processes.model import Model
+    from gmwm.signals import Signal
+
+ModelText = Annotated[
+    str | None,
+    typer.Option(
+        "--model",
+        "-m",
+        help="A sum of processes that have a state-space form, as gmwm fit takes it. With values of all parameters it "
+        "is taken as it is; else it is fitted to each axis first.",
+        metavar="MODEL",
+        show_default=False,
+    ),
+]
+FromFits = Annotated[
+    Path | None,
+    typer.Option(
+        help="In place of --model: the fits.json of gmwm fit, or the calibration.json of gmwm calibrate, for this "
+        "recording or another of the same unit at the same rate.",
+        show_default=False,
+    ),
+]
+ByLikelihood = Annotated[
+    bool,
+    typer.Option(
+        *LIKELIHOOD,
+        help="Fit by maximum likelihood, from the wavelet fit on; with --from-fits, take the fit by it in that file.",
+        rich_help_panel="Estimation",
+    ),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """The model of an axis with its values, how they came, and whether they were estimated from this very record."""
+
+    model: Fit | LikelihoodFit | Model
+    source: str
+    own: bool
+
+    @property
+    def values(self) -> Model:
+        """The model itself."""
+        from gmwm.processes.model import Model
+
+        return self.model if isinstance(self.model, Model) else self.model.model
+
+    def to_dict(self) -> dict[str, Any]:
+        """Model and values as plain texts and numbers."""
+        return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.source}
+
+
+@dataclass(frozen=True)
+class Way:
+    """What the options say of the model, checked before a file is read."""
+
+    model: Model | None
+    fits: Mapping[str, Any]
+    fits_file: str
+    fitted_file: str | None
+    likelihood: bool
+    robust: bool
+    efficiency: float
+
+
+def as_way(
+    model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
+) -> Way:
+    """The way to the values, or an error where options contradict each other."""
+    from gmwm import parse_model
+    from gmwm.cli.plan import fits_in
+
+    if (model is None) == (from_fits is None):
+        raise OptionError("give a model as --model, or --from-fits with a fits.json or calibration.json, one of them")
+    if from_fits is not None:
+        if robust:
+            raise OptionError("--robust is how a model is fitted; with --from-fits it is fitted already, leave one out")
+        fitted, fits = fits_in(from_fits)
+        return Way(None, fits, str(from_fits), fitted, likelihood, robust, efficiency)
+    parsed = parse_model(str(model))
+    require_states(parsed, "--model")
+    return Way(parsed, {}, "", None, likelihood, robust, efficiency)
+
+
+def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str]) -> dict[str, Followed]:
+    """The model of each axis with its values; those that are fitted say what to be warned of."""
+    from gmwm.cli.fit import fit_axes
+    from gmwm.cli.output import tell
+
+    if way.model is None:
+        return {axis: _from_file(way, axis, file) for axis in signals}
+    if not way.likelihood and not way.robust and None not in way.model.parameters.values():
+        return dict.fromkeys(signals, Followed(way.model, "given", False))
+    fits: Mapping[str, Fit | LikelihoodFit] = fit_axes(
+        dict.fromkeys(signals, way.model), signals, robust=way.robust, efficiency=way.efficiency, certify=False
+    )
+    source = "fitted to the wavelet variance"
+    if way.likelihood:
+        fits, source = likelihood_fits(fits, signals, way.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
+    for axis, fit in fits.items():
+        for note in fit.diagnostics.notes():
+            tell(told, f"{axis}: {note}")
+    return {axis: Followed(fit, source, True) for axis, fit in fits.items()}
+
+
+def axes_of(way: Way, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
+    """The signals that there is a model for: those of the file of fits, unless axes are named."""
+    if way.model is not None or chosen:
+        return signals
+    there = {axis: signal for axis, signal in signals.items() if axis in way.fits}
+    if not there:
+        raise OptionError(
+            f"--from-fits holds {', '.join(way.fits)}, the recording {', '.join(signals)}: none in common"
+        )
+    return there
+
+
+# --- inside -------------------------------------------------------------------------------------------
+
+
+def _from_file(way: Way, axis: str, file: Path) -> Followed:
+    from gmwm import Fit, LikelihoodFit
+
+    if axis not in way.fits:
+        raise OptionError(f"--axis must be one of {', '.join(way.fits)}, which {way.fits_file} holds; got {axis}")
+    content = way.fits[axis]
+    fit: Fit | LikelihoodFit
+    if way.likelihood:
+        if "likelihood" not in content:
+            raise ReadError(f"{way.fits_file} has no fit by maximum likelihood of {axis}: write it with gmwm fit --ml")
+        fit = LikelihoodFit.from_dict(content["likelihood"])
+    else:
+        fit = Fit.from_dict(content)
+    require_states(fit.model, f"{axis} of {way.fits_file}")
+    same = way.fitted_file is not None and Path(way.fitted_file).name == file.name
+    return Followed(fit, f"of {way.fits_file}", same)

@@ -1,0 +1,111 @@
+"""Tracks in short: as numbers, and as a table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm._text import counted
+
+if TYPE_CHECKING:
+    from gmwm.cli.model_source import Followed
+    from gmwm.likelihood import Tracks
+
+NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
+"""What is told of each process, in the unit of the data: a reach is half the width of the band."""
+
+
+def as_dict(model: Followed, found: Tracks, level: float) -> dict[str, Any]:
+    """Tracks in short, with the model they are of; the whole of them is what --output writes."""
+    return {
+        **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
+        "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),
+        "tracks": {label: _brief(found, label, level) for label in found.labels},
+    }  # fmt: skip
+
+
+def _missing(found: Tracks) -> int:
+    return 0 if found.kind == "predict" else int(np.count_nonzero(np.isnan(found.data)))
+
+
+def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
+    """A track in numbers: its mean, how far it goes from there, how well it is known, and its ends with their bands."""
+    path, error = found.mean[label], found.error[label]
+    known = np.isfinite(error)
+    low, _ = found.band(label, level)
+    numbers: dict[str, float] = {}
+    for end, at in (("first", 0), ("last", -1)):
+        if known[at]:
+            numbers |= {end: float(path[at]), f"{end}_reach": float(path[at] - low[at])}
+    if np.any(known):
+        mean, rms = float(np.mean(path[known])), float(np.std(path[known]))
+        numbers |= {"mean": mean, "rms_about_mean": rms, "rms_error": math.sqrt(np.mean(np.square(error[known])))}
+    return {name: numbers.get(name) for name in NUMBERS}
+
+
+def print_tracks(name: str, model: Followed, found: Tracks, level: float, datasheet: bool) -> None:
+    """A table of what each process did, how well that is known, and where it ended."""
+    from gmwm.cli.output import print_table
+    from gmwm.plots.view import view_of
+
+    shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
+    rows = [_row(label, _brief(found, label, level), found.kind == "predict", shown.factor) for label in found.labels]
+    duration = f"{len(found) / found.rate:g} s"
+    missing = f", {counted(_missing(found), 'sample')} missing" if _missing(found) else ""
+    words = {
+        "smooth": f"smoothed over {counted(len(found), 'sample')}, {duration}{missing}",
+        "filter": f"filtered over {counted(len(found), 'sample')}, {duration}{missing}",
+        "predict": f"predicted for the {duration} after the recording",
+    }
+    print(f"{name}: {model.values.structure}, values {model.source}\n{words[found.kind]}, in {shown.unit}")
+    reach = f"± {100 * level:g} %"
+    middle = ["first", reach] if found.kind == "predict" else ["mean", "rms about it", "known to"]
+    print_table(["process", *middle, "last", reach], rows)
+
+
+def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:
+    """A track in words: its ends with their bands, or what it did and its end."""
+
+    def number(key: str) -> str:
+        value = brief.get(key)
+        if value is None:
+            return "unknown"
+        # Of a process that does not move, rounding leaves a little.
+        if value <= 1e-9 * (brief["rms_error"] or 0.0):
+            return "0"
+        return f"{factor * value:.{'3g' if factor * value >= 0.01 else '2e'}}"
+
+    def known(key: str, by: str) -> str:
+        value, error = brief.get(key), brief.get(by)
+        if value is None or error is None:
+            return "unknown"
+        # Where a model says that there is no error, what rounding leaves of a value is still none.
+        least = 1e-4 * (brief.get("rms_about_mean") or 0.0)
+        return _to_the_error(factor * value, factor * max(error, least))
+
+    last = [known("last", "last_reach"), number("last_reach")]
+    if ahead:
+        return [label, known("first", "first_reach"), number("first_reach"), *last]
+    return [label, known("mean", "rms_error"), number("rms_about_mean"), number("rms_error"), *last]
+
+
+def _to_the_error(value: float, error: float) -> str:
+    """A value with as many digits as its error leaves meaning to.
+
+    >>> _to_the_error(9.80665123456, 2e-4), _to_the_error(-7e-21, 1e-3), _to_the_error(1.23456e-4, 1e-4)
+    ('9.806651', '0', '1.23e-04')
+    """
+    if not error:
+        return f"{value or 0.0:.3g}"
+    # Six digits are more than anyone reads, where a model leaves hardly an error.
+    digits = math.floor(math.log10(abs(value))) if value else 0
+    places = min(2 - math.floor(math.log10(error)), 6 - digits)
+    value = round(value, places)
+    if not value:
+        return "0"
+    if abs(value) >= 0.01:
+        return f"{value:.{max(places, 0)}f}"
+    return f"{value:.{max(math.floor(math.log10(abs(value))) + places, 0)}e}"

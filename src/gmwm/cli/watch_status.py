@@ -1,0 +1,161 @@
+"""What a recording that is being made tells so far: its curve, its estimates, and whether it is enough."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gmwm.errors import FitWarning, GmwmError
+
+if TYPE_CHECKING:
+    from gmwm.estimation.result import Fit
+    from gmwm.processes.model import Model
+    from gmwm.variance.result import WaveletVariance
+
+
+def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
+    """The model fitted to each axis, and why it could not be."""
+    from gmwm import fit
+
+    fits: dict[str, Fit] = {}
+    failed: dict[str, str] = {}
+    if model is None:
+        return fits, failed
+    for axis, curve in curves.items():
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FitWarning)
+                fits[axis] = fit(model, curve, certify=False)
+        except GmwmError as error:
+            failed[axis] = f"not fitted: {error}"
+    return fits, failed
+
+
+def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
+    """How long a recording must be for each parameter (s); None where that is not known, or beyond all lengths."""
+    from gmwm import Model, plan
+
+    wv = fit.wavelet_variance
+    present = tuple(process for process in fit.model.processes if process.scale > 0)
+    try:
+        found = plan(Model(present), duration=wv.samples / wv.rate, rate=wv.rate).needed(accuracy) if present else {}
+    except GmwmError:
+        found = {}
+    return {name: (seconds if seconds < float("inf") else None) for name, seconds in found.items()}
+
+
+def _errors(fit: Fit) -> dict[str, float]:
+    """Relative standard errors that were reached."""
+    try:
+        errors = fit.standard_errors
+    except GmwmError:
+        return {}
+    return {name: error / abs(fit.parameters[name]) for name, error in errors.items() if fit.parameters[name]}
+
+
+def whole_text(
+    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
+    datasheet: bool, live: bool = False,
+) -> str:  # fmt: skip
+    """Everything: a table of deviations for each sensor, one of estimates for each axis."""
+    from gmwm.cli.output import table_text
+    from gmwm.inference.planning import length_text
+    from gmwm.plots.view import view_of
+
+    first = next(iter(curves.values()))
+    parts = [f"{first.extent}: {length_text(first.samples / first.rate)}"]
+    sensors: dict[str, dict[str, WaveletVariance]] = {}
+    for axis, curve in curves.items():
+        sensors.setdefault(axis.rpartition("_")[0], {})[axis] = curve
+    for group in sensors.values():
+        one = next(iter(group.values()))
+        shown = view_of(one.unit, "allan", "datasheet" if datasheet else "si")
+        heights = [shown.height(curve.variance) for curve in group.values()]
+        rows = [
+            [f"{t:.6g}", *(f"{h[k]:.3e}" for h in heights), f"{100 * e:.2g} %"]
+            for k, (t, e) in enumerate(zip(shown.time(one.tau), _relative(one), strict=True))
+        ]
+        parts.append(table_text(["τ (s)", *group, "±"], rows, title=shown.height_label, texts=0))
+    answers = [_estimates(axis, fit, accuracy) for axis, fit in fits.items()]
+    answers += [f"{axis}: {reason}" for axis, reason in failed.items()]
+    # A live view ends with the terminal: what is asked for comes first there.
+    return "\n\n".join([parts[0], *answers, *parts[1:]] if live else [*parts, *answers])
+
+
+def _relative(wv: WaveletVariance) -> Any:
+    """Relative standard error of each deviation: half that of its square, of χ² with η degrees of freedom."""
+    return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
+
+
+def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
+    """The estimates of an axis, with intervals, and whether it is enough."""
+    from gmwm.cli.output import table_text
+    from gmwm.inference.planning import length_text
+    from gmwm.inference.summary import Way, intervals_if_known, rows
+
+    errors, needed = _errors(fit), _needed(fit, accuracy)
+    now = fit.wavelet_variance.samples / fit.wavelet_variance.rate
+    lines = []
+    for row in rows(fit, intervals_if_known(fit, Way())[0], Way()):
+        error, least = errors.get(row.name), needed.get(row.name)
+        if row.name in fit.model.fixed:
+            enough = ""
+        elif error is None or not math.isfinite(error):
+            enough = "not seen"
+        elif error <= accuracy:
+            enough = "yes"
+        else:
+            enough = "no" if least is None or least <= now else f"at {length_text(least)}"
+        lines.append([row.name, row.estimate, row.interval, row.error, enough, row.unit])
+    heads = ["parameter", "estimate", "95 % interval", "error", f"{100 * accuracy:g} %?", "unit"]
+    return table_text(heads, lines, title=f"{axis}: {fit.model.structure}")
+
+
+def one_line_of(
+    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
+    datasheet: bool,
+) -> str:  # fmt: skip
+    """One line: how long it is, and of each axis the estimates, or the least deviation."""
+    from gmwm.inference.planning import length_text
+    from gmwm.inference.summary import Way, short_values
+    from gmwm.plots.view import view_of
+
+    first = next(iter(curves.values()))
+    parts = [f"{length_text(first.samples / first.rate)}, {first.samples} samples"]
+    for axis, curve in curves.items():
+        if axis in fits:
+            values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], Way()).items())
+            errors = _errors(fits[axis])
+            free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed]
+            lacking = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
+            share = f"{100 * accuracy:g} %"
+            parts.append(f"{axis}: {values}; {f'not yet {share}: {lacking}' if lacking else f'enough for {share}'}")
+        elif axis in failed:
+            parts.append(f"{axis}: {failed[axis]}")
+        else:
+            shown = view_of(curve.unit, "allan", "datasheet" if datasheet else "si")
+            heights, times = shown.height(curve.variance), shown.time(curve.tau)
+            k = int(heights.argmin())
+            error = f"{100 * _relative(curve)[k]:.2g} %"
+            parts.append(f"{axis}: {heights[0]:.3e} at {times[0]:.3g} s, least {heights[k]:.3e} ± {error} at "
+                         f"{times[k]:.3g} s")  # fmt: skip
+    return " | ".join(parts)
+
+
+def as_dicts(
+    curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
+) -> dict[str, dict[str, Any]]:
+    """Curves and fits as plain numbers, lists and texts."""
+    from gmwm.inference.summary import Way, inference
+
+    out = {}
+    for axis, curve in curves.items():
+        out[axis] = {"wavelet_variance": curve.to_dict()}
+        if axis in fits:
+            found = fits[axis]
+            out[axis]["fit"] = found.to_dict() | inference(found, Way())
+            out[axis]["relative_errors"] = _errors(found)
+            out[axis]["needed"] = _needed(found, accuracy)
+    return out

@@ -1,0 +1,53 @@
+"""Terms that act as another process, counted to that process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from gmwm.estimation.result import Fit
+from gmwm.filters import find_filter
+from gmwm.processes.base import Process
+from gmwm.processes.equivalence import likeness
+from gmwm.processes.model import Model
+from gmwm.processes.parameter import Fixed
+
+
+def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with each term that acts as another process added to that process, and what each term was in the fit.
+
+    A Gauss-Markov term that acts as white noise is white noise to these data, and one that acts as a random walk a
+    random walk: their scales add. Estimates and errors of the sum are those of the model so written.
+    """
+    wv = fit.wavelet_variance
+    processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
+    like = {term: likeness(processes[term], name, wv.levels, wv.rate, find_filter(wv.filter))
+            for term, name in fit.diagnostics.acts_as.items()}  # fmt: skip
+    acting = {term: other for term, other in like.items() if other is not None}
+    if not acting:
+        return fit, fit.model.terms
+    merged = dict(processes)
+    for kind in dict.fromkeys(type(other) for other in acting.values()):
+        alike = {t: acting.get(t, p) for t, p in processes.items() if isinstance(acting.get(t, p), kind)}
+        merged = {t: p for t, p in merged.items() if t not in alike}
+        label = " + ".join(t for t, p in alike.items() if p.scale > 0) or next(iter(alike))
+        merged[label] = _sum(kind, alike.values(), [processes[t] for t in alike])
+    model = Model(tuple(merged.values()))
+    rest = {term: name for term, name in fit.diagnostics.acts_as.items() if term not in acting}
+    labels = dict(zip(merged, model.terms, strict=True))
+    none = tuple(labels[t] for t in merged if merged[t].scale == 0)
+    written = replace(
+        fit,
+        model=model,
+        parameters={name: float(value) for name, value in model.parameters.items() if value is not None},
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        diagnostics=replace(fit.diagnostics, acts_as={labels[t]: n for t, n in rest.items()}, not_supported=none),
+    )
+    return written, tuple(merged)
+
+
+def _sum(kind: type[Process], parts: Iterable[Process], written_as: Iterable[Process]) -> Process:
+    """One process of a `kind` for several, whose scales add; held where all were held as they were written."""
+    value = kind.value_from(sum(part.scale for part in parts))
+    held = all(process.is_fixed(process.scale_parameter().name) for process in written_as)
+    return kind(**{kind.scale_parameter().name: Fixed(value) if held else value})

@@ -1,0 +1,260 @@
+"""Solving the estimation problem.
+
+The criterion is linear in all parameters but those of shapes. Eliminating the linear ones by non-negative least squares
+leaves one search coordinate for each Gauss-Markov process, and the coordinates of the parameters of each process that
+has no search (variable projection). `cone` finds the former with a proof; `surface` finds both from starting values,
+where there are any of the latter or the user wants it so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Vector
+from gmwm.errors import ModelError
+from gmwm.estimation.atoms import Place
+from gmwm.estimation.branch_and_bound import TABLE_ERROR, Search, Term
+from gmwm.estimation.problem import Problem
+from gmwm.estimation.starts import (
+    Alone,
+    Sampled,
+    Start,
+    given_point,
+    moved_points,
+    sampled_point,
+    scanned_points,
+    scans_alone,
+)
+from gmwm.estimation.variable_projection import NOISE, Found, Point, Surface
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+from gmwm.variance.result import WaveletVariance
+
+RETURNS = 3
+"""How often the curved processes may turn out to be better elsewhere, the free ones held where they came to rest."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The optimum: scales of the linear processes, the terms with a shape and where they are, criterion and bounds."""
+
+    objective: float
+    lower_bound: float | None
+    relaxed_bound: float
+    scales: Vector
+    terms: tuple[Term, ...]
+    places: tuple[Place, ...]
+    nodes: int
+    start: Start
+    point: Point | None = None
+
+
+def solve(problem: Problem, *, certify: bool) -> Solution:
+    """The optimum of a problem, from deterministic starting points.
+
+    The global one, with its certificate if asked, of processes that are linear or have a search; of others the best of
+    the local optima that a scan leads to.
+    """
+    if problem.free:
+        return _scanned(problem)
+    square = problem.unit**2
+    if problem.family is None:
+        weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
+        # Without a curve the problem is convex: the optimum is its own certificate.
+        value = objective * square
+        scales = problem.scales(problem.shapes, weights)
+        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, float(value)))
+    search = Search(problem, problem.family)
+    candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
+    least = candidates[0][0]
+    near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+    best = search.settled(min((search.polished(search.located(p)) for p in near), key=lambda found: found.objective))
+    return Solution(
+        best.objective * square,
+        min(bound, best.objective) * square if certify else None,
+        min(relaxed, best.objective) * square,
+        problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
+        search.terms(best),
+        tuple(best.places),
+        nodes,
+        Start("convex", nodes or 1, float(candidates[0][0] * square)),
+    )
+
+
+def solve_near(problem: Problem) -> Solution:
+    """The optimum of a problem for data that are near those its model has the values of: no scan is needed."""
+    if not problem.free:
+        return solve(problem, certify=False)
+    surface = Surface(problem)
+    point = given_point(problem, surface)
+    found = None if point is None else surface.downhill(point)
+    if point is None or found is None:
+        return solve(problem, certify=False)
+    return _solution(problem, surface, surface.sharpened(found), Start("given", 1, _value(surface.at(point), problem)))
+
+
+def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
+    """The local optimum next to the solution of a problem that differs by its weights; to first order if near.
+
+    `ends`: and what its curved terms act as.
+    """
+    if solution.point is not None:
+        return _resumed(problem, solution, ends=ends)
+    if problem.family is None:
+        return solve(problem, certify=False)
+    search = Search(problem, problem.family)
+    best = search.followed(list(solution.places))
+    scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
+    return replace(
+        solution, objective=best.objective * problem.unit**2, lower_bound=None, relaxed_bound=0.0, scales=scales,
+        terms=search.terms(best, ends=ends), places=tuple(best.places), nodes=0,
+    )  # fmt: skip
+
+
+def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Solution:
+    """The local optimum next to the best of random draws."""
+    surface = Surface(problem)
+    point = sampled_point(problem, wv, sampled, spread)
+    before, found = surface.at(point), surface.downhill(point)
+    if before is None or found is None:
+        raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
+    start = Start("sampled", sampled.draws, _value(before, problem))
+    return _solution(problem, surface, surface.sharpened(found), start)
+
+
+def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
+    """The solution under the last weights: from the global search again, or followed from where draws led.
+
+    Then a certificate is that of the global optimum, which draws may have missed, and the start tells what the
+    deterministic route reaches under the same weights.
+    """
+    if solution.start.how != "sampled":
+        return solve(problem, certify=certify)
+    followed = resume(problem, solution, ends=True)
+    if not certify:
+        return followed
+    other = solve(problem, certify=True)
+    return replace(
+        followed, lower_bound=other.lower_bound, relaxed_bound=other.relaxed_bound, nodes=other.nodes,
+        start=replace(followed.start, default=float(other.objective)),
+    )  # fmt: skip
+
+
+def _value(found: Found | None, problem: Problem) -> float:
+    """The criterion, in the unit of the data."""
+    assert found is not None
+    return float(found.objective * problem.unit**2)
+
+
+def _scanned(problem: Problem) -> Solution:
+    """The best of the local optima that lie downhill from the points of a scan."""
+    surface = Surface(problem)
+    alone = scans_alone(problem, surface)
+    points, tried = scanned_points(problem, surface, alone)
+    best: Found | None = None
+    start = Start("scan", tried, np.inf)
+    for how, point in points:
+        before, found = surface.at(point), surface.downhill(point)
+        if before is None or found is None:
+            continue
+        if best is None or found.objective < (1 - NOISE) * best.objective:
+            best, start = found, Start(how, tried, _value(before, problem))
+    if best is None:
+        raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
+    if alone is not None:
+        best = _rearranged(problem, surface, alone, best)
+    return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
+
+
+def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Found) -> Found:
+    """The optimum, after seeing of several free processes whether one is better elsewhere."""
+    for _ in range(RETURNS):
+        found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
+        better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
+        if not better.objective < (1 - NOISE) * best.objective:
+            break
+        best = better
+    return best
+
+
+def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
+    """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
+    for _ in range(RETURNS if problem.family is not None else 0):
+        _, z = surface.split(best.point)
+        search = surface.curved_alone(z)
+        candidates, _, _, _ = search.branch_and_bound(certify=False)
+        places = search.located(candidates[0][1])
+        there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
+        found = surface.downhill(there)
+        if found is None or not found.objective < (1 - NOISE) * best.objective:
+            break
+        best = found
+    return best
+
+
+def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
+    surface = Surface(problem)
+    assert solution.point is not None
+    here = surface.at(solution.point)
+    found = None if here is None else surface.sharpened(here)
+    if found is None or not _at_rest(surface, found):
+        found = surface.downhill(solution.point)
+        assert found is not None  # the point was a process under the weights before, too
+        found = surface.sharpened(found)
+    return _solution(problem, surface, found, solution.start, ends=ends)
+
+
+def _at_rest(surface: Surface, found: Found) -> bool:
+    """Whether the gradient is nothing beside the objective."""
+    slopes = surface.slopes(found)
+    gradient = -slopes @ found.residual
+    able = surface.moving(found, gradient)
+    size = np.linalg.norm(slopes, axis=1) * np.linalg.norm(surface.problem.target)
+    return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
+
+
+def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *, ends: bool = True) -> Solution:
+    """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
+    linear = len(problem.linear)
+    u, z = surface.split(found.point)
+    terms: tuple[Term, ...] = ()
+    places = tuple(zip(found.point.branches, u.tolist(), strict=True))
+    if problem.family is not None:
+        search = surface.curved_alone(z)
+        # A process that leaves no trace is not among the linear ones of that search.
+        terms = search.terms(search.at(list(places)), ends=ends)
+    # `unit` over the length of the weighted shape.
+    scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
+    for free, part, scale in zip(surface.frees, z, scales[len(places) :], strict=True):
+        values = tuple(free.values(part.reshape(1, -1))[0].tolist())
+        terms = (*terms, Term(values, float(scale)))
+    linear_scales = problem.scales(problem.shapes, found.weights[:linear])
+    value = float(found.objective * problem.unit**2)
+    return Solution(value, None, 0.0, linear_scales, terms, places, 0, start, found.point)
+
+
+def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
+    """The problem's model with the values of its solution, in the same order of terms.
+
+    A signed parameter takes its sign from the data's `slope`, where that is known.
+    """
+    processes = list(problem.model.processes)
+    for place, scale in zip(problem.linear, solution.scales, strict=True):
+        processes[place] = _with_scale(processes[place], float(scale), slope)
+    for place, term in zip(problem.shaped, solution.terms, strict=True):
+        process = processes[place]
+        names = [p.name for p in process.nonlinear_parameters()]
+        shaped = process.with_values(**dict(zip(names, term.values, strict=True)))
+        processes[place] = _with_scale(shaped, term.scale, slope)
+    return Model(tuple(processes))
+
+
+def _with_scale(process: Process, scale: float, slope: float | None) -> Process:
+    parameter = process.scale_parameter()
+    value = process.value_from(scale)
+    if parameter.domain == "real" and slope is not None and slope < 0:
+        value = -value
+    return process.with_values(**{parameter.name: value})

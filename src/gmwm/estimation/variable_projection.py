@@ -1,0 +1,328 @@
+"""Local optima over all shapes together: variable projection, for processes with several parameters of their shape.
+
+With the scales eliminated by non-negative least squares, what is left is a function of the search coordinates of the
+curved processes and of the coordinates of the free ones, whose gradient follows from the shapes' derivatives alone.
+Levenberg-Marquardt steps lead to its minimum, steps of Newton's to all digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.estimation.atoms import shapes
+from gmwm.estimation.branch_and_bound import Search
+from gmwm.estimation.problem import Problem, to_find
+from gmwm.processes.base import Process
+from gmwm.processes.parameter import Branch
+
+STEPS = 100
+"""Levenberg-Marquardt steps at most."""
+ALIKE = 1e-9
+"""… which end when one lowers the objective by less (relative): Newton's do better from there."""
+NEWTON_STEPS = 6
+SHARP = 1e-11
+"""Steps of Newton's end when they move every coordinate by less."""
+NEAR = 0.3
+"""A step of Newton's is trusted up to this length."""
+LONGEST = 2.0
+"""Longest way in one coordinate in one step: a factor of seven in a correlation time."""
+NOISE = 1e-12
+"""Objectives that differ by less (relative) are one."""
+FAR = 12.0
+"""Way in a coordinate beyond what is scanned at which a process ends: a factor of 160 000, or a share of 1 − 1e-12."""
+HELD_REACH = 5.0
+"""Coordinate up to which shares are scanned while others are held: 0.9999 of their domain."""
+_DAMPED = 1e10
+_COMPLEX = 1e-30
+
+
+class Coordinates:
+    """The coordinates of one free process: all together, or parameter by parameter where some are held."""
+
+    def __init__(self, process: Process) -> None:
+        self.kind = type(process)
+        self.process = process
+        self.moving = to_find(process)
+        parameters = process.nonlinear_parameters()
+        self.together = len(self.moving) == len(parameters)
+        self.parameters = [parameters[k] for k in self.moving]
+        given = [process.values[p.name] for p in parameters]
+        self.held = np.array([0.0 if v is None else v for v in given], dtype=np.float64)
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.moving)
+
+    def values(self, z: NDArray[Any]) -> NDArray[Any]:
+        """All nonlinear parameters (n, q) at coordinates (n, d)."""
+        if self.together:
+            return self.kind.at_coordinates(z)
+        values = np.tile(self.held.astype(z.dtype), (len(z), 1))
+        for column, (k, parameter) in enumerate(zip(self.moving, self.parameters, strict=True)):
+            values[:, k] = parameter.at_coordinate(z[:, column])
+        return values
+
+    def slopes(self, z: Vector) -> Matrix:
+        """∂ values/∂ z (q, d) at one point, by complex steps."""
+        moved = z + 1j * _COMPLEX * np.eye(z.size)
+        return np.asarray(np.imag(self.values(moved)).T / _COMPLEX)
+
+    def of(self, values: Matrix) -> Matrix:
+        """Coordinates (n, d) of nonlinear parameters (n, q); what is held is not looked at."""
+        if self.together:
+            return self.kind.coordinates(values)
+        columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
+        return np.stack(columns, axis=1)
+
+    def scanned(self, samples: int, rate: float) -> Matrix:
+        """Ends (d, 2) of each coordinate among which starting values are sought."""
+        if self.together:
+            return self.kind.scan(samples, rate)
+        # Parameter by parameter, and close to the ends of each: the others are held where little else is possible.
+        box = np.array([p.scanned(samples, rate) for p in self.parameters])
+        share = np.array([p.domain == "between" for p in self.parameters])
+        return np.where(share[:, None], HELD_REACH * np.sign(box), box)
+
+    def ends(self, samples: int, rate: float) -> Matrix:
+        """Ends (d, 2) of each coordinate, far beyond what is scanned of it."""
+        return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
+
+    def possible(self, values: Matrix) -> NDArray[np.bool_]:
+        """Of which rows of nonlinear parameters (n, q) there is a process: of all that come from joint coordinates."""
+        if self.together:
+            return np.ones(len(values), dtype=np.bool_)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
+
+    def given(self) -> Vector | None:
+        """Coordinates of the starting values in the model, if it has all."""
+        if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
+            return None
+        return np.asarray(self.of(self.process.nonlinear.reshape(1, -1))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Places of the curved processes that take part, and the coordinates of all: u of each, then those of the free."""
+
+    branches: tuple[Branch, ...]
+    x: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The least objective for given shapes, with the weights of all unit vectors: linear, curved, free."""
+
+    objective: float
+    point: Point
+    weights: Vector
+    units: Matrix
+    lengths: Vector
+    residual: Vector
+
+
+class Surface:
+    """The objective of one problem as a function of all coordinates."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.fixed = problem.fixed
+        self.frees = [Coordinates(problem.model.processes[place]) for place in problem.free]
+        ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
+        self.ends = np.concatenate([np.empty((0, 2)), *ends])
+
+    def split(self, point: Point) -> tuple[Vector, list[Vector]]:
+        """Search coordinates of the curved processes, and the coordinates of each free one."""
+        count = len(point.branches)
+        ends = count + np.cumsum([0, *(free.size for free in self.frees)])
+        return point.x[:count], [point.x[a:b] for a, b in pairwise(ends.tolist())]
+
+    def at(self, point: Point) -> Found | None:
+        """The best weights there; None where there is no such process."""
+        u, z = self.split(point)
+        for free, part in zip(self.frees, z, strict=True):
+            if not free.possible(free.values(part.reshape(1, -1)))[0]:
+                return None
+        rows = self.free_shapes(z)
+        if point.branches:
+            rows = np.concatenate([self._curved(point.branches, u), rows])
+        rows = rows @ self.problem.root.T
+        if not np.all(np.isfinite(rows)):
+            return None
+        lengths = np.linalg.norm(rows, axis=1)
+        # A shape that leaves no trace, as of a line at which the filters are zero, has no weight.
+        units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
+        every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
+        weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
+        return Found(objective, point, weights, every, lengths, self.problem.target - weights @ every)
+
+    def free_shapes(self, z: list[Vector]) -> Matrix:
+        """Wavelet variances (n, J) of the free processes at unit scale."""
+        problem = self.problem
+        rows = [
+            free.kind.shape(free.values(part.reshape(1, -1)), problem.levels, problem.rate, problem.filter)
+            for free, part in zip(self.frees, z, strict=True)
+        ]
+        return np.concatenate([np.empty((0, problem.levels.size)), *rows])
+
+    def curved_alone(self, z: list[Vector]) -> Search:
+        """The search for the curved processes with the free ones held there, but for those that leave no trace."""
+        problem, found = self.problem, self.free_shapes(z)
+        assert problem.family is not None
+        seen = np.any(found > 0, axis=1)
+        held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
+        rows = np.concatenate([problem.shapes, found[seen]])
+        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.family)
+
+    def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
+        family, problem = self.problem.family, self.problem
+        assert family is not None
+        places = list(zip(branches, u.tolist(), strict=True))
+        return shapes(family, places, problem.levels, problem.rate, problem.filter)
+
+    def slopes(self, found: Found) -> Matrix:
+        """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
+        problem, first = self.problem, len(self.fixed)
+        u, z = self.split(found.point)
+        branches = found.point.branches
+        # None where no process has a shape.
+        rows = [np.empty((0, np.size(problem.levels)))]
+        if branches:
+            family = problem.family
+            assert family is not None
+            pairs = list(zip(branches, u, strict=True))
+            parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
+            by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
+            rows.append(family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u)
+        owner = list(range(len(branches)))
+        for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
+            values = free.values(part.reshape(1, -1))
+            jacobian = free.kind.shape_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
+            rows.append((jacobian @ free.slopes(part)).T)
+            owner += [len(branches) + place] * free.size
+        lengths = found.lengths[owner]
+        share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
+        return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
+
+    def moving(self, found: Found, gradient: Vector) -> NDArray[np.bool_]:
+        """Which coordinates can move: their process has a weight, and they are not held by an end of their branch."""
+        first, count = len(self.fixed), len(found.point.branches)
+        free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
+        able = np.concatenate([found.weights[first : first + count] > 0, *free])
+        for k, (branch, u) in enumerate(zip(found.point.branches, found.point.x[:count], strict=True)):
+            able[k] &= not ((u <= branch.low and gradient[k] > 0) or (u >= branch.high and gradient[k] < 0))
+        return np.asarray(able, dtype=np.bool_)
+
+    def moved(self, point: Point, step: Vector) -> Point:
+        """The point a step further, on its branches."""
+        x = point.x + step
+        for k, branch in enumerate(point.branches):
+            x[k] = min(max(x[k], branch.low), branch.high)
+        count = len(point.branches)
+        x[count:] = np.clip(x[count:], self.ends[:, 0], self.ends[:, 1])
+        return Point(point.branches, x)
+
+    # --- downhill ---------------------------------------------------------------------------------------
+
+    def downhill(self, start: Point) -> Found | None:
+        """The local optimum that Levenberg-Marquardt steps lead to from a point, to some digits."""
+        best = self.at(start)
+        if best is None:
+            return None
+        damping = 1e-3
+        for _ in range(STEPS):
+            better = None
+            slopes = self.slopes(best)
+            gradient = -slopes @ best.residual
+            able = self.moving(best, gradient)
+            if not able.any():
+                break
+            jacobian = self._projected(best, slopes[able])
+            square = jacobian @ jacobian.T
+            size = np.diag(square).copy()
+            while damping < _DAMPED:
+                step = np.zeros(best.point.x.size)
+                damped = square + damping * np.diag(size + np.finfo(float).tiny)
+                step[able] = np.clip(_solved(damped, -gradient[able]), -LONGEST, LONGEST)
+                there = self.at(self.moved(best.point, step))
+                if there is not None and there.objective < best.objective:
+                    better = there
+                    break
+                damping *= 8.0
+            if better is None:
+                break
+            gain, best = 1.0 - better.objective / best.objective, better
+            damping = max(damping / 10.0, 1e-9)
+            if gain < ALIKE:
+                break
+        return best
+
+    def _projected(self, found: Found, slopes: Matrix) -> Matrix:
+        """Slopes without what the scales can make up for."""
+        rows = found.units[found.weights > 0]
+        basis, _ = np.linalg.qr(rows.T)
+        return np.asarray(slopes - (slopes @ basis) @ basis.T)
+
+    def sharpened(self, best: Found, steps: int = NEWTON_STEPS) -> Found:
+        """The same optimum to all digits, where Newton's method leads to one that is as good."""
+        for _ in range(steps):
+            gradient = -self.slopes(best) @ best.residual
+            able = self.moving(best, gradient)
+            ends = np.array(
+                [b.low < u < b.high for b, u in zip(best.point.branches, best.point.x, strict=False)], dtype=np.bool_
+            )
+            able[: ends.size] &= ends
+            hessian = self._hessian(best, able)
+            if hessian is None:
+                break
+            step = np.zeros(best.point.x.size)
+            step[able] = _solved(hessian, -gradient[able])
+            if not np.all(np.abs(step) < NEAR):
+                break
+            there = self.at(self.moved(best.point, step))
+            if there is None or not there.objective <= (1 + NOISE) * best.objective:
+                break
+            best = there
+            if np.all(np.abs(step) < SHARP):
+                break
+        return best
+
+    def _hessian(self, best: Found, able: NDArray[np.bool_]) -> Matrix | None:
+        """Derivatives of the gradient by the coordinates that can move, by differences; None where it is no minimum."""
+        count, step = int(np.count_nonzero(able)), 1e-4
+        if count == 0:
+            return None
+        hessian = np.empty((count, count))
+        for row, k in enumerate(np.flatnonzero(able)):
+            shift = np.zeros(best.point.x.size)
+            shift[k] = step
+            sides = [self.at(Point(best.point.branches, best.point.x + sign * shift)) for sign in (1.0, -1.0)]
+            if sides[0] is None or sides[1] is None:
+                return None
+            up, down = (-(self.slopes(side) @ side.residual)[able] for side in sides if side is not None)
+            hessian[row] = (up - down) / (2 * step)
+        hessian = (hessian + hessian.T) / 2
+        size = np.sqrt(np.maximum(np.diag(hessian), 0.0))
+        size = np.where(size > 1e-150, size, 1.0)
+        if not np.linalg.eigvalsh(hessian / np.outer(size, size))[0] > 1e-10:
+            return None
+        return hessian
+
+
+def _solved(matrix: Matrix, right: Vector) -> Vector:
+    """Solution of a symmetric system, scaled to unit diagonal; that of least norm where it is singular."""
+    size = np.sqrt(np.diag(matrix))
+    size = np.where(size > 1e-150, size, 1.0)
+    scaled = matrix / np.outer(size, size)
+    try:
+        return np.asarray(np.linalg.solve(scaled, right / size) / size)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(scaled, right / size, rcond=None)[0] / size)

@@ -1,0 +1,154 @@
+"""One axis of a recording, looked at in pieces of any length, in bounded memory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
+from gmwm.inspection.time_grid import Extent
+
+_SLAB = 256 * BLOCK  # samples that are worked on together
+
+
+class Look:
+    """What is seen of one axis.
+
+    Parameters
+    ----------
+    extent : Extent
+        Of the recording, whose samples then come in order by `take`.
+    resolution : float
+        Quantisation step, 0 where none shows.
+    """
+
+    def __init__(self, extent: Extent, resolution: float) -> None:
+        self._extent, self._resolution = extent, resolution
+        self._ranges = extent.pieces()
+        self.all = Moments(1)
+        self.differences = Moments(1)
+        # Of the pieces: of all samples, of all but the outliers, and of the steps from one to the next.
+        self.pieces, self.calm, self.steps = (Moments(len(self._ranges)) for _ in range(3))
+        self._outliers: list[Outliers] = [(np.empty(0, dtype=np.int64), np.empty(0))]
+        self._length = level_length(extent.samples)
+        self._levels: list[tuple[int, list[Vector]]] = []
+        self._segment = self._row = 0  # where what is taken next goes
+        self._waiting, self._tail = np.empty(0), np.empty(0)  # not yet worked on; the last that were, of this segment
+        self._unlevelled = np.empty(0)
+
+    def take(self, values: Vector) -> None:
+        """The samples that follow, across gaps or not."""
+        while values.size:
+            _, last = self._extent.segments[self._segment]
+            rest = last - self._row - self._waiting.size
+            part, values = values[:rest], values[rest:]
+            self._gather(part, part.size == rest)
+
+    def outliers(self) -> Outliers:
+        """All of them, so far."""
+        index, size = zip(*self._outliers, strict=True)
+        return np.concatenate(index), np.concatenate(size)
+
+    def levels(self) -> list[tuple[int, Vector]]:
+        """The medians of the blocks of each segment that is long enough, by its first sample."""
+        return [(first, np.concatenate(medians)) for first, medians in self._levels]
+
+    def _gather(self, part: Vector, ends: bool) -> None:
+        if not ends and self._waiting.size + part.size < _SLAB:
+            self._waiting = np.concatenate([self._waiting, part])
+            return
+        values = np.concatenate([self._waiting, part]) if self._waiting.size else part
+        first, last = self._extent.segments[self._segment]
+        whole = values.size if ends else values.size - values.size % BLOCK
+        for k in range(0, whole, _SLAB):
+            slab = values[k : min(k + _SLAB, whole)]
+            self._work(slab, first, last)
+        self._waiting = values[whole:].copy()
+        if ends:
+            self._segment, self._tail, self._unlevelled = self._segment + 1, np.empty(0), np.empty(0)
+
+    def _work(self, slab: Vector, first: int, last: int) -> None:
+        """A number of whole blocks, or the end of a segment."""
+        index, size = self._unusual(slab, first, last)
+        self._outliers.append((index, size))
+        self._count(slab, index - self._row, first)
+        if last - first >= 5 * self._length:
+            self._level(slab, first)
+        self._tail = slab[-BLOCK:] if slab.size >= BLOCK else np.concatenate([self._tail, slab])[-BLOCK:]
+        self._row += slab.size
+
+    def _unusual(self, slab: Vector, first: int, last: int) -> Outliers:
+        length = min(BLOCK, last - first)
+        found = [(np.empty(0, dtype=np.int64), np.empty(0))]
+        if length >= FEWEST:
+            whole = slab.size - slab.size % length
+            if whole:
+                at, size = outliers_of(slab[:whole].reshape(-1, length), self._resolution)
+                found.append((self._row + at, size))
+            if whole < slab.size:
+                # The remainder of a segment is seen in a block that ends with it.
+                block = np.concatenate([self._tail, slab])[-length:]
+                at, size = outliers_of(block.reshape(1, -1), self._resolution)
+                begin = self._row + slab.size - length
+                new = begin + at >= self._row + whole
+                found.append((begin + at[new], size[new]))
+        index, sizes = zip(*found, strict=True)
+        return np.concatenate(index), np.concatenate(sizes)
+
+    def _count(self, slab: Vector, outliers: Indices, first: int) -> None:
+        """Means and spreads, of all and of the pieces."""
+        begin = self._row
+        carried = begin > first
+        steps = np.diff(slab, prepend=self._tail[-1:]) if carried else np.diff(slab)
+        shift = 0 if carried else 1  # the step before a sample has its number, less this
+        self.all.add(0, slab)
+        self.differences.add_squares(0, steps)
+        for k, (a, b) in enumerate(self._ranges):
+            low, high = max(a - begin, 0), min(b - begin, slab.size)
+            if low >= high:
+                continue
+            part = slab[low:high]
+            self.pieces.add(k, part)
+            inside = outliers[(outliers >= low) & (outliers < high)] - low
+            self.calm.add(k, np.delete(part, inside) if inside.size else part)
+            # The step to the first sample of a piece is none of its own.
+            own = max(low, a - begin + 1)
+            self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
+
+    def _level(self, slab: Vector, first: int) -> None:
+        if not self._levels or self._levels[-1][0] != first:
+            self._levels.append((first, []))
+        values = np.concatenate([self._unlevelled, slab]) if self._unlevelled.size else slab
+        whole = values.size - values.size % self._length
+        if whole:
+            self._levels[-1][1].append(np.median(values[:whole].reshape(-1, self._length), axis=1))
+        self._unlevelled = values[whole:].copy()
+
+
+class Moments:
+    """Means and variances of several lots, of values that come in parts."""
+
+    def __init__(self, lots: int) -> None:
+        self.counts, self.means, self._squares = (np.zeros(lots) for _ in range(3))
+
+    def add(self, lot: int, values: Vector) -> None:
+        """More values of a lot."""
+        if values.size:
+            mean = float(np.mean(values))
+            self._join(lot, values.size, mean, float(np.sum((values - mean) ** 2)))
+
+    def add_squares(self, lot: int, values: Vector) -> None:
+        """More values of a lot of which only the mean square counts: it is kept as the mean."""
+        if values.size:
+            self._join(lot, values.size, float(np.mean(values**2)), 0.0)
+
+    def variances(self) -> Vector:
+        """Σ (x − mean)² / n of each lot; 0 of an empty one."""
+        return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
+
+    def _join(self, lot: int, count: int, mean: float, squares: float) -> None:
+        before = self.counts[lot]
+        self.counts[lot] = before + count
+        apart = mean - self.means[lot]
+        self.means[lot] += apart * count / self.counts[lot]
+        self._squares[lot] += squares + apart**2 * before * count / self.counts[lot]

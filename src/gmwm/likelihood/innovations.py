@@ -1,0 +1,301 @@
+"""Standardised innovations of a record under a model: white and normal with variance 1 if the model is right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, freeze
+from gmwm._late import LateMethod
+from gmwm._text import Summarised
+from gmwm.errors import OptionError
+from gmwm.likelihood.problem import Problem, standardised
+from gmwm.likelihood.tracks import Modelled, posed
+from gmwm.processes.model import Model
+from gmwm.signals import Signal
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Check:
+    """A test of the residuals.
+
+    Attributes
+    ----------
+    statistic : float
+    degrees_of_freedom : float
+        Of the chi-square distribution that the statistic has if the model is right.
+    p_value : float
+    lags : int
+        Lags that it looks at; 0 for the test of normality.
+    """
+
+    statistic: float
+    degrees_of_freedom: float
+    p_value: float
+    lags: int = 0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals(Summarised):
+    """Standardised innovations z_t = v_t/√S_t.
+
+    Attributes
+    ----------
+    model : Model
+    values : (N,) array
+        Pure numbers; NaN where a sample is missing.
+    rate : float
+        Samples per second (Hz).
+    times : (N,) array
+        Of the samples (s).
+    axis : str
+        Of the record.
+    estimated : int
+        Parameters that were estimated from this record.
+    spent : (L,) array or None
+        Degrees of freedom that they take from the autocorrelation at lags 1 … L; without it all of them count as
+        taken from the first.
+    """
+
+    model: Model
+    values: Vector
+    rate: float
+    times: Vector
+    axis: str = ""
+    estimated: int = 0
+    spent: Vector | None = None
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.residuals:plot_residuals",
+        "Residuals over time, their normal quantiles, and their autocorrelation: plot(lags=None, path=None).",
+    )
+
+    def __post_init__(self) -> None:
+        freeze(self.values)
+        freeze(self.times)
+        if self.spent is not None:
+            freeze(self.spent)
+
+    @cached_property
+    def observed(self) -> Vector:
+        """The residuals of samples that are there, in order."""
+        return np.asarray(self.values[np.isfinite(self.values)])
+
+    @property
+    def usual_lags(self) -> int:
+        """Lags that are looked at by default: 10 log₁₀ N, and at least 5 more than there are estimated parameters."""
+        return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
+
+    def acf(self, lags: int | None = None) -> Vector:
+        """Autocorrelation (L + 1,) at lags 0 … L; a pair with a missing sample does not count."""
+        return _autocorrelation(self.values, self._as_lags(lags))
+
+    def acf_error(self, lags: int | None = None) -> Vector:
+        """Standard deviations (L,) that the autocorrelation at lags 1 … L has where there is none: √pairs/N."""
+        return np.sqrt(_pairs(self.values, self._as_lags(lags))) / self.observed.size
+
+    def ljung_box(self, lags: int | None = None) -> Check:
+        """Ljung and Box's test that no autocorrelation up to a lag is there: Q = n(n + 2) Σ r_k²/(n − k).
+
+        Where samples are missing, n − k is the number of pairs at lag k, and a lag without any does not count.
+
+        χ² with as many degrees of freedom as lags, less what the estimates have taken from them: all of a parameter
+        that shows at these lags, little of one of a slow process, which comes from far longer ones, and nothing of the
+        scale of them all.
+
+        References
+        ----------
+        Ljung and Box (1978), Biometrika 65, 297-303; Box and Pierce (1970), JASA 65, 1509-1526, section 3.
+        """
+        from scipy.stats import chi2
+
+        count = self._as_lags(lags)
+        pairs = _pairs(self.values, count)
+        seen = pairs > 0
+        degrees = np.count_nonzero(seen) - (self.estimated if self.spent is None else float(np.sum(self.spent[:count])))
+        if count - self.estimated < 1:
+            raise OptionError(f"lags must be more than the {self.estimated} estimated parameters, got {count}")
+        r, n = self.acf(count)[1:], self.observed.size
+        statistic = float(n * (n + 2.0) * np.sum(np.square(r[seen]) / pairs[seen]))
+        return Check(statistic, degrees, float(chi2.sf(statistic, degrees)), count)
+
+    def normality(self) -> Check:
+        """Jarque and Bera's test: n (skewness²/6 + excess kurtosis²/24), χ² with 2 degrees of freedom."""
+        from scipy.stats import chi2
+
+        z = self.observed - np.mean(self.observed)
+        spread = np.mean(np.square(z))
+        skew, excess = np.mean(z**3) / spread**1.5, np.mean(z**4) / spread**2 - 3.0
+        statistic = float(z.size * (skew**2 / 6.0 + excess**2 / 24.0))
+        return Check(statistic, 2, float(chi2.sf(statistic, 2)))
+
+    def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
+        """Normal and observed quantiles (points,), denser at the ends; on a line where the residuals are normal."""
+        from scipy.special import ndtr, ndtri
+
+        ordered = np.sort(self.observed)
+        n = ordered.size
+        count = min(points, n)
+        # Even steps of the normal quantile rather than of the probability: the tails are what is looked at.
+        reach = float(ndtri((n - 0.5) / n))
+        place = np.clip(np.round(ndtr(np.linspace(-reach, reach, count)) * n - 0.5).astype(np.int64), 0, n - 1)
+        place = np.unique(place)
+        return np.asarray(ndtri((place + 0.5) / n)), ordered[place]
+
+    def summary(self, lags: int | None = None) -> str:
+        """The checks in words, up to `lags` samples apart, by default `usual_lags`."""
+        white, normal, z = self.ljung_box(lags), self.normality(), self.observed
+        spread = float(np.std(z))
+        return "\n".join(
+            [
+                f"{z.size} standardised innovations of {self.model.structure}: mean {np.mean(z):+.4f}, "
+                f"standard deviation {spread:.4f} (0 and 1 if the model is right)",
+                f"Ljung-Box, {white.lags} lags: {white.statistic:.1f} on {white.degrees_of_freedom:.4g} degrees of "
+                f"freedom, p = {white.p_value:.3g}",
+                f"Jarque-Bera: {normal.statistic:.1f} on 2 degrees of freedom, p = {normal.p_value:.3g}",
+            ]
+        )
+
+    def to_dict(self, lags: int | None = None) -> dict[str, Any]:
+        """The checks as plain numbers, ready for JSON, up to `lags` samples apart."""
+        white, normal = self.ljung_box(lags), self.normality()
+        return {
+            "samples": int(self.observed.size),
+            "mean": float(np.mean(self.observed)),
+            "standard_deviation": float(np.std(self.observed)),
+            "ljung_box": {"lags": white.lags, "statistic": white.statistic, "p_value": white.p_value},
+            "jarque_bera": {"statistic": normal.statistic, "p_value": normal.p_value},
+        }
+
+    def __repr__(self) -> str:
+        return f"Residuals({self.model.structure}, {self.observed.size} samples)"
+
+    def _as_lags(self, lags: int | None) -> int:
+        if lags is None:
+            return self.usual_lags
+        most = self.observed.size - 1
+        if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags <= most:
+            raise OptionError(f"lags must be a whole number from 1 to {most}, got {lags!r}")
+        return int(lags)
+
+
+def residuals(
+    model: Modelled,
+    data: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    mean: float | None = None,
+    estimated: int | None = None,
+) -> Residuals:
+    """Standardised innovations of a record: what is left when all that the model can predict is taken off.
+
+    Parameters
+    ----------
+    model : Fit, LikelihoodFit, Model, Process or str
+        The fitted model, or one with values.
+    data : Signal or (N,) array
+        Gaps of a signal are missing samples; in an array NaN is one.
+    rate : float, optional
+        Samples per second (Hz); needed with an array and a model, known from a fit.
+    mean : float, optional
+        The record's mean where it is known; unknown by default.
+    estimated : int, optional
+        Parameters that were estimated from this very record, each of which takes a degree of freedom from the
+        Ljung-Box test. By default none of a model; of a fit, what the information says of its parameters.
+
+    Returns
+    -------
+    Residuals
+
+    Raises
+    ------
+    ModelError, MissingTheoryError, DataError, OptionError
+        As `filter_tracks` does.
+
+    Examples
+    --------
+    >>> from gmwm import RW, WN, fit_ml
+    >>> x = (WN(sigma2=1.0) + RW(gamma2=1e-4)).simulate(5_000, 100.0, rng=1)
+    >>> fit_ml(WN() + RW(), x, rate=100.0).residuals(x).ljung_box().p_value > 0.01
+    True
+    """
+    problem = posed(model, data, rate, mean)
+    values, _ = standardised(problem, problem.model)
+    wanted = getattr(model, "model", None)
+    lost = None
+    if estimated is None:
+        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed)
+        lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
+    elif isinstance(estimated, bool) or not isinstance(estimated, int) or estimated < 0:
+        raise OptionError(f"estimated must be a whole number, 0 or more; got {estimated!r}")
+    record = problem.record
+    return Residuals(problem.model, values, record.rate, record.times, record.axis, estimated, lost)
+
+
+_LAGS = 1000
+_ENOUGH = 65_536
+"""Samples from which the share of each lag is known well enough."""
+
+
+def spent(problem: Problem) -> Vector:
+    """Degrees of freedom (L,) that estimated parameters take from the autocorrelation of residuals at lags 1 … L.
+
+    At the estimate r̂ ≈ r − D(θ̂ − θ), D = ∂r/∂θ, has the covariance (1 − N D I⁻¹ Dᵀ)/N, I the information: at lag k
+    N D_k I⁻¹ D_kᵀ is taken, in all lags together one for each parameter but the scale of them all. This is for
+    efficient estimates; D comes from differences, on the record or a part of it.
+    """
+    record = problem.record
+    if record.values.size > _ENOUGH:
+        part = replace(record, values=record.values[:_ENOUGH])
+        problem = replace(problem, record=part if part.observed > _ENOUGH // 2 else record)
+    lags = min(_LAGS, problem.record.observed // 2)
+    z = problem.at(problem.model)
+    active = [k for k in range(z.size) if np.isfinite(z[k])]
+    here = problem.evaluate(z, active) if active else None
+    if here is None:
+        return np.zeros(lags)
+    rows = []
+    for a, k in enumerate(active):
+        step = np.zeros(z.size)
+        step[k] = min(1e-2, 0.1 / math.sqrt(max(here.information[a, a], 1e-12)))
+        ends = [standardised(problem, problem.at_point(z + sign * step))[0] for sign in (1.0, -1.0)]
+        rows.append((_autocorrelation(ends[0], lags) - _autocorrelation(ends[1], lags))[1:] / (2.0 * step[k]))
+    slopes = np.array(rows)
+    size = np.sqrt(np.diag(here.information))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
+    kept = values > 1e-10 * values[-1]
+    along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
+    # With samples missing 1/N becomes pairs/N².
+    pairs = np.maximum(_pairs(problem.record.values, lags), 1.0)
+    return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))
+
+
+def _autocorrelation(values: Vector, lags: int) -> Vector:
+    """Autocorrelation (L + 1,) at lags 0 … L; a pair with a missing sample does not count."""
+    there = np.isfinite(values)
+    products = _products(np.where(there, values - np.mean(values, where=there), 0.0), lags)
+    return np.asarray(products / products[0])
+
+
+def _pairs(values: Vector, lags: int) -> Vector:
+    """How many pairs of samples (L,) are 1 … L steps apart."""
+    there = np.isfinite(values)
+    if np.all(there):
+        return values.size - np.arange(1.0, lags + 1)
+    return np.round(_products(there.astype(np.float64), lags)[1:])
+
+
+def _products(z: Vector, lags: int) -> Vector:
+    """Σ_t z_t z_{t+k} (L + 1,) at lags 0 … L."""
+    size = 1 << int(2 * z.size - 1).bit_length()
+    transform = np.fft.rfft(z, size)
+    return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

@@ -1,0 +1,92 @@
+"""Covariances of Haar wavelet coefficients, at full accuracy at any level and lag.
+
+With K(m) the generalised covariance of the running sum of a process, h_j = 2^(j−1) and weights c = (1, −2, 1) at
+offsets (0, h, 2h),
+
+    2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a).
+
+The nine terms cancel to nothing in double precision. Differenced over the finer level first,
+D(m) = Σ_a c_a K(m + a) is a short closed form in y = |m + h_j|, and the sum is D(u) − 2 D(u − h_k) + D(u − 2 h_k);
+`cpp/src/differences.cpp` has the forms. Lags may be real numbers: the sums over them are done by Gauss rules between
+the kinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector
+from gmwm.processes import self_similar
+
+
+@dataclass(frozen=True, eq=False)
+class LagGrid:
+    """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
+
+    `odd` says of a node between integers that it stands for odd lags (of an alternating covariance); None where no
+    covariance alternates.
+    """
+
+    fine: Vector
+    coarse: Vector
+    lag: Vector
+    odd: NDArray[np.uint8] | None = None
+
+
+_WHITE = 40.0
+"""From this λ on e^(−λ) is nothing next to 1."""
+_WANDERING = 1e-40
+"""Up to this λ the process is a random walk with γ² = 2λ to any record; 1/λ² would overflow before long."""
+
+
+def white(at: LagGrid) -> Vector:
+    """σ² = 1, K(m) = −|m|/2."""
+    return _core.white_differences(at.fine, at.coarse, at.lag)
+
+
+def walk(at: LagGrid) -> Vector:
+    """γ² = 1, K(m) = (|m|³ − |m|)/12."""
+    return _core.walk_differences(at.fine, at.coarse, at.lag)
+
+
+def quantization(at: LagGrid) -> Vector:
+    """Q² = 1, K(m) = 1 at m = 0 and 0 elsewhere: spikes at the kinks."""
+    return _core.spike_differences(at.fine, at.coarse, at.lag)
+
+
+def power(at: LagGrid, exponent: float) -> Vector:
+    """ν_1² = 1, K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; m² ln|m|/(2 ln 2) where that is 0."""
+    fine = np.asarray(at.fine, dtype=np.float64)
+    size = 0.5 * float(self_similar.unit_factor(np.asarray(exponent))) * fine ** (2.0 + exponent)
+    middle = (at.lag + at.fine - at.coarse) / fine
+    return np.asarray(size * self_similar.second_bend(at.coarse / fine, middle, exponent))
+
+
+def exponential(at: LagGrid, decay: float) -> Vector:
+    """Autocovariance e^(−λ|k|), λ = `decay`."""
+    if decay > _WHITE:
+        return white(at)
+    if decay < _WANDERING:
+        return 2 * decay * walk(at)
+    return _core.exponential_differences(at.fine, at.coarse, at.lag, decay)
+
+
+def alternating(at: LagGrid, decay: float) -> Vector:
+    """Autocovariance (−1)^k e^(−λ|k|), λ = `decay`: the nine terms as they stand, less 1 where all ones drop out."""
+    phi = -np.exp(-decay)
+    fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
+    # Nodes are whole lags where the grid does not tell odd from even.
+    odd = at.lag.astype(np.int64) & 1 if at.odd is None else at.odd
+    # Offsets that are even leave the signs alone, and the weights sum to 0: only at h_j = h_k = 1 the ones add up.
+    total = np.where((fine == 1) & (coarse == 1), 16.0 * np.where(odd, -1.0, 1.0), 0.0)
+    for a, weight_a in ((0, 1.0), (1, -2.0), (2, 1.0)):
+        for b, weight_b in ((0, 1.0), (1, -2.0), (2, 1.0)):
+            m = at.lag - b * at.coarse + a * at.fine
+            flips = (odd + a * fine + b * coarse) % 2
+            total += weight_a * weight_b * np.where(flips, -1.0, 1.0) * np.expm1(-decay * np.abs(m))
+    share = (1 + phi) / (1 - phi) if decay > 0.5 else np.tanh(decay / 2)
+    return np.asarray(share * white(at) - phi / (1 - phi) ** 2 * total)

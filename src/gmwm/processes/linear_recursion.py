@@ -1,0 +1,268 @@
+"""Linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t: the theory, for any orders.
+
+Every covariance is that of sums over the recursion, which the kernels carry as polynomials modulo φ(B)Φ(B^s), in
+twice the digits of a double: no root is too near to the unit circle, and no level too deep. What is left is the
+rounding of the coefficients themselves: a double next to 1 holds the distance δ of a root to 1e-16/δ.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector, as_levels, as_rate
+from gmwm.errors import ModelError
+from gmwm.filters import HAAR, WaveletFilter
+from gmwm.processes import rational
+from gmwm.processes.ordered import Coefficients, Ordered
+from gmwm.processes.parameter import Parameter
+from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.statespace import StateSpace
+
+PHI = Coefficients("phi", "φ", "p", "autoregressive coefficient")
+THETA = Coefficients("theta", "θ", "q", "moving average coefficient")
+SEASONAL_PHI = Coefficients("sphi", "Φ", "P", "seasonal autoregressive coefficient")
+SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coefficient")
+
+_PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
+CANCELLING = 0.05
+"""Distance of a root of φ and one of θ below which they nearly cancel."""
+_MANY = 2.5
+
+
+class Lagged(Ordered, abstract=True, listed=False):
+    """The theory, for whatever of the four polynomials a family has."""
+
+    scale_of = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
+
+    @classmethod
+    def full_orders(cls) -> tuple[int, int, int, int, int]:
+        """p, q, P, Q and the period s, which is 1 where the family has none."""
+        by_name = dict(zip((p.name for p in cls.polynomials), cls.orders, strict=False))
+        p, q, seasonal_p, seasonal_q = (by_name.get(name, 0) for name in _PLACES)
+        return p, q, seasonal_p, seasonal_q, cls.orders[-1] if cls.period_name is not None else 1
+
+    @classmethod
+    def lags(cls, orders: tuple[int, ...]) -> int:
+        """How many samples back φΦ or θΘ reaches, whichever is more."""
+        if cls.period_name is None:
+            return max(orders)
+        p, q, seasonal_p, seasonal_q, period = orders
+        return max(p + period * seasonal_p, q + period * seasonal_q)
+
+    def check_values(self) -> None:
+        """Stationary and invertible, as far as all coefficients of a polynomial are given."""
+        for polynomial in self.polynomials:
+            values = self.coefficients(polynomial.name)
+            if not values or None in values:
+                continue
+            back = np.array(values, dtype=np.float64) * _sign(polynomial)
+            if np.all(np.isfinite(rational.coordinates(back[None]))):
+                continue
+            what = "stationary" if _sign(polynomial) > 0 else "invertible"
+            size = float(1.0 / np.abs(rational.roots(back)).max())
+            shown = ", ".join(f"{v:g}" for v in values if v is not None)
+            raise ModelError(
+                f"{self.name} must be {what}: the polynomial with {polynomial.name} = ({shown}) has a zero of modulus "
+                f"{size:.7g}, and must have all outside the unit circle; {_way_out(polynomial)}"
+            )
+
+    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+        """Roots that nearly cancel, or lie next to the unit circle."""
+        *_, period = self.full_orders()
+        found: dict[tuple[float, int], NDArray[np.complex128]] = {}
+        for part, span in self._factors():
+            lag = period if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
+            found[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
+        said = []
+        for lag in (1, period) if period > 1 else (1,):
+            own, other = (found.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
+            near = np.abs(np.subtract.outer(own, other))
+            if near.size and near.min() < CANCELLING:
+                a, b = np.unravel_index(int(near.argmin()), near.shape)
+                said.append(
+                    f"a root of its autoregression ({_root_text(own[a])}) and one of its moving average "
+                    f"({_root_text(other[b])}) nearly cancel: the coefficients are less certain than their errors say; "
+                    "see whether lower orders do as well"
+                )
+            if own.size and np.abs(own).max() > 1.0 - 10.0 / samples:
+                said.append(
+                    f"a root of modulus {np.abs(own).max():.7g} is next to the unit circle: these data hardly tell "
+                    "it from a random walk, or from an oscillation without an end"
+                )
+            if other.size and np.abs(other).max() > 1.0 - 5.0 / math.sqrt(samples):
+                said.append(
+                    f"its moving average has a root of modulus {np.abs(other).max():.4g}, next to the unit circle, "
+                    "where that root and its inverse become one: its errors are not those of theory"
+                )
+        return tuple(said)
+
+    # --- shape ----------------------------------------------------------------------------------------
+
+    @classmethod
+    def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
+        """ν² at innovation variance 1; NaN in rows that are not stationary."""
+        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((len(rows), int(wanted[-1])))
+        _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
+        return out[:, wanted - 1]
+
+    @classmethod
+    def shape_jacobian(
+        cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
+    ) -> Matrix:
+        """∂ν² by each coefficient at innovation variance 1, to the last digits; NaN in rows that are not stationary."""
+        wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
+        out = np.empty((*rows.shape, int(wanted[-1])))
+        _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
+        return np.ascontiguousarray(np.swapaxes(out[:, :, wanted - 1], 1, 2))
+
+    # --- coordinates ----------------------------------------------------------------------------------
+
+    @classmethod
+    def _factors(cls) -> list[tuple[Coefficients, slice]]:
+        """The polynomials, and where their coefficients lie among the nonlinear parameters."""
+        ends = np.cumsum([0, *cls.orders[: len(cls.polynomials)]]).tolist()
+        spans = [slice(a, b) for a, b in pairwise(ends)]
+        return [(part, span) for part, span in zip(cls.polynomials, spans, strict=True) if span.stop > span.start]
+
+    @classmethod
+    def room(cls, nonlinear: Matrix) -> Matrix:
+        """Half the least size of its polynomial on the unit circle, which by Rouché's theorem no root crosses."""
+        result = np.empty(np.shape(nonlinear))
+        for part, span in cls._factors():
+            result[:, span] = rational.clearance(_sign(part) * np.asarray(nonlinear)[:, span])[:, None]
+        return result
+
+    @classmethod
+    def coordinates(cls, nonlinear: Matrix) -> Matrix:
+        """artanh of the partial autocorrelations of each polynomial, θ taken for −φ; NaN where there are none."""
+        result = np.empty(np.shape(nonlinear))
+        for part, span in cls._factors():
+            result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
+        return result
+
+    @classmethod
+    def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
+        """The coefficients with partial autocorrelations tanh z, by Levinson's recursion."""
+        result = np.empty_like(np.asarray(z))
+        for part, span in cls._factors():
+            result[:, span] = _sign(part) * rational.at_coordinates(np.asarray(z)[:, span])
+        return result
+
+    @classmethod
+    def scan(cls, samples: int, rate: float) -> Matrix:
+        """Partial autocorrelations up to 1 − 1/N at the first lag of φ, to ±0.987 elsewhere, ±0.964 of θ and Θ."""
+        ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
+        for part, span in cls._factors():
+            ends[span] = (-_MANY, _MANY) if _sign(part) > 0 else (-2.0, 2.0)
+            if _sign(part) > 0:
+                period = cls.full_orders()[-1] if part is SEASONAL_PHI else 1
+                ends[span.start, 1] = max(_MANY, 0.5 * math.log(2.0 * samples / period))
+        return ends
+
+    # --- theory ---------------------------------------------------------------------------------------
+
+    def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(k), which follows r(k) = Σ φ_i r(k − i) beyond the reach of θ."""
+        as_rate(rate)
+        return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
+
+    def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """r(m) − r(0) where the process wanders, so that no constant drowns it, else r(m)."""
+        as_rate(rate)
+        r0, r1 = self._autocovariance(np.arange(2), from_zero=False)
+        return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
+
+    def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
+        """K(m) = −½ Var(sum of |m| samples)."""
+        as_rate(rate)
+        m, where = np.unique(np.abs(as_lags(lags)), return_inverse=True)
+        out = np.empty(m.size)
+        _core.arma_block_variance(self.full_orders(), self.nonlinear, m, out)
+        return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
+
+    def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
+        """S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
+        rate = as_rate(rate)
+        cycles = as_frequencies(frequencies, rate) / rate
+        density = np.full(cycles.shape, self.scale / rate)
+        for part, span in self._factors():
+            period = self.full_orders()[-1] if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
+            gain = rational.squared_size(_sign(part) * self.nonlinear[span], cycles * period)
+            density = density / gain if _sign(part) > 0 else density * gain
+        return density
+
+    def state_space(self, rate: float) -> StateSpace:
+        """States Z_t, Z_{t−1}, … of the autoregression Z alone, X_t = θ(B) Θ(B^s) Z_t, in its stationary state."""
+        as_rate(rate)
+        p, _, seasonal_p, _, period = self.full_orders()
+        phi, theta, _, _ = self._recursion()
+        size = max(phi.size, theta.size + 1)
+        transition, noise, seen = np.eye(size, k=-1), np.zeros((size, size)), np.zeros(size)
+        transition[0, : phi.size], noise[0, 0], seen[0], seen[1 : theta.size + 1] = phi, self.scale, 1.0, theta
+        driven = np.concatenate([self.nonlinear[s] for part, s in self._factors() if _sign(part) > 0] or [np.empty(0)])
+        r = np.empty(size)
+        _core.arma_autocovariance((p, 0, seasonal_p, 0, period), driven, np.arange(size), False, r)
+        start = self.scale * r[np.abs(np.subtract.outer(np.arange(size), np.arange(size)))]
+        return StateSpace(F=transition, Q=noise, H=seen, P0=start)
+
+    def simulate(
+        self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
+    ) -> NDArray[np.float64]:
+        """Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        as_rate(rate)
+        n, count = as_paths(n, paths)
+        phi, theta, predictors, deviations = self._recursion()
+        draws, rest = as_rng(rng).standard_normal((count, n + theta.size)), math.sqrt(self.scale)
+        _core.mix(draws, phi, theta, predictors, rest * deviations, rest)
+        return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
+
+    def correlation_time(self, rate: float) -> float | None:
+        """−1/(f ln |λ|) in s of the largest root λ, 0 of a moving average; None where a coefficient has no value."""
+        slowest = 0.0
+        for part, _ in self._factors():
+            if _sign(part) < 0:
+                continue
+            values = self.coefficients(part.name)
+            if None in values:
+                return None
+            period = self.full_orders()[-1] if part is SEASONAL_PHI else 1
+            size = float(np.abs(rational.roots(np.array(values, dtype=np.float64))).max())
+            slowest = max(slowest, -period / math.log(min(size, 1.0 - 2.0**-53)) if size > 0 else 0.0)
+        return slowest / as_rate(rate)
+
+    def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
+        """Full φ and θ, predictors by fewer values than φ has coefficients, and their standard errors at σ² = 1."""
+        p, q, seasonal_p, seasonal_q, period = self.full_orders()
+        size = p + period * seasonal_p
+        phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
+        deviations = np.empty(size)
+        _core.arma_recursion(self.full_orders(), self.nonlinear, phi, theta, predictors, deviations)
+        return phi, theta, predictors, deviations
+
+    def _autocovariance(self, lags: NDArray[np.int64], *, from_zero: bool) -> Vector:
+        distances, where = np.unique(lags, return_inverse=True)
+        out = np.empty(distances.size)
+        _core.arma_autocovariance(self.full_orders(), self.nonlinear, distances, from_zero, out)
+        return np.asarray(self.scale * out[where].reshape(lags.shape))
+
+
+def _sign(part: Coefficients) -> float:
+    """1 for polynomials 1 − φ₁B − …, −1 for 1 + θ₁B + …"""
+    return -1.0 if part in (THETA, SEASONAL_THETA) else 1.0
+
+
+def _root_text(root: complex) -> str:
+    return f"{root.real:.3g}" if abs(root.imag) < 1e-9 else f"{root.real:.3g} ± {abs(root.imag):.3g}i"
+
+
+def _way_out(part: Coefficients) -> str:
+    if _sign(part) > 0:
+        return "take smaller coefficients; for a zero at 1 take a random walk"
+    return "take those with that zero inverted, which have the same spectrum up to σ²; on the circle there is none"

@@ -1,0 +1,221 @@
+"""Chunks of a file to the pieces of a recording: in SI units, cut at gaps, and what is known of them at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.readers.api import constant, require_finite_rows
+from gmwm.readers.base import Chunk
+from gmwm.readers.columns import Choice
+from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
+from gmwm.readers.time_stamps import Timing
+from gmwm.signals import TimeBase
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Consecutive samples of a recording without a gap between them.
+
+    Attributes
+    ----------
+    values : mapping of axis name to (n,) array, in rad/s or m/s²
+    first : int
+        Number of the first of them in the recording, from 0.
+    segment : int
+        Number of the segment that they are of, from 0: another one than that of the piece before where there was a gap.
+    start : float
+        Time of the first of them (s), on the recording's own clock.
+    """
+
+    values: Mapping[str, Vector]
+    first: int
+    segment: int
+    start: float
+
+    def __len__(self) -> int:
+        return int(next(iter(self.values.values())).size)
+
+    def __getitem__(self, axis: str) -> Vector:
+        return self.values[axis]
+
+
+@dataclass(frozen=True, eq=False)
+class Understood:
+    """What the first rows of a recording say of all of it.
+
+    Attributes
+    ----------
+    choice : Choice
+        The columns that are read, temperature not among them.
+    words : mapping
+        What each column is called in messages.
+    factors : mapping of axis to factors
+        What the numbers of the file are multiplied by, one after the other.
+    timing : Timing
+        Rate and segments of the first rows.
+    pace : Pace or None
+        What their stamps say, if there are any.
+    notes, inferred, doubts : tuple of str
+        What was understood, what of it was told from the numbers, and what speaks against it.
+    """
+
+    choice: Choice
+    words: Mapping[str, str]
+    factors: Mapping[str, tuple[float, ...]]
+    timing: Timing
+    pace: Pace | None
+    notes: tuple[str, ...]
+    inferred: tuple[str, ...]
+    doubts: tuple[str, ...]
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        return self.timing.base.rate
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """What rows that were read say together.
+
+    Attributes
+    ----------
+    first, stop : int
+        Numbers of the first row, and of the one behind the last.
+    parted : bool
+        Whether there is a gap before the first row.
+    alike : mapping of axis to number
+        The axes that had one value only, as it stands in the file.
+    counted : Counted
+        What the time stamps say.
+    """
+
+    first: int
+    stop: int
+    parted: bool
+    alike: Mapping[str, float]
+    counted: Counted
+
+    def followed_by(self, later: Tally) -> Tally:
+        """Of these rows and those that follow."""
+        alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
+        counted = self.counted.followed_by(later.counted)
+        return Tally(self.first, later.stop, self.parted, alike, counted)
+
+    def time_base(self, found: Understood) -> TimeBase:
+        """What the time stamps of all rows say."""
+        return found.timing.base if found.pace is None else found.pace.base(self.counted)
+
+    def troubles(self, found: Understood) -> tuple[str, ...]:
+        """What is wrong with the time stamps of all rows, in plain words.
+
+        Raises
+        ------
+        DataError
+            If an axis has one value from the first row to the last.
+        """
+        for axis, value in self.alike.items():
+            raise constant(found.words[axis], axis, value, self.stop)
+        return () if found.pace is None else tuple(found.pace.troubles(self.counted, self.stop))
+
+
+class Assembly:
+    """Pieces of a recording from its chunks, beginning with any of them.
+
+    Parameters
+    ----------
+    found : Understood
+        What the first rows of the recording say.
+    size : int
+        Samples in a piece, at the most.
+    first : int
+        Number of the first row that will come.
+    before : (n,) array, optional
+        The stamps of the rows before it, as `RunningClock` needs them; none from the first row of the recording on.
+    """
+
+    def __init__(self, found: Understood, size: int, first: int = 0, before: NDArray[Any] | None = None) -> None:
+        self._found, self._size, self._first = found, size, first
+        self._clock = None if found.pace is None else RunningClock(found.pace, first, before)
+        self._alike: dict[str, float | None] = dict.fromkeys(found.choice.axes)
+        # Rows whose segment is not known yet.
+        self._waiting: dict[str, Vector] = {axis: np.empty(0) for axis in found.choice.axes}
+        self._came, self._segment, self._begun = first, 0, (first, first / found.rate)
+        self._parted = False
+
+    def take(self, chunk: Chunk) -> Iterator[Piece]:
+        """The pieces that are known with the chunk that follows.
+
+        Raises
+        ------
+        ReadError, DataError
+            At what `read` refuses.
+        """
+        found, columns = self._found, self._found.choice.columns
+        for role, k in columns.items():
+            require_finite_rows(chunk[k], found.words[role], self._came)
+        values = {axis: _in_si(chunk[columns[axis]], found.factors[axis]) for axis in found.choice.axes}
+        self._compare({axis: chunk[columns[axis]] for axis in found.choice.axes})
+        self._waiting = {axis: _joined(self._waiting[axis], v) for axis, v in values.items()}
+        stamps = chunk[columns["time"]] if self._clock is not None else np.empty(0)
+        if found.pace is not None and self._came == self._first and stamps.size:
+            self._begun = (self._first, found.pace.time(float(found.pace.ticks(stamps[:1])[0])))
+        at_first, self._came = self._came == 0, self._came + next(iter(values.values())).size
+        if self._clock is None:
+            settled = Settled(self._came, (0,) if at_first else (), (0.0,) if at_first else ())
+        else:
+            settled = self._clock.take(stamps)
+        yield from self._settled(settled)
+
+    def end(self, behind: NDArray[Any] | None = None) -> Iterator[Piece]:
+        """The last pieces; `behind` are the stamps of the rows that follow in the recording, if there are any."""
+        settled = Settled(self._came, (), ()) if self._clock is None else self._clock.end(behind)
+        yield from self._settled(settled)
+
+    def tally(self) -> Tally:
+        """What all that came says."""
+        counted = Counted() if self._clock is None else self._clock.counted
+        alike = {axis: value for axis, value in self._alike.items() if value is not None}
+        return Tally(self._first, self._came, self._parted, alike, counted)
+
+    def _settled(self, settled: Settled) -> Iterator[Piece]:
+        ready = self._waiting
+        first = self._came - next(iter(ready.values())).size
+        stop, times = settled.stop, dict(zip(settled.firsts, settled.starts, strict=True))
+        self._waiting = {axis: v[stop - first :] for axis, v in ready.items()}
+        for a, b in pairwise(sorted({first, *times, stop})):
+            if a in times:
+                self._segment, self._begun = self._segment + (a > 0), (a, times[a])
+                self._parted |= a == self._first > 0
+            for k in range(a, b, self._size):
+                part = slice(k - first, min(k + self._size, b) - first)
+                start = self._begun[1] + (k - self._begun[0]) / self._found.rate
+                yield Piece({axis: v[part] for axis, v in ready.items()}, k, self._segment, start)
+
+    def _compare(self, numbers: Mapping[str, NDArray[Any]]) -> None:
+        """Strike off the axes that now have had another value than their first."""
+        for axis in list(self._alike):
+            column, known = numbers[axis], self._alike[axis]
+            value = float(column[0]) if known is None and column.size else known
+            if column.size and (column[-1] != value or bool(np.any(column != value))):
+                del self._alike[axis]
+            else:
+                self._alike[axis] = value
+
+
+def _joined(before: Vector, after: Vector) -> Vector:
+    return np.concatenate([before, after]) if before.size else after
+
+
+def _in_si(numbers: NDArray[Any], factors: Sequence[float]) -> Vector:
+    values: Vector = np.asarray(numbers).astype(np.float64, copy=False)
+    for factor in factors:
+        values = values * factor
+    return values

@@ -1,0 +1,273 @@
+"""Text that is still being written: a file that grows, or standard input, as a stream of pieces."""
+
+from __future__ import annotations
+
+import io
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from gmwm._arrays import as_rate
+from gmwm.errors import ReadError
+from gmwm.readers.api import require_time
+from gmwm.readers.axis_units import checked_units
+from gmwm.readers.base import Layout, registered
+from gmwm.readers.byte_sources import FileSource
+from gmwm.readers.columns import Columns, choose
+from gmwm.readers.scale_factors import checked_increments, checked_scale
+from gmwm.readers.streams import Stream, first_rows, streamed, tell, understand
+from gmwm.readers.text import TextReader
+
+POLL = 0.2
+"""Seconds between two looks for more."""
+BLOCK = 1 << 20
+"""Bytes that are taken at once."""
+LINES = 256
+"""Lines by which units, rate and time stamps are understood, if they come soon enough."""
+FEWEST = 24
+"""Lines by which they are understood after some seconds."""
+
+Take = Callable[[], bytes | None]
+"""The bytes that came since, none yet, or None: there will be no more."""
+
+
+class GrowingFile:
+    """What is appended to a file, from its beginning on; `trouble` says why it ended, where it did."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.trouble = path, ""
+        try:
+            self._file = path.open("rb")
+        except OSError as error:
+            raise ReadError(f"{path} cannot be opened: {error.strerror}") from error
+        self._taken = 0
+
+    def __call__(self) -> bytes | None:
+        """The bytes that came since; None after the file was cut or another one took its place."""
+        if self.trouble:
+            return None
+        here = os.fstat(self._file.fileno())
+        if here.st_size < self._taken:
+            self.trouble = f"{self.path} was cut to {here.st_size} bytes while it was watched: what follows is another"
+        elif data := self._file.read(BLOCK):
+            self._taken += len(data)
+            return data
+        else:
+            self.trouble = self._replaced(here)
+        return None if self.trouble else b""
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+    def _replaced(self, here: os.stat_result) -> str:
+        try:
+            there = self.path.stat()
+        except OSError:
+            return f"{self.path} was removed while it was watched"
+        if not os.path.samestat(here, there):
+            return f"{self.path} was replaced by another file while it was watched"
+        return ""
+
+
+class GrowingPipe:
+    """What comes out of a pipe, read by a thread of its own, so that there is time for other things."""
+
+    trouble = ""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._ready: queue.Queue[bytes] = queue.Queue(maxsize=16)
+        self._ended = False
+        threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
+
+    def __call__(self) -> bytes | None:
+        """The bytes that came since; None at the end."""
+        if self._ended:
+            return None
+        try:
+            data = self._ready.get_nowait()
+        except queue.Empty:
+            return b""
+        self._ended = not data
+        return data or None
+
+    def close(self) -> None:
+        """Nothing to do: the pipe is its owner's."""
+
+    def _pump(self, stream: BinaryIO) -> None:
+        # A buffer would be locked while it waits, and the interpreter could not end.
+        read = getattr(stream, "raw", stream).read
+        data = b"-"
+        while data:
+            try:
+                data = read(BLOCK)
+            except (OSError, ValueError):
+                data = b""
+            self._ready.put(data)
+
+
+class Lines:
+    """Whole lines of what grows; a line that is half written waits for its rest.
+
+    Parameters
+    ----------
+    take : callable
+        Gives the bytes that came since.
+    breathe : callable
+        Called while waiting and after every look; False ends the lines.
+    """
+
+    def __init__(self, take: Take, breathe: Callable[[], bool]) -> None:
+        self._take, self._breathe, self.rest = take, breathe, b""
+        self.ended = False
+
+    def look(self) -> bytes:
+        """The whole lines that came since, maybe none."""
+        goes_on = self._breathe()
+        data = self._take() if goes_on else None
+        if data is None:
+            self.ended = True
+            return b""
+        # Only what is new is searched: a line without an end may be long.
+        cut = data.rfind(b"\n") + 1
+        if not cut:
+            self.rest += data
+            return b""
+        out, self.rest = self.rest + data[:cut], data[cut:]
+        return out
+
+    def wait(self) -> bytes:
+        """The next whole lines; none at the end."""
+        while not self.ended:
+            if lines := self.look():
+                return lines
+            if not self.ended:
+                time.sleep(POLL)
+        return b""
+
+
+class _Live(io.RawIOBase):
+    """A file whose reads give what there is, and wait where there is nothing; `begin` is there already."""
+
+    def __init__(self, begin: bytes, lines: Lines) -> None:
+        self._ready, self._lines = begin, lines
+
+    def read(self, size: int = -1) -> bytes:
+        """Some bytes, `size` at the most; none at the end."""
+        if not self._ready:
+            self._ready = self._lines.wait()
+        size = len(self._ready) if size < 0 else size
+        out, self._ready = self._ready[:size], self._ready[size:]
+        return out
+
+    def readline(self, size: int | None = -1) -> bytes:
+        """The next line: of a header, which is there."""
+        end = self._ready.find(b"\n") + 1
+        return self.read(end or len(self._ready))
+
+
+@dataclass(frozen=True)
+class _Head(FileSource):
+    """The bytes that came first."""
+
+    bytes: bytes
+
+    @property
+    def seekable(self) -> bool:
+        """No end is known yet."""
+        return False
+
+    def open(self) -> BinaryIO:
+        """They from the first on."""
+        return io.BytesIO(self.bytes)
+
+
+@dataclass(frozen=True)
+class _Whole(FileSource):
+    """The bytes that came first and those that follow; to be read once."""
+
+    begin: bytes
+    lines: Lines
+
+    @property
+    def seekable(self) -> bool:
+        """No."""
+        return False
+
+    def open(self) -> BinaryIO:
+        """All from the first on."""
+        return cast("BinaryIO", _Live(self.begin, self.lines))
+
+
+def growing_stream(
+    lines: Lines,
+    path: Path,
+    rate: float | None = None,
+    columns: Columns | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    scale: Mapping[str, float] | None = None,
+    increments: bool | Sequence[str] = (),
+    patience: float = 5.0,
+) -> Stream:
+    """A text that grows as a stream of pieces, to be iterated over once; waits for the first lines.
+
+    Parameters
+    ----------
+    lines : Lines
+        Its lines as they come.
+    path : Path
+        What it is called in messages.
+    rate, columns, units, scale, increments
+        As of `read`.
+    patience : float
+        Seconds after which a few lines must do to understand it.
+
+    Raises
+    ------
+    ReadError, UnitError, DataError, OptionError
+        As `read`.
+    """
+    declared_rate = None if rate is None else as_rate(rate)
+    declared_units, factors, integrals = checked_units(units), checked_scale(scale), checked_increments(increments)
+    head = _first_lines(lines, patience)
+    if not head:
+        raise ReadError(f"{path} holds no whole line; was the recording interrupted?")
+    reader, layout = _text_layout(path, head)
+    choice = streamed(choose(layout, columns, path))
+    require_time(layout, choice, declared_rate, path)
+    wanted = list(choice.columns.values())
+    first = first_rows(reader.rows(_Head(path, head), layout, wanted), choice)
+    found = understand(layout, choice, first, path, declared_rate, declared_units, factors, integrals)
+    tell(found, path)
+    return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
+
+
+def _first_lines(lines: Lines, patience: float) -> bytes:
+    """The lines by which the rest is understood."""
+    parts: list[bytes] = []
+    count, since = 0, time.monotonic()
+    while count < LINES and not lines.ended:
+        part = lines.look()
+        if part:
+            parts.append(part)
+            count += part.count(b"\n")
+        elif count >= FEWEST and time.monotonic() - since > patience:
+            break
+        elif not lines.ended:
+            time.sleep(POLL)
+    return b"".join(parts)
+
+
+def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
+    """The reader of text whose signs the first lines show, and their columns."""
+    readers = [reader for reader in registered() if isinstance(reader, TextReader)]
+    best = max(readers, key=lambda reader: reader.sniff(path, head))
+    if best.sniff(path, head) <= 0:
+        raise ReadError(f"{path} is no text; only text can be watched while it grows: read the file when it is whole")
+    return best, best.layout(_Head(path, head))

@@ -1,0 +1,300 @@
+"""`stream`: a recording as pieces in SI units, for files larger than memory.
+
+What the first rows say of units and rate holds for all; values, segments and their times are those that `read` gives.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import as_rate
+from gmwm._late import LateMethod
+from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
+from gmwm.readers.api import (
+    column_words,
+    one_layout,
+    require_finite_rows,
+    require_samples,
+    require_time,
+    timing_of,
+)
+from gmwm.readers.assembly import Assembly, Understood
+from gmwm.readers.assembly import Piece as Piece
+from gmwm.readers.axis_units import checked_units, resolve, time_unit
+from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
+from gmwm.readers.columns import Choice, Columns, choose
+from gmwm.readers.running_clock import Pace
+from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
+from gmwm.readers.time_stamps import as_stamps, troubles_of
+from gmwm.readers.trimming import Kept, trimmed
+from gmwm.signals import TimeBase
+from gmwm.time_ranges import CUT, kept_stretches, stretch_words
+
+HEAD = 1 << 18
+"""Rows at least by which units, rate and time stamps are understood, if there are as many."""
+
+
+LARGE = 300_000_000
+"""Bytes of a file from which on commands and fleets read it in pieces."""
+
+
+def is_large(path: Path) -> bool:
+    """Whether a file is better read in pieces."""
+    return path.is_file() and path.stat().st_size >= LARGE
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where the rows of a recording come from: file, reader, columns, and the topic that was asked for."""
+
+    path: Path
+    reader: Reader
+    layout: Layout
+    wanted: tuple[int, ...]
+    topic: str | None
+
+    def chunks(self) -> Iterator[Chunk]:
+        """All rows."""
+        return self.reader.chunks(self.path, self.layout, self.wanted)
+
+
+class Stream:
+    """A recording in a file, piece by piece; made by `gmwm.stream`. Each iteration reads the file anew.
+
+    Attributes
+    ----------
+    source : str
+        Where it comes from.
+    rate : float
+        Samples per second (Hz).
+    axes : tuple of str
+        Names of the axes, gyroscopes first.
+    time_base : TimeBase
+        What the time stamps say: those of all rows once they were read to the end, of the first ones before.
+    notes : tuple of str
+        What was understood, in plain words.
+    """
+
+    wavelet_variance: ClassVar[LateMethod[..., Any]] = LateMethod(
+        "gmwm.streaming.passes:stream_variance",
+        "The wavelet variance of each axis, as wavelet_variance(levels=…, exact=…, robust=…, confidence=…).",
+    )
+
+    parts: ClassVar[LateMethod[..., Any]] = LateMethod(
+        "gmwm.readers.parts:parts_of",
+        "The recording as parts(count) that follow one another, each to be read by itself, on another machine too.",
+    )
+
+    def __init__(
+        self,
+        source: str,
+        found: Understood,
+        chunks: Callable[[], Iterator[Chunk]],
+        size: int,
+        origin: Origin | None = None,
+        kept: Kept | None = None,
+    ) -> None:
+        self.source, self.rate, self.axes, self.notes = source, found.rate, found.choice.axes, found.notes
+        self.time_base = found.timing.base
+        self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
+        if kept is not None:
+            self.notes = (*self.notes, f"{CUT}kept {stretch_words(kept)}")
+
+    def __iter__(self) -> Iterator[Piece]:
+        everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+        if self._kept is None:
+            return everything
+        return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
+
+    def _ended(self, base: TimeBase) -> None:
+        self.time_base = base
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # In another process the file is opened anew.
+        if self._origin is None:
+            raise TypeError("a recording that is still being made cannot be sent to another process")
+        origin = self._origin
+        return _again, (origin.path, origin.reader.name, origin.topic, self._found, self._size, self._kept)
+
+    def __repr__(self) -> str:
+        return f"Stream({', '.join(self.axes)} at {self.rate:g} Hz, from {self.source})"
+
+
+def stream(
+    path: str | os.PathLike[str],
+    rate: float | None = None,
+    columns: Columns | None = None,
+    units: Mapping[str, str] | None = None,
+    *,
+    chunk: int = 1_000_000,
+    format: str | None = None,
+    scale: Mapping[str, float] | None = None,
+    increments: bool | Sequence[str] = (),
+    topic: str | None = None,
+    start: float | None = None,
+    stop: float | None = None,
+    skip: Sequence[tuple[float, float]] = (),
+) -> Stream:
+    """A static recording from a file, in rad/s and m/s², a piece at a time: for files larger than memory.
+
+    Units, rate and the unit of time stamps are understood from the first rows, 2¹⁸ of them or more; after that memory
+    does not grow with the file, if it is text, Parquet, .npy, HDF5 or .imu. What is packed as a whole (.npz, zip,
+    MATLAB) is unpacked as a whole. The values are those of `read`, bit for bit; a gap in the time stamps begins a new
+    segment, as there. Of a file of more rows `read` knows the rate from all of them: pass `rate` where jitter makes a
+    difference. `.wavelet_variance()` measures all axes in one pass.
+
+    Parameters
+    ----------
+    path, rate, columns, units, format, scale, increments, topic, start, stop, skip
+        As of `read`; behind `stop` nothing is read.
+    chunk : int
+        Samples in a piece, at the most.
+
+    Returns
+    -------
+    Stream
+        Iterate over it for its pieces, as often as wanted.
+
+    Raises
+    ------
+    ReadError, UnitError, DataError, OptionError
+        As `read`; what is wrong behind the first rows is told when it is reached.
+
+    Warns
+    -----
+    InferredUnitWarning
+        If the accelerometers' unit was told from their norm.
+    TimeBaseWarning
+        At the end, if time stamps repeat, step backward or jitter, or say another rate than the first ones.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name, "static.csv")
+    >>> rows = "".join(f"{k / 100 + (k > 5):.2f},{(-1) ** k * 0.1}\\n" for k in range(16))
+    >>> _ = path.write_text("time,gyro_x [rad/s]\\n" + rows)
+    >>> sorted({(piece.segment, piece.values["gyro_x"].size <= 4) for piece in stream(path, chunk=4)})
+    [(0, True), (1, True)]
+    >>> folder.cleanup()
+    """
+    if isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1:
+        raise OptionError(f"chunk must be a whole number of samples, 1 or more; got {chunk!r}")
+    declared_rate = None if rate is None else as_rate(rate)
+    declared_units = checked_units(units)
+    factors, integrals = checked_scale(scale), checked_increments(increments)
+    kept = kept_stretches(start, stop, skip) if start is not None or stop is not None or skip else None
+    file = existing_file(path)
+    reader = find_reader(file, format)
+    layout = one_layout(reader, file, topic)
+    choice = streamed(choose(layout, columns, file))
+    require_time(layout, choice, declared_rate, file)
+    wanted = list(choice.columns.values())
+    head = first_rows(reader.chunks(file, layout, wanted), choice)
+    found = understand(layout, choice, head, file, declared_rate, declared_units, factors, integrals)
+    tell(found, file)
+    origin = Origin(file, reader, layout, tuple(wanted), topic)
+    return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
+
+
+def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
+    """A stream as it was made elsewhere; all there is to warn of was told there."""
+    reader = find_reader(existing_file(path), format)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        layout = one_layout(reader, path, topic)
+    origin = Origin(path, reader, layout, tuple(found.choice.columns.values()), topic)
+    return Stream(str(path), found, origin.chunks, size, origin, kept)
+
+
+def streamed(choice: Choice) -> Choice:
+    """The columns of which pieces are made: axes and time."""
+    return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.notes)
+
+
+def first_rows(chunks: Iterable[Chunk], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
+    """So many rows of each column or more, or all there are."""
+    taken, count = [], 0
+    for chunk in chunks:
+        taken.append(chunk)
+        count += next(iter(chunk.values())).size
+        if count >= rows:
+            break
+    return {role: np.concatenate([part[k] for part in taken] or [np.empty(0)]) for role, k in choice.columns.items()}
+
+
+def understand(
+    layout: Layout,
+    choice: Choice,
+    head: Mapping[str, NDArray[Any]],
+    path: Path,
+    rate: float | None,
+    units: Mapping[str, str],
+    factors: Mapping[str, float],
+    integrals: Sequence[str],
+) -> Understood:
+    """What the first rows of a recording say of all of it, by the arguments of `read`, checked."""
+    words = {role: column_words(layout, choice, role, path) for role in choice.columns}
+    for role, column in head.items():
+        require_samples(column.size, words[role])
+        require_finite_rows(column, words[role])
+    time, time_notes = timing_of(layout, choice, units, head, rate)
+    stamps, pace = head.get("time"), None
+    if stamps is not None:
+        unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
+        pace = Pace.of(stamps, unit, time)
+    ones = {axis: np.ones(1) for axis in choice.axes}
+    scale_notes = multiply(layout, choice, factors, integrals, ones, time.base.rate)
+    numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
+    scales = resolve(layout, choice, units, numbers, time.base.rate, integrals)
+    found = {
+        axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
+    }
+    notes = (
+        *layout.notes, *choice.notes, *scale_notes, *scales.notes, *scales.inferred, *time_notes, *time.notes
+    )  # fmt: skip
+    # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
+    stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
+    doubts = (*scales.doubts, *sorted(stated))
+    return Understood(choice, words, found, time, pace, notes, scales.inferred, doubts)
+
+
+def tell(found: Understood, path: object) -> None:
+    """Warn of what was only inferred."""
+    for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
+        for sentence in sentences:
+            warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
+
+
+def pieces(
+    found: Understood,
+    chunks: Iterable[Chunk],
+    size: int,
+    path: object,
+    ended: Callable[[TimeBase], None] = lambda base: None,
+) -> Iterator[Piece]:
+    """The pieces that chunks of a file make, of `size` samples at the most; `ended` is told what all stamps say.
+
+    Raises
+    ------
+    ReadError, DataError
+        At what `read` refuses, when it is reached.
+    """
+    assembly = Assembly(found, size)
+    for chunk in chunks:
+        yield from assembly.take(chunk)
+    yield from assembly.end()
+    tally = assembly.tally()
+    troubles = tally.troubles(found)
+    if found.pace is not None:
+        ended(tally.time_base(found))
+    for sentence in troubles:
+        warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)

@@ -1,0 +1,367 @@
+"""Ranking models by the wavelet information criterion: those named by the user, or all within a general one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm.covariance import Setting
+from gmwm.errors import DataError, ModelError, OptionError
+from gmwm.estimation.estimator import measured
+from gmwm.estimation.result import Fit
+from gmwm.inference.asymptotic import columns_of
+from gmwm.inference.criterion import Criterion, covariance_trace, implied_by_refits, optimism, problem_of
+from gmwm.inference.goodness import shortened
+from gmwm.inference.intervals import Method
+from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model, as_model
+from gmwm.selection.candidate_fits import Explored, Progress, explore
+from gmwm.selection.equivalence import SURELY, as_good
+from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
+from gmwm.signals import Signal
+from gmwm.variance.result import WaveletVariance
+
+Weights = Literal["optimal", "diagonal"]
+Data = WaveletVariance | Signal | ArrayLike
+AnyModel = Model | Process | str
+
+DRAWS = 500
+
+
+def select(
+    general: AnyModel,
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None,
+    *,
+    weighting: Weights = "optimal",
+    criterion: Method = "asymptotic",
+    confidence: float = 0.95,
+    draws: int = DRAWS,
+    seed: int = 0,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    progress: Progress | None = None,
+) -> Ranking:
+    """Rank every model within a general one, and recommend the simplest that is as good as the best.
+
+    All are fitted under one weighting matrix Ω, that of the general model at its estimate, and judged by the wavelet
+    information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. A criterion has errors of its own and tends to keep
+    a needless term: a model counts as equivalent to the best if records of its own would show a difference as large
+    in more than 5 % of the cases, whichever of all sums were the best for them. Of those that contain another
+    equivalent one the smaller counts, and the simplest of what remains is recommended.
+
+    Parameters
+    ----------
+    general : Model, Process or str
+        The largest model, as `4 * GM() + WN() + QN() + RW() + DR()`. Parameters that are held stay; a process of
+        which all are held is in every candidate. Where the record has fewer levels than it has parameters, candidates
+        have as many as there are levels.
+    data : WaveletVariance, Signal or (N,) array; or a list of several
+        The recording. Several are recordings of one sensor: candidates are ranked by the mean loss of a fit to one of
+        them on each other.
+    rate : float, optional
+        Samples per second (Hz); needed with plain arrays only.
+    weighting : "optimal" or "diagonal"
+        Ω = V⁻¹ or 1 / V_jj, V the exact covariance of ν̂² under the general model. "optimal" tells models apart best.
+    criterion : "asymptotic" or "bootstrap"
+        How the optimism is found: first-order theory; or `draws` records simulated from the general model, which
+        every candidate is fitted to: some milliseconds for each candidate and record.
+    confidence : float
+        The right model, where it is among the candidates, is in the equivalent set in this share of the cases.
+    draws, seed : int
+        Of the uncertainty of the criterion, and of the bootstrap. The same seed gives the same result.
+    robust, efficiency : bool, float
+        As in `fit`.
+    progress : callable, optional
+        Called with the number of candidates done, and of all.
+
+    Returns
+    -------
+    Ranking
+
+    Raises
+    ------
+    ModelError
+        If there is nothing to choose, or too much.
+    MissingTheoryError
+        If the covariance of a process is not known.
+    DataError, OptionError
+        As in `fit`; or if several recordings have no levels in common.
+
+    References
+    ----------
+    Efron (2004), The estimation of prediction error, JASA 99, 619-632; section III-C of Balamuta, Guerrier, Molinari
+    and Yang.
+
+    Examples
+    --------
+    >>> from gmwm import GM, QN, RW, WN, select
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(50_000, 100.0, rng=1)
+    >>> ranking = select(2 * GM() + WN() + QN() + RW(), x, rate=100.0)
+    >>> ranking.recommended.structure
+    'WN + RW'
+    """
+    wanted = without_values(as_model(general))
+    recordings = _recordings(data, rate, robust, efficiency)
+    candidates = [model for model in nested(wanted) if freedom(model) <= len(recordings[0])]
+    if not candidates:
+        raise ModelError(
+            f"no model within {wanted.structure} has as few parameters as the wavelet variance has levels, "
+            f"{len(recordings[0])}; record longer"
+        )
+    return _ranked(wanted, candidates, recordings, weighting, criterion, confidence, draws, seed, progress)
+
+
+def rank(
+    models: Sequence[AnyModel],
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    rate: float | None = None,
+    *,
+    weighting: Weights = "optimal",
+    criterion: Method = "asymptotic",
+    confidence: float = 0.95,
+    draws: int = DRAWS,
+    seed: int = 0,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    progress: Progress | None = None,
+) -> Ranking:
+    """Rank the models that you name; see `select` for what is done, and for the parameters.
+
+    Ω and V are those of the smallest model that has all the terms of each: the one that all candidates are nested in.
+
+    Parameters
+    ----------
+    models : list of Model, Process or str
+        The candidates.
+    data, rate, weighting, criterion, confidence, draws, seed, robust, efficiency, progress
+        As for `select`.
+
+    Returns
+    -------
+    Ranking
+
+    Raises
+    ------
+    ModelError, DataError, OptionError
+        As `select` does.
+
+    Examples
+    --------
+    >>> from gmwm import rank
+    >>> from gmwm import RW, WN
+    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(50_000, 100.0, rng=1)
+    >>> ranking = rank(["WN", "WN + RW", "GM + WN"], x, rate=100.0)
+    >>> [candidate.structure for candidate in ranking]
+    ['WN + RW', 'GM + WN', 'WN']
+    """
+    if isinstance(models, (str, Process, Model)) or not list(models):
+        raise OptionError('models must be a list of candidates, as ["WN + RW", "GM + WN"]; for all within one: select')
+    wanted = [without_values(as_model(model)) for model in models]
+    recordings = _recordings(data, rate, robust, efficiency)
+    for model in wanted:
+        if freedom(model) > len(recordings[0]):
+            raise ModelError(
+                f"{model.structure} has {freedom(model)} parameters to estimate, but the wavelet variance has only "
+                f"{len(recordings[0])} levels; record longer, or leave it out"
+            )
+    unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
+    return _ranked(_union(unique), unique, recordings, weighting, criterion, confidence, draws, seed, progress)
+
+
+def _union(models: Sequence[Model]) -> Model:
+    """The smallest model that has every term of each; a term that some hold and others estimate is estimated."""
+    most = Counter[Process]()
+    for model in models:
+        most |= Counter(model.processes)
+    terms: list[Process] = []
+    single: dict[str, int] = {}
+    for process, count in most.items():
+        place = single.get(process.name)
+        larger = next(((k, kind) for k, p in enumerate(terms) if (kind := _join(p, process)) is not None), None)
+        if larger is not None:
+            terms[larger[0]] = larger[1]()
+        elif process.repeatable or place is None:
+            single[process.name] = len(terms)
+            terms += [process] * count
+        elif terms[place].is_complete:
+            terms[place] = process
+    return Model(tuple(terms))
+
+
+def _join(one: Process, other: Process) -> type[Process] | None:
+    """The class of a process with an order that has two of lower orders in it; none where values are held."""
+    if type(one) is type(other) or any(
+        process.is_fixed(p.name) for process in (one, other) for p in process.parameters
+    ):
+        return None
+    return type(one).joined(type(other))
+
+
+def _recordings(data: object, rate: float | None, robust: bool, efficiency: float) -> list[WaveletVariance]:
+    """The wavelet variances of one or several recordings, at their common levels."""
+    several = isinstance(data, (list, tuple)) and all(
+        isinstance(x, (WaveletVariance, Signal, np.ndarray)) for x in data
+    )
+    items = list(data) if several and isinstance(data, (list, tuple)) else [data]
+    if not items:
+        raise DataError("data must be a recording or a list of them, got an empty list")
+    curves = [measured(item, rate, robust, efficiency) for item in items]  # type: ignore[arg-type]
+    first = curves[0]
+    for other in curves[1:]:
+        for name in ("rate", "unit", "filter", "transform", "robust"):
+            if getattr(other, name) != getattr(first, name):
+                raise DataError(
+                    f"recordings of one sensor must have one {name}, got {getattr(first, name)!r} and "
+                    f"{getattr(other, name)!r}; rank them one by one"
+                )
+    short = min(map(len, curves))
+    return [wv if len(wv) == short else shortened(wv, short) for wv in curves]
+
+
+def _ranked(
+    general: Model,
+    candidates: Sequence[Model],
+    recordings: Sequence[WaveletVariance],
+    weighting: Weights,
+    criterion: Method,
+    confidence: float,
+    draws: int,
+    seed: int,
+    progress: Progress | None,
+) -> Ranking:
+    if not isinstance(weighting, str) or weighting not in get_args(Weights):
+        raise OptionError(f"weighting must be 'optimal' or 'diagonal' to rank models, got {weighting!r}")
+    if not isinstance(criterion, str) or criterion not in get_args(Method):
+        raise OptionError(f"criterion must be 'asymptotic' or 'bootstrap', got {criterion!r}")
+    if isinstance(confidence, bool) or not isinstance(confidence, int | float) or not 0.5 <= confidence < 1:
+        raise OptionError(f"confidence must be at least 0.5 and less than 1, as 0.95; got {confidence!r}")
+    for name, value, least in (("draws", draws, 100), ("seed", seed, 0)):
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+            raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
+    explored = [explore(general, candidates, wv, weighting, progress=progress) for wv in recordings]
+    criteria = _criteria(explored, len(candidates), criterion, draws, seed)
+    made = [_candidate(model, k, explored, criteria[k]) for k, model in enumerate(candidates)]
+    made = _related(made)
+    made = _sorted(made)
+    made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
+    chosen = _equivalent(made, explored, confidence, draws, seed)
+    simplest = min(chosen, key=lambda c: (c.parameters, _score(c)))
+    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is simplest) for c in made]
+    first = explored[0]
+    return Ranking(tuple(made), general, first.general, weighting, first.matrix, first.wavelet, confidence)
+
+
+def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
+    """By the criterion; one that comes down to a smaller one stands behind it, though it fit a little better."""
+    score = {c.structure: _score(c) for c in made}
+    return sorted(
+        made,
+        key=lambda c: (score[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
+    )
+
+
+def _score(candidate: Candidate) -> float:
+    return candidate.wic.value if candidate.out_of_sample is None else candidate.out_of_sample
+
+
+def _candidate(model: Model, place: int, explored: Sequence[Explored], wic: Criterion) -> Candidate:
+    fits = tuple(e.fits[place] for e in explored)
+    parameters = max(len(columns_of(fit.model, fit.diagnostics.acts_as)[0]) for fit in fits)
+    return Candidate(model, fits, wic, _out_of_sample(fits), 0.0, parameters, False, False, None)
+
+
+def _out_of_sample(fits: Sequence[Fit]) -> float | None:
+    """Mean loss of the fit to one recording on another."""
+    if len(fits) == 1:
+        return None
+    losses = []
+    for fitted in fits:
+        for other in fits:
+            if other is not fitted:
+                miss = other.wavelet_variance.variance - fitted.implied
+                losses.append(float(miss @ other.weighting_matrix @ miss))
+    return float(np.mean(losses))
+
+
+def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: int, seed: int) -> list[Criterion]:
+    """The criterion of each candidate, the mean over recordings; candidates that share a fit share the work."""
+    known: dict[int, float] = {}
+    for r, e in enumerate(explored):
+        variances = None
+        if method == "bootstrap":
+            wv = e.general.wavelet_variance
+            variances = simulated_variances(e.general.model, Setting.of(wv), draws, seed + r)
+        for fit in e.fits:
+            if id(fit) not in known:
+                if variances is None:
+                    known[id(fit)] = optimism(fit, e.wavelet)
+                else:
+                    implied = implied_by_refits(*problem_of(fit), variances)
+                    known[id(fit)] = covariance_trace(variances, implied, e.matrix)
+    return [
+        Criterion(
+            float(np.mean([e.fits[k].objective for e in explored])),
+            float(np.mean([known[id(e.fits[k])] for e in explored])),
+            method,
+        )
+        for k in range(count)
+    ]
+
+
+def _related(made: Sequence[Candidate]) -> list[Candidate]:
+    """Candidates with the name of the smaller one that they come down to, in every recording."""
+    own = {frozenset(structure_of(c.model).items()): c for c in made}
+    alike: dict[tuple[int, ...], Candidate] = {}
+    for c in sorted(made, key=lambda c: freedom(c.model)):
+        alike.setdefault(tuple(map(id, c.fits)), c)
+    related = []
+    for c in made:
+        shown = _shown(c)
+        smaller = None if shown is None else own.get(frozenset(shown.items()))
+        if smaller is None or smaller is c:
+            smaller = alike[tuple(map(id, c.fits))]
+        related.append(c if smaller is c else replace(c, same_as=smaller.structure))
+    target = {c.structure: c.same_as for c in related}
+    return [c if c.same_as is None else replace(c, same_as=_end(c.same_as, target)) for c in related]
+
+
+def _end(name: str, target: Mapping[str, str | None]) -> str:
+    """Where a chain of models that come down to one another ends."""
+    seen = {name}
+    while (after := target[name]) is not None and after not in seen:
+        name = after
+        seen.add(name)
+    return name
+
+
+def _shown(candidate: Candidate) -> Counter[str] | None:
+    """The structure that the data show of a candidate; None where recordings show several."""
+    structures = [shown_by(fit) for fit in candidate.fits]
+    return structures[0] if all(s == structures[0] for s in structures) else None
+
+
+def _equivalent(
+    made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
+) -> list[Candidate]:
+    """The candidates as good as the best, without those that contain another of them."""
+    best = made[0]
+    kept: list[Candidate] = []
+    for candidate in sorted((c for c in made if c.same_as is None), key=lambda c: (c.parameters, _score(c))):
+        structure = structure_of(candidate.model)
+        if any(within(structure_of(k.model), structure) for k in kept):
+            continue
+        if candidate is not best:
+            if candidate.wic.value - best.wic.value > SURELY:
+                continue
+            if not as_good(explored, candidate.fits, best.fits, 1 - confidence, draws, seed):
+                continue
+        kept.append(candidate)
+    return kept

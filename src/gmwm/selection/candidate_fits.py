@@ -1,0 +1,193 @@
+"""All candidates fitted to one recording under one Ω: that of the general model at its estimate."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm._arrays import Matrix, freeze
+from gmwm.estimation.atoms import grid
+from gmwm.estimation.estimator import as_fit
+from gmwm.estimation.problem import Problem, pose, to_find
+from gmwm.estimation.result import Fit
+from gmwm.estimation.reweighting import Settled, nearly_settled
+from gmwm.estimation.solver import Solution, solve
+from gmwm.processes.model import Model
+from gmwm.selection.structure import largest_within, nested, of_lower_order, structure_of, without_values
+from gmwm.variance.result import WaveletVariance
+
+NOT_LOWER = 1e-9
+"""Objectives that differ by less (relative) are one."""
+
+EVERY = 8
+"""Every so manieth place of the grid: 20 % in the correlation time."""
+
+Progress = Callable[[int, int], None]
+"""Called with the number of candidates done, and of all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explored:
+    """The candidates fitted to one recording.
+
+    Attributes
+    ----------
+    general : Fit
+        The largest model with as many parameters as the levels allow, whose Ω and V all others have.
+    matrix, wavelet : (J, J) arrays
+        Ω, and V, the covariance of ν̂².
+    fits : tuple of Fit
+        One for each candidate; a candidate with terms that the data do not show may share that of a smaller one.
+    """
+
+    general: Fit
+    matrix: Matrix
+    wavelet: Matrix
+    fits: tuple[Fit, ...]
+
+    def __post_init__(self) -> None:
+        freeze(self.wavelet)
+
+
+def explore(
+    general: Model,
+    candidates: Sequence[Model],
+    wv: WaveletVariance,
+    weighting: str,
+    *,
+    progress: Progress | None = None,
+) -> Explored:
+    """Fit every candidate under the Ω of the general model.
+
+    Where the optimum of a sum has terms that are zero, it is that of every sum in between, too; and no sum has a larger
+    objective than one of its parts. Both spare most of the work, and the second is seen to.
+    """
+    largest = largest_within(nested(general), len(wv))
+    settled, wavelet = nearly_settled(largest, wv, weighting)
+    matrix = settled.problem.matrix
+    search = _Exploration(wv, matrix, weighting)
+    search.take(largest, settled.problem, settled.solution)
+    order = sorted(range(len(candidates)), key=lambda k: -len(candidates[k].processes))
+    for done, k in enumerate(order):
+        search.add(candidates[k])
+        if progress is not None:
+            progress(done + 1, len(candidates))
+    search.mend()
+    fits = tuple(search.fit(model) for model in candidates)
+    return Explored(as_fit(settled, wv, weighting), matrix, wavelet, fits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    model: Model
+    structure: Counter[str]
+    shown: Counter[str]
+    problem: Problem
+    solution: Solution
+
+
+class _Exploration:
+    """Solved sums under one Ω, by structure."""
+
+    def __init__(self, wv: WaveletVariance, matrix: Matrix, weighting: str) -> None:
+        self.wv, self.matrix, self.weighting = wv, matrix, weighting
+        self.solved: dict[frozenset[tuple[str, int]], _Solved] = {}
+        self.fits: dict[int, Fit] = {}
+
+    def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
+        """Keep a solution, and that of its shown part, which is the same."""
+        structure = structure_of(model)
+        shown = _shown(model, problem, solution)
+        found = _Solved(model, structure, shown, problem, solution)
+        self.solved[_key(structure)] = found
+        if shown != structure and shown and _key(shown) not in self.solved:
+            self.solved[_key(shown)] = self._part(found)
+        return found
+
+    def add(self, model: Model) -> None:
+        """Solve a candidate, or find it solved."""
+        structure = structure_of(model)
+        if _key(structure) in self.solved:
+            return
+        for known in self.solved.values():
+            if known.shown <= structure <= known.structure:
+                self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
+                return
+        problem = pose(without_values(model), self.wv, self.matrix)
+        self.take(model, problem, solve(problem, certify=False))
+
+    def mend(self) -> None:
+        """See to it that no sum has a larger objective than one of its parts."""
+        for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
+            parts = [
+                p
+                for p in self.solved.values()
+                if p.structure != found.structure and of_lower_order(p.structure, found.structure)
+            ]
+            best = min(parts, key=lambda p: p.solution.objective, default=found)
+            if best.solution.objective < found.solution.objective * (1 - NOT_LOWER):
+                self.solved[key] = replace(best, structure=found.structure)
+
+    def fit(self, model: Model) -> Fit:
+        """The fit of a candidate; sums with the same optimum share it."""
+        found = self.solved[_key(structure_of(model))]
+        if id(found.solution) not in self.fits:
+            self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
+        return self.fits[id(found.solution)]
+
+    def _part(self, found: _Solved) -> _Solved:
+        """The solution without the terms that are zero."""
+        old = found.problem
+        kept = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
+        moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
+        free = {*old.linear, *old.shaped}
+        places = sorted([*kept, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
+        model = Model(tuple(old.model.processes[k] for k in places))
+        problem = pose(without_values(model), self.wv, self.matrix)
+        scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
+        terms = tuple(t for t in found.solution.terms if t.scale > 0)
+        solution = replace(found.solution, scales=scales, terms=terms)
+        return _Solved(model, found.shown, found.shown, problem, solution)
+
+
+def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
+    """The structure without the terms that are zero."""
+    structure = structure_of(model)
+    zero = [k for k, scale in zip(problem.linear, solution.scales, strict=True) if scale == 0]
+    zero += [k for k, term in zip(problem.shaped, solution.terms, strict=True) if term.scale == 0]
+    bare = without_values(problem.model).processes
+    return structure - Counter(str(bare[k]) for k in zero)
+
+
+def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
+    return frozenset(structure.items())
+
+
+def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
+    """Wavelet variances (n, J) that the general model can add, and how many come first that have no shape to find.
+
+    Processes with a search are taken at places all over their domain. Of others, where a scan of all that they can be
+    would promise more than their parameters can give, it is the ways in which their estimates can move.
+    """
+    wv = explored.general.wavelet_variance
+    problem = pose(without_values(explored.general.model), wv, explored.matrix)
+    rows = [problem.shapes, *_ways(explored.general, problem)]
+    if problem.family is not None:
+        rows.append(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
+    return np.concatenate(rows), len(problem.shapes)
+
+
+def _ways(general: Fit, problem: Problem) -> list[Matrix]:
+    """The shape of each free process as estimated, and its derivatives, either way."""
+    rows = []
+    for process in general.model.processes:
+        moving = to_find(process)
+        if not moving or type(process) is problem.family or process.scale == 0:
+            continue
+        at = process.nonlinear.reshape(1, -1)
+        slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]
+        rows += [process.shape(at, problem.levels, problem.rate, problem.filter), slopes, -slopes]
+    return rows

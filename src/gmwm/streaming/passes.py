@@ -1,0 +1,247 @@
+"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next piece is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+from gmwm._arrays import Vector
+from gmwm._threads import BREATH, in_threads, processors
+from gmwm.errors import DataError, OptionError
+from gmwm.readers.assembly import Piece
+from gmwm.readers.streams import Stream
+from gmwm.signals import axis_quantity
+from gmwm.units import SI_UNIT
+from gmwm.variance.accumulate import WaveletAccumulator
+from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
+from gmwm.variance.open_segments import EXACT, Gathering
+from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+class Source(Protocol):
+    """A Stream, or what is iterated over as one."""
+
+    @property
+    def source(self) -> str:
+        """Where it comes from."""
+        ...
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes that are measured; pieces may have more."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+        ...
+
+    def __iter__(self) -> Iterator[Piece]: ...
+
+
+def stream_variance(
+    stream: Source,
+    *,
+    levels: int | None = None,
+    exact: int = EXACT,
+    robust: bool = False,
+    efficiency: float = EFFICIENCY,
+    passes: int = 2,
+    confidence: float = 0.95,
+    threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    parts: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> dict[str, WaveletVariance]:
+    """The wavelet variance of each axis of a recording of any length; a robust one reads it twice, unless told not to.
+
+    Levels up to `exact` are those of `wavelet_variance`; each further one takes the coefficients at every τ/64-th
+    sample, see `WaveletAccumulator`. Segments between gaps are measured together, no coefficient lies across a gap.
+
+    Parameters
+    ----------
+    stream : Stream
+        Of `gmwm.stream`.
+    levels : int, optional
+        Number of levels J; all that have a coefficient by default.
+    exact : int
+        Levels of which every coefficient is taken, 6 to 24.
+    robust, efficiency : bool, float
+        As for `wavelet_variance`.
+    passes : 2 or 1
+        How often a robust one reads the recording: twice it is exact and knows the slope, see `SecondPass`; once it is
+        that of all coefficients to 1e-4 (5e-3 at a level with so many outliers that only the median is left).
+    confidence : float
+        Level of the limits, between 0 and 1.
+    threads : int, optional
+        Axes that are worked on at once; as many as there are processors by default.
+    scheduler, workers, parts : optional
+        Where others are to read the recording, a part each: a Dask scheduler, or a number of processes begun here; see
+        `spread_variance`.
+    done : callable, optional
+        Called with the number of samples so far after every piece, in the calling thread; in a second pass the count
+        goes on, to twice the number of samples.
+
+    Returns
+    -------
+    dict of axis name to WaveletVariance
+
+    Raises
+    ------
+    ReadError, DataError
+        At what `read` refuses, when it is reached; or if the recording has changed when it is read again.
+    OptionError
+        If an option is not one of those it may be.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, gmwm
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> path = pathlib.Path(folder.name, "static.parquet")
+    >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
+    >>> gmwm.stream(path).wavelet_variance()
+    {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
+    >>> folder.cleanup()
+    """
+    require_robust(robust, efficiency)
+    if scheduler is not None or workers is not None:
+        from gmwm.streaming.cluster import spread_variance
+
+        return spread_variance(
+            whole(stream), scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
+            robust=robust, efficiency=efficiency, passes=passes, confidence=confidence, done=done,
+        )  # fmt: skip
+    if robust:
+        pairs = measured_pairs(
+            stream, levels=levels, exact=exact, efficiency=efficiency, passes=passes, confidence=confidence,
+            threads=threads, done=done,
+        )  # fmt: skip
+        return {axis: pair[1] for axis, pair in pairs.items()}
+    measured = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
+    _pass(stream, measured, threads, done)
+    return in_threads(lambda _, one: one.result(confidence), measured, threads=threads)
+
+
+def measured_pairs(
+    stream: Source,
+    *,
+    levels: int | None = None,
+    exact: int = EXACT,
+    efficiency: float = EFFICIENCY,
+    passes: int = 2,
+    confidence: float = 0.95,
+    threads: int | None = None,
+    done: Callable[[int], None] | None = None,
+) -> dict[str, tuple[WaveletVariance, WaveletVariance]]:
+    """The classical and the robust wavelet variance of each axis of a recording of any length, from the same reading.
+
+    Parameters and errors are those of `stream_variance`.
+    """
+    biweight(efficiency)
+    if passes not in (1, 2):
+        raise OptionError(f"passes must be 2 or 1, got {passes!r}")
+    first = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
+    samples = _pass(stream, first, threads, done)
+    classical = in_threads(lambda _, one: one.result(confidence), first, threads=threads)
+    if passes == 1:
+        robust = in_threads(
+            lambda _, one: one.result(confidence, robust=True, efficiency=efficiency), first, threads=threads
+        )
+    else:
+        second = in_threads(lambda _, one: one.second_pass(efficiency), first, threads=threads)
+        _pass(stream, second, threads, done, again=samples)
+        try:
+            robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
+        except DataError as error:
+            raise DataError(
+                f"{stream.source} has changed between its two readings: {error}. Take a copy of it that does not "
+                "change, or read it once only: wavelet_variance(robust=True, passes=1)"
+            ) from error
+    return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
+
+
+def _pass(
+    stream: Source,
+    measured: Mapping[str, Gathering],
+    threads: int | None,
+    done: Callable[[int], None] | None,
+    again: int | None = None,
+) -> int:
+    """All pieces into all axes, or again so many samples; how many there were."""
+    pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
+    running: list[Future[None]] = []
+    samples = segment = 0
+    try:
+        for piece in stream:
+            # While it was read the one before was worked on.
+            _await(running)
+            if done is not None and samples:
+                done(samples + (again or 0))
+            after_gap = piece.segment != segment
+            taken = piece if again is None else _until(piece, again)
+            running = [pool.submit(_take, one, taken[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = taken.first + len(taken), taken.segment
+            if again is not None and samples >= again:
+                break  # what has come since belongs to no pass; of what is odd in the file the first one told
+        _await(running)
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    if done is not None:
+        done(samples + (again or 0))
+    return samples
+
+
+def _until(piece: Piece, end: int) -> Piece:
+    """What of a piece lies before sample `end`."""
+    if piece.first + len(piece) <= end:
+        return piece
+    return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
+
+
+def whole(source: Source) -> Stream:
+    """What can be divided: a stream itself."""
+    if not isinstance(source, Stream):
+        raise OptionError(f"a stream of gmwm.stream is divided among workers, got {type(source).__name__}")
+    return source
+
+
+def accumulators(
+    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int = EXACT, robust: bool = False
+) -> dict[str, WaveletAccumulator]:
+    """An accumulator for each axis, in its SI unit."""
+    return {
+        axis: WaveletAccumulator(
+            rate, levels=levels, exact=exact, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
+        )
+        for axis in axes
+    }
+
+
+def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
+    """Give pieces as they come to the accumulators of some axes, one after the other."""
+    segment = 0
+    for piece in pieces:
+        for axis, one in measured.items():
+            _take(one, piece[axis], piece.segment != segment)
+        segment = piece.segment
+
+
+def _take(one: Gathering, values: Vector, after_gap: bool) -> None:
+    if after_gap:
+        one.gap()
+    one.update(values)
+
+
+def _await(running: Sequence[Future[None]]) -> None:
+    """Wait until all are done, looking up for Ctrl-C; an error of theirs is raised here."""
+    pending: set[Future[None]] = set(running)
+    while pending:
+        _, pending = wait(pending, timeout=BREATH)
+    for future in running:
+        future.result()

@@ -1,0 +1,254 @@
+"""Allan variance linear regression: the classical reading of Q, N, B, K and R from the slopes of an Allan deviation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Vector
+from gmwm._late import LateMethod
+from gmwm._text import Summarised
+from gmwm.errors import OptionError
+from gmwm.signals import Signal
+from gmwm.variance.allan import allan_variance
+from gmwm.variance.clusters import ClusterVariance
+from gmwm.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+OCTAVE = 1.9
+"""Least ratio of neighbouring averaging times from which a slope is read."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AllanRegression(Summarised):
+    """Coefficients read from the slopes of an Allan deviation, with the lines they were read from.
+
+    Attributes
+    ----------
+    allan : ClusterVariance
+        The curve.
+    lines : tuple of SlopeLine
+        What was found, by slope.
+    missing : mapping of term to text
+        Why the others were not.
+    """
+
+    allan: ClusterVariance
+    lines: tuple[SlopeLine, ...]
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
+        "gmwm.plots.allan:plot_avlr",
+        "Draw the Allan deviation with the fitted lines and the places where the coefficients are read.",
+    )
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Term to coefficient, in the unit of the data and seconds; what was not found is not in it."""
+        return {line.term: line.coefficient for line in self.lines}
+
+    def __getitem__(self, term: str) -> SlopeLine:
+        for line in self.lines:
+            if line.term == term:
+                return line
+        if term in self.missing:
+            raise OptionError(f"{term} was not found: {self.missing[term]}")
+        raise OptionError(f"term must be one of {', '.join(LAWS)}; got {term!r}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as plain numbers, lists and texts, ready for JSON."""
+        unit = self.allan.unit
+        lines = [
+            {**asdict(line), "slope": line.slope, "name": line.name, "unit": coefficient_unit(line.term, unit)[0],
+             "si": line.coefficient * coefficient_unit(line.term, unit)[1]}
+            for line in self.lines
+        ]  # fmt: skip
+        return {"allan": self.allan.to_dict(), "lines": lines, "missing": dict(self.missing)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
+        """The result whose `to_dict` gave `values`."""
+        names = ("term", "coefficient", "first", "last", "points", "bound")
+        lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
+        return cls(ClusterVariance.from_dict(values["allan"]), lines, dict(values["missing"]))
+
+    def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
+        """A table in `units`, "si" or "datasheet": coefficient, unit, and the averaging times it was read from."""
+        of = f" of {self.allan.axis}" if self.allan.axis else ""
+        title = self.allan.title[0].lower() + self.allan.title[1:]
+        rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
+        for line in self.lines:
+            unit, factor = coefficient_unit(line.term, self.allan.unit, units)
+            sign = "<=" if line.bound else "="
+            span = f"{line.points} values from {line.first:g} to {line.last:g} s"
+            where = span if line.points > 1 else f"at {line.first:g} s"
+            rows.append(
+                f"{line.term} {sign:>2} {factor * line.coefficient:<11.5g} {unit:<11} {line.name:<30} "
+                f"slope {line.slope:+.1f}, {where}"
+            )
+        rows += [f"{term}  not found: {reason}" for term, reason in self.missing.items()]
+        rows.append("a graphical method: inconsistent where several terms share the stretch; see avlr")
+        return "\n".join(rows)
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
+        return f"AllanRegression({self.allan.axis or 'unnamed'}: {values or 'nothing found'})"
+
+
+def avlr(
+    x: ClusterVariance | Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    terms: Iterable[Term] = ("Q", "N", "B", "K", "R"),
+    ranges: Mapping[Term, tuple[float, float]] | None = None,
+    tolerance: float = 0.2,
+    least_freedom: float = 5.0,
+) -> AllanRegression:
+    """Noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a baseline.
+
+    Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
+    fitted to the longest stretch on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
+    B is read at the minimum. So Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
+
+    The method is inconsistent: on any stretch all other terms add to the curve, and no amount of data removes what
+    they add; a Gauss-Markov process bends the curve into slopes that stand for no term at all. Use `gmwm.fit` for
+    estimates that converge to the truth. In its parameters, with the rate f: WN σ² = N² f, RW γ² = K²/f, drift
+    ω = R/f, quantization noise Q² f².
+
+    Parameters
+    ----------
+    x : ClusterVariance, Signal, or (N,) array
+        An Allan or total deviation, or what to measure it from at octaves. Clusters that lie closer are thinned to
+        octaves.
+    rate : float
+        Samples per second (Hz) of an array.
+    terms : sequence
+        Which terms to look for.
+    ranges : mapping of term to (first, last), optional
+        Averaging times (s) on which to fit a term, whatever the slope there.
+    tolerance : float
+        How far the slope from one value to the next may be from the term's.
+    least_freedom : float
+        Values with fewer degrees of freedom are not used.
+
+    Returns
+    -------
+    AllanRegression
+        Lines, coefficients, and why the other terms are missing.
+
+    Raises
+    ------
+    DataError
+        If the signal cannot be measured.
+    OptionError
+        If an option is not one of those it may be, or the curve is a modified or a Hadamard deviation, whose lines
+        have other factors.
+
+    References
+    ----------
+    IEEE Std 952, annex C; Guerrier, S., Molinari, R. and Stebler, Y. (2016), Theoretical limitations of Allan
+    variance-based regression for time series model estimation, IEEE Signal Processing Letters 23, 597-601.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.random.default_rng(1).normal(size=40000)
+    >>> found = avlr(x, rate=100.0)
+    >>> bool(abs(found["N"].coefficient - 0.1) < 0.002)
+    True
+    """
+    allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
+    if allan.family == "hadamard" or allan.kind == "modified":
+        raise OptionError(f"the lines are those of an Allan deviation, got a {allan.title}; use gmwm.allan_variance")
+    if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
+        raise OptionError(f"rate={rate:g} contradicts the curve's {allan.rate:g} Hz; leave rate out")
+    wanted = list(terms)
+    for term in (*wanted, *(ranges or {})):
+        if term not in LAWS:
+            raise OptionError(f"terms must be among {', '.join(LAWS)}; got {term!r}")
+    if not 0 < tolerance <= 0.5:
+        raise OptionError(f"tolerance must lie between 0 and 0.5, got {tolerance!r}")
+    used = _octaves(allan.tau, (allan.variance > 0) & (allan.degrees_of_freedom >= least_freedom))
+    tau, deviation = allan.tau[used], allan.deviation[used]
+    lines: list[SlopeLine] = []
+    missing: dict[str, str] = {}
+    for term in (term for term in LAWS if term in wanted):
+        if ranges and term in ranges:
+            found = _line(term, tau, deviation, _inside(term, ranges[term], tau))
+        elif term == "B":
+            found = _minimum(tau, deviation)
+        else:
+            found = _line(term, tau, deviation, _stretch(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance))
+        if not isinstance(found, str) and not (ranges and term in ranges) and _contradicted(found, allan):
+            found = f"a slope near {LAWS[term].slope:+.1f} by chance: its line lies above the curve elsewhere"
+        if isinstance(found, str):
+            missing[term] = found
+        else:
+            lines.append(found)
+    return AllanRegression(allan, tuple(lines), missing)
+
+
+def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
+    """Whether a term alone would lift the curve above its upper limit by half somewhere: then it is not there."""
+    return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
+
+
+def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
+    """Indices of the usable values, at least about an octave apart: slopes of closer ones are noise."""
+    kept: list[int] = []
+    for k in np.flatnonzero(usable).tolist():
+        if not kept or tau[k] >= OCTAVE * tau[kept[-1]]:
+            kept.append(k)
+    return kept
+
+
+def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.bool_]:
+    inside = (tau >= bounds[0]) & (tau <= bounds[1])
+    if not inside.any():
+        span = f"{tau[0]:g} … {tau[-1]:g} s" if tau.size else "no averaging time"
+        raise OptionError(f"ranges[{term!r}] = {bounds} holds no averaging time; the usable ones are {span}")
+    return np.asarray(inside)
+
+
+def _stretch(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
+    """The longest run of values between neighbours of which the curve has about this slope; empty if there is none."""
+    chosen = np.zeros(log_tau.size, dtype=bool)
+    near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
+    length, start = 0.0, None
+    for k in range(near.size + 1):
+        inside = k < near.size and bool(near[k])
+        if inside and start is None:
+            start = k
+        elif not inside and start is not None:
+            if log_tau[k] - log_tau[start] > length:
+                length = log_tau[k] - log_tau[start]
+                chosen[:] = False
+                chosen[start : k + 1] = True
+            start = None
+    return chosen
+
+
+def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_]) -> SlopeLine | str:
+    law = LAWS[term]
+    if not chosen.any():
+        return f"nowhere has the curve a slope near {law.slope:+.1f}"
+    t, heights = tau[chosen], np.log(deviation[chosen]) - law.slope * np.log(tau[chosen])
+    coefficient = math.exp(float(heights.mean())) / law.factor
+    return SlopeLine(term, coefficient, float(t[0]), float(t[-1]), int(t.size))
+
+
+def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
+    if tau.size < 2:
+        return "there are fewer than two usable values"
+    k = int(np.argmin(deviation))
+    if k == 0:
+        return "the curve rises from its beginning"
+    at = float(tau[k])
+    return SlopeLine("B", float(deviation[k]) / LAWS["B"].factor, at, at, 1, bound=k == tau.size - 1)

@@ -1,0 +1,198 @@
+"""Samples that come in pieces, gaps between some: stretches that have an end, and the one that goes on."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm._arrays import Vector, as_vector
+from gmwm.errors import OptionError
+from gmwm.variance.segment_state import Stretch
+from gmwm.variance.statistics_protocol import Taken, Taking
+
+EXACT = 14
+"""Levels of which every coefficient is taken, by default."""
+LEAST_EXACT = 6
+"""Where a scale has 64 samples, every τ/64-th coefficient is every one."""
+DEEPEST = 44
+"""Levels that can be kept: 2^44 samples are 500 years at 1 kHz."""
+FOLD = 1 << 18
+"""Samples that are gathered before they are worked on."""
+
+
+class Gathering:
+    """What is kept of the coefficients of a record in pieces: how it is cut changes nothing.
+
+    Parameters
+    ----------
+    levels : int
+        Number of levels J, at the most.
+    exact : int
+        Levels of which every coefficient is taken.
+    start : int
+        Number of the first sample in the record.
+    taking : Taking or None
+        What is taken of the coefficients besides their squares.
+    """
+
+    def __init__(self, levels: int, exact: int, start: int, taking: Taking | None) -> None:
+        self.exact = whole(exact, "exact", LEAST_EXACT, 24)
+        self.levels = whole(levels, "levels", 1, DEEPEST)
+        self.start = whole(start, "start", 0, 1 << 62)
+        # The first stretch, if a gap has ended it; sums of those between; and the one that goes on.
+        self._first: Stretch | None = None
+        self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
+        self._taking = taking
+        self._taken: Taken | None = None if taking is None else taking.nothing()
+        self._lengths: list[int] = []
+        self._rises = 0.0
+        self._last: Stretch | None = None
+        self._waiting = np.empty(0)
+        self._size = 0
+
+    def __len__(self) -> int:
+        """Samples so far."""
+        return sum(self.lengths)
+
+    @property
+    def stop(self) -> int:
+        """Number in the record of the sample to come; those that are missing in a gap do not count."""
+        return self.start + len(self)
+
+    @property
+    def lengths(self) -> tuple[int, ...]:
+        """Lengths of the stretches between gaps so far."""
+        first = () if self._first is None else (self._first.count,)
+        going = self._size + (0 if self._last is None else self._last.count)
+        return (*first, *self._lengths, *((going,) if going else ()))
+
+    def update(self, chunk: ArrayLike) -> None:
+        """Take the samples (n,) that follow, one or many.
+
+        Raises
+        ------
+        DataError
+            If a value is NaN or infinite; the samples before stay as they are, and none of the chunk is taken.
+        """
+        x = as_vector(chunk, "chunk", at_least=0)
+        if self._size + x.size > FOLD:
+            self._fold()
+        if x.size > FOLD:
+            self._grow(x)
+        elif x.size:
+            if self._waiting.size == 0:
+                self._waiting = np.empty(FOLD)
+            self._waiting[self._size : self._size + x.size] = x
+            self._size += x.size
+
+    def gap(self) -> None:
+        """Samples are missing here: those that follow begin a stretch of their own."""
+        self._fold()
+        if self._last is None:
+            return
+        if self._first is None and not self._lengths:
+            self._first = self._last
+        else:
+            self._close(self._last)
+        self._last = None
+
+    # --- inside ---------------------------------------------------------------------------------------
+
+    def _require_following(self, following: object, *alike: str) -> None:
+        """Raise if another part does not follow this one, or differs in what is to be alike."""
+        if not isinstance(following, type(self)):
+            raise OptionError(f"following must be a {type(self).__name__}, got {type(following).__name__}")
+        for name in alike:
+            if getattr(self, name) != getattr(following, name):
+                raise OptionError(
+                    f"both parts must have the same {name}, got {getattr(self, name)!r} and "
+                    f"{getattr(following, name)!r}"
+                )
+        if following.start != self.stop:
+            raise OptionError(
+                f"the following part must begin with sample {self.stop}, where this one ends; it begins with "
+                f"{following.start}: pass start= when it is made"
+            )
+
+    def _take_state(self, other: Self) -> None:
+        """Begin with the state of another; what a stretch holds is never changed, so both may have it."""
+        other._fold()
+        self._first, self._last, self._rises = other._first, other._last, other._rises
+        self._squares, self._counts = other._squares.copy(), other._counts.copy()
+        self._lengths, self._taken = list(other._lengths), other._taken
+
+    def _append(self, following: Self) -> None:
+        """Take over a part that follows."""
+        following._fold()
+        for part, ended in ((following._first, True), (following._last, False)):
+            if part is not None:
+                self._last = part if self._last is None else self._last.followed_by(part, self._taking)
+            if ended and following._first is not None:
+                self.gap()
+                self._squares += following._squares
+                self._counts += following._counts
+                if self._taken is not None:
+                    self._taken = self._taken.merge(following._taken)
+                self._lengths += following._lengths
+                self._rises += following._rises
+
+    def _open(self) -> list[Stretch]:
+        """The stretches that others may continue."""
+        return [part for part in (self._first, self._last) if part is not None]
+
+    def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
+        """Σ W² and the number of coefficients of all levels (J,)."""
+        squares, counts = self._squares.copy(), self._counts.copy()
+        for part in self._open():
+            own = part.sums(self.levels)
+            squares, counts = squares + own[0], counts + own[1]
+        return squares, counts
+
+    def _all_taken(self) -> Any:
+        """What was taken of the coefficients of all stretches."""
+        taken = self._taken
+        for part in self._open():
+            assert taken is not None
+            assert self._taking is not None
+            taken = taken.merge(part.all_taken(self._taking))
+        return taken
+
+    def _fold(self) -> None:
+        """Work on the samples that wait."""
+        if self._size:
+            x, self._size = self._waiting[: self._size], 0
+            self._grow(x)
+
+    def _grow(self, x: Vector) -> None:
+        """Take samples into the stretch that goes on."""
+        for k in range(0, x.size, 4 * FOLD):
+            part = x[k : k + 4 * FOLD]
+            if self._last is None:
+                self._last = Stretch.of(part, self.stop, self.exact, self.levels, self._taking)
+            else:
+                self._last = self._last.grown(part, self._taking)
+
+    def _close(self, stretch: Stretch) -> None:
+        """Keep the sums of a stretch that has an end."""
+        squares, counts = stretch.sums(self.levels)
+        self._squares += squares
+        self._counts += counts
+        if self._taken is not None and self._taking is not None:
+            self._taken = self._taken.merge(stretch.all_taken(self._taking))
+        self._lengths.append(stretch.count)
+        self._rises += float(stretch.count) ** 2 * stretch.rise
+
+
+def whole(value: int, name: str, least: int, most: int) -> int:
+    """A whole number within its range.
+
+    Raises
+    ------
+    OptionError
+        If it is not.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise OptionError(f"{name} must be a whole number from {least} to {most}, got {value!r}")
+    return int(value)

@@ -1,0 +1,196 @@
+"""Samples in a row, as far as the wavelet variance of a record needs them once they are gone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector
+from gmwm.variance.blocks import STEPS, Blocks, blocks_of
+from gmwm.variance.sketch import SKETCHING, Sketch, Sketches
+from gmwm.variance.statistics_protocol import Taken, Taking
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """All that is kept of samples in a row.
+
+    Values are less the first of them, so that an offset costs no digits.
+
+    Attributes
+    ----------
+    exact : int
+        Levels of which every coefficient is taken.
+    start, count : int
+        Number of the first sample in the record, and how many there are.
+    reference : float
+        The first sample.
+    head, tail : arrays
+        The first and the last 2^exact − 1 samples.
+    squares : (exact,) array
+        Σ W² of each of these levels.
+    blocks : tuple of Blocks
+        Those of the further levels, one at least.
+    taken : Taken or None
+        What else is kept of the coefficients of the first levels.
+    """
+
+    exact: int
+    start: int
+    count: int
+    reference: float
+    head: Vector
+    tail: Vector
+    squares: Vector
+    blocks: tuple[Blocks, ...]
+    taken: Taken | None = None
+
+    @property
+    def stop(self) -> int:
+        """Number of the sample to come."""
+        return self.start + self.count
+
+    @classmethod
+    def of(cls, x: Vector, start: int, exact: int, levels: int, taking: Taking | None = None) -> Self:
+        """That of some samples, at least one."""
+        reference, reach = float(x[0]), (1 << exact) - 1
+        values = x - reference
+        steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
+        squares, taken = _measured(values, exact, 0, taking)
+        return cls(
+            exact, start, x.size, reference, values[:reach].copy(), values[-reach:].copy(),
+            squares, tuple(blocks_of(values, start, steps, taking)), taken,
+        )  # fmt: skip
+
+    def grown(self, x: Vector, taking: Taking | None = None) -> Stretch:
+        """These samples and those that follow."""
+        values, reach = x - self.reference, (1 << self.exact) - 1
+        joint = np.concatenate([self.tail, values])
+        head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
+        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], taking)
+        squares, taken = _measured(joint, self.exact, self.tail.size, taking)
+        return Stretch(
+            self.exact, self.start, self.count + x.size, self.reference, head, joint[-reach:].copy(),
+            self.squares + squares, tuple(a.followed_by(b, taking) for a, b in zip(self.blocks, fresh, strict=True)),
+            _merged(self.taken, taken),
+        )  # fmt: skip
+
+    def followed_by(self, later: Stretch, taking: Taking | None = None) -> Stretch:
+        """These samples and a stretch that follows them."""
+        offset, reach = later.reference - self.reference, (1 << self.exact) - 1
+        head, tail = later.head + offset, later.tail + offset
+        squares, taken = self.squares + later.squares, _merged(self.taken, later.taken)
+        for level in range(1, self.exact + 1):
+            # Of 2^j − 1 samples on either side every coefficient reaches over the cut.
+            width = (1 << level) - 1
+            around = np.concatenate([self.tail[-width:], head[:width]])
+            if around.size > width:
+                total = _core.running_sum(around)
+                if taking is None or taking.squares:
+                    squares[level - 1] += _core.haar_sums_of_squares(total, level, 0, around.size)[-1]
+                if taking is not None:
+                    taken = _merged(taken, taking.across(total, level))
+        return Stretch(
+            self.exact, self.start, self.count + later.count, self.reference,
+            self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
+            tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
+            squares,
+            tuple(
+                a.followed_by(b.raised(offset, later.start, later.stop), taking)
+                for a, b in zip(self.blocks, later.blocks, strict=True)
+            ),
+            taken,
+        )  # fmt: skip
+
+    def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
+        """Σ W² and the number of coefficients of levels 1 … J (J,), those that are taken."""
+        squares, counts = np.zeros(levels), np.zeros(levels, dtype=np.int64)
+        exact = min(levels, self.exact)
+        squares[:exact] = self.squares[:exact]
+        counts[:exact] = np.maximum(self.count - (np.int64(1) << np.arange(1, exact + 1)) + 1, 0)
+        for level, blocks in enumerate(self.blocks[: levels - exact], start=self.exact + 1):
+            squares[level - 1], counts[level - 1] = blocks.squares / 4.0**level, blocks.count
+        return squares, counts
+
+    def all_taken(self, taking: Taking) -> Any:
+        """What was taken of all levels, by the same way of taking it."""
+        joint = self.taken
+        for level, blocks in enumerate(self.blocks, start=self.exact + 1):
+            if blocks.count:
+                joint = _merged(joint, taking.at(level, blocks.part, blocks.resolution))
+        return joint
+
+    @property
+    def rise(self) -> float:
+        """Mean rise in a sample, by least squares over blocks; where there are none yet, between the two halves."""
+        rise = self.blocks[0].rise
+        if rise is not None:
+            return rise
+        half = self.count // 2
+        if half == 0 or self.count > self.head.size:
+            return 0.0
+        first, second = float(self.head[:half].mean()), float(self.head[half:].mean())
+        return (second - first) / (self.count / 2)
+
+    def arrays(self, prefix: str) -> dict[str, Any]:
+        """All of it as numbers and arrays, their names begun with `prefix`."""
+        return {
+            f"{prefix}start": self.start,
+            f"{prefix}count": self.count,
+            f"{prefix}reference": self.reference,
+            f"{prefix}head": self.head,
+            f"{prefix}tail": self.tail,
+            f"{prefix}squares": self.squares,
+            f"{prefix}blocks": np.array([b.numbers() for b in self.blocks]),
+            f"{prefix}heads": np.concatenate([b.heads for b in self.blocks]),
+            f"{prefix}tails": np.concatenate([b.tails for b in self.blocks]),
+            **self._sketch_arrays(prefix),
+        }
+
+    def _sketch_arrays(self, prefix: str) -> dict[str, Any]:
+        if self.taken is None:
+            return {}
+        bins, resolutions = self.all_taken(SKETCHING).to_arrays()
+        return {f"{prefix}bins": bins, f"{prefix}resolutions": resolutions}
+
+    @classmethod
+    def restored(cls, prefix: str, exact: int, values: Mapping[str, Any]) -> Self | None:
+        """What `arrays` gave; None if there is none."""
+        if f"{prefix}count" not in values:
+            return None
+        blocks, at = [], 0
+        head, tail, squares, heads, tails = (
+            np.array(values[prefix + name], dtype=np.float64) for name in ("head", "tail", "squares", "heads", "tails")
+        )
+        table = np.asarray(values[f"{prefix}blocks"], dtype=np.float64)
+        for level, row in enumerate(table.tolist(), start=exact + 1):
+            kept = slice(at, at + int(row[-1]))
+            blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
+            at = kept.stop
+        taken: Taken | None = None
+        if f"{prefix}bins" in values:
+            whole = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
+            taken = Sketches(whole.levels[:exact], whole.resolutions[:exact])
+            further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
+            known = [*further, *((Sketch(), 0.0) for _ in blocks)]
+            blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
+        start, count = int(values[f"{prefix}start"]), int(values[f"{prefix}count"])
+        return cls(exact, start, count, float(values[f"{prefix}reference"]), head, tail, squares, tuple(blocks), taken)
+
+
+def _measured(values: Vector, levels: int, begin: int, taking: Taking | None) -> tuple[Vector, Taken | None]:
+    """Σ W² (levels,), if wanted, and what else is taken of the coefficients that end at sample `begin` or after."""
+    out, total = np.zeros(levels), _core.running_sum(values)
+    reach = min(levels, values.size.bit_length() - 1)
+    if reach > 0 and (taking is None or taking.squares):
+        out[:reach] = _core.haar_sums_of_squares(total, reach, begin, values.size)
+    return out, None if taking is None else taking.haar(total, levels, begin)
+
+
+def _merged(a: Taken | None, b: Taken | None) -> Any:
+    return None if a is None or b is None else a.merge(b)
