@@ -111,12 +111,17 @@ class Verdict(Summarised):
         """What of the size each level gets."""
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
+    @property
+    def reason(self) -> str:
+        """Why levels could not be tested, the most frequent reason; "" if all were."""
+        reasons = list(self.left_out.values())
+        return _REASONS[max(reasons, key=reasons.count)] if reasons else ""
+
     def summary(self) -> str:
         """The verdict and what to do about it, in one to three lines."""
         name, number = f"{self.axis}: " if self.axis else "", int(np.count_nonzero(self.tested))
         if not number:
-            why = _REASONS[max(self.left_out.values(), key=list(self.left_out.values()).count)]
-            return f"{name}no level can be tested, as {why}: see `gmwm info` for knocks"
+            return f"{name}no level can be tested: {self.reason}"
         p = "p < 0.001" if self.pvalue < 0.001 else f"p = {self.pvalue:.3f}"
         if self.contaminated:
             where = self.exceeding

@@ -11,9 +11,9 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.calibration.agreement_result import Agreement, SharedNumber
+from gmwm.calibration.findings import rejected
 from gmwm.calibration.reference import as_reference
 from gmwm.calibration.result import Calibration
-from gmwm.calibration.summary_text import rejected
 from gmwm.calibration.tables import in_order, merged, sensor_of
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gmwm._threads import in_threads
+from gmwm.calibration.findings import WANTED
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
 from gmwm.calibration.stream_measurement import measured_and_seen
-from gmwm.calibration.summary_text import WANTED, cautions
 from gmwm.calibration.tables import sensor_of
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
@@ -29,6 +29,7 @@ from gmwm.inspection import Inspection, inspect
 from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.readers.streams import Stream
+from gmwm.remarks import Remark
 from gmwm.selection import select
 from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT, find_unit
@@ -141,7 +142,7 @@ def calibrate(
     chosen = _chosen(data, axes)
     told = _Told(len(chosen) * len(STAGES), progress)
     items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
-    warned = () if looked is None else cautions(looked.warnings, robust, line_in(general))
+    seen = () if looked is None else tuple(_handled(remark, robust, general) for remark in looked.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
@@ -164,7 +165,17 @@ def calibrate(
     source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
     recording = None if looked is None else Recording.of(looked)
-    return Calibration(done, reasons, settings, source, warned, recording)
+    return Calibration(done, reasons, settings, source, seen, recording)
+
+
+def _handled(remark: Remark, robust: Literal["auto"] | bool, general: Model) -> Remark:
+    """The remark about knocks says what the calibration does about them."""
+    if remark.code != "knocks":
+        return remark
+    handled = {"auto": "auto", True: "robust", False: "classical"}[robust]
+    if robust == "auto" and line_in(general) is not None:
+        handled = "line"
+    return Remark.of(remark.code, remark.subject, **{**remark.facts, "handled": handled})
 
 
 def check_settings(settings: Settings, threads: int | None = None) -> None:
@@ -311,15 +322,13 @@ class _Axis:
         )  # fmt: skip
         self.told.step(self.name, next(stages))
         model = ranking.recommended.model
-        # What a fit warns of is told in the notes: threads share the filters of Python's warnings.
+        # Remarks are in the fit; it raises no warning, because threads share the filters of Python's warnings.
         fit = as_fit(settle(model, wv, settings.weighting, certify=True), wv, settings.weighting)
         self.told.step(self.name, next(stages))
         level = settings.confidence
         sheet = datasheet(fit, level)
         found = AxisCalibration(
             fit, fit.confidence_intervals(level), _test(fit), sheet, ranking, verdict, needed(fit, settings.weighting),
-            # What a number counts besides its term must be known, or it is counted twice.
-            (*wv.notes(), *fit.diagnostics.notes(), *sheet.notes),
         )  # fmt: skip
         self.told.step(self.name, next(stages))
         return found

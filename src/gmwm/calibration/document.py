@@ -24,19 +24,20 @@ from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
+from gmwm.remarks import Remark
 
 FORMAT = "gmwm-calibration"
-VERSION = 1
+VERSION = 2
 """Of the document. A reader takes its own version and older ones; new keys alone do not raise it."""
 
 T = TypeVar("T")
 
 _PARTS: Mapping[str, type | UnionType] = {
-    "axes": Mapping, "failed": Mapping, "settings": Mapping, "source": str, "cautions": list,
+    "axes": Mapping, "failed": Mapping, "settings": Mapping, "source": str, "recording_remarks": list,
 }  # fmt: skip
 _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
-    "contamination": Mapping | NoneType, "needed": Mapping, "notes": list, "ranking": Mapping,
+    "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
 }  # fmt: skip
 """Parts of a document and of its axes, and what each must be."""
 
@@ -54,7 +55,9 @@ def document(found: Calibration) -> dict[str, Any]:
         "settings": asdict(found.settings),
         "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
         "failed": dict(found.failed),
-        "cautions": list(found.cautions),
+        "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
+        "verdict": found.verdict.to_dict(),
+        "remarks": [remark.to_dict() for remark in found.remarks],
         "recording": None if found.recording is None else found.recording.to_dict(),
     }
     plain: dict[str, Any] = _plain(content)
@@ -69,7 +72,6 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "datasheet": found.datasheet.to_dict(),
         "contamination": None if found.verdict is None else found.verdict.to_dict(),
         "needed": dict(found.needed),
-        "notes": list(found.notes),
         "ranking": ranking_document(found.ranking),
     }
 
@@ -102,7 +104,7 @@ def calibration(content: Any) -> Calibration:
         parsed["failed"],
         _read("settings", lambda: Settings(**parsed["settings"])),
         parsed["source"],
-        tuple(parsed["cautions"]),
+        _read("recording_remarks", lambda: tuple(map(Remark.from_dict, parsed["recording_remarks"]))),
         None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
     )
     require_kinds(found, "")
@@ -123,7 +125,6 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
         None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
         content["needed"],
-        tuple(content["notes"]),
     )
 
 

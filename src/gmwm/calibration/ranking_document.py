@@ -17,8 +17,8 @@ from gmwm.selection.ranking import Candidate
 from gmwm.variance.result import WaveletVariance
 
 _KEPT = (
-    "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "weight_notes",
-    "start", "remarks",
+    "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",
+    "remarks",
 )  # fmt: skip
 """Of a fit in a ranking; all else follows from these, the data and Ω."""
 

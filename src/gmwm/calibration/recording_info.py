@@ -34,8 +34,6 @@ class Recording:
         Norm of the mean specific force (m/s²); None without three accelerometers.
     temperature : (lowest, highest) or None
         In °C.
-    notes : tuple of str
-        What was understood on reading: columns, units, time stamps.
     file : str
         Name of the file, without its folders; "" where it is not known.
     size : int or None
@@ -54,7 +52,6 @@ class Recording:
     knocks: int
     gravity: float | None
     temperature: tuple[float, float] | None
-    notes: tuple[str, ...]
     file: str = ""
     size: int | None = None
     sha256: str | None = None
@@ -67,7 +64,7 @@ class Recording:
         return cls(
             found.samples, found.rate, found.duration, found.segments, float(missing),
             float(base.jitter) if base.stamped else None, bool(found.static), len(found.knocks), found.gravity,
-            found.temperature, found.notes,
+            found.temperature,
         )  # fmt: skip
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
@@ -89,5 +86,4 @@ class Recording:
         given = dict(values)
         temperature = given["temperature"]
         given["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))
-        given["notes"] = tuple(map(str, given["notes"]))
         return cls(**given)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 
@@ -19,6 +20,7 @@ from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
+from gmwm.remarks import Remark
 from gmwm.selection import Ranking
 
 if TYPE_CHECKING:
@@ -76,8 +78,6 @@ class AxisCalibration:
     needed : mapping of name to length (s)
         For parameters with a relative standard error above 50 %, how long a recording gives 20 %; infinite
         where none of a thousand times the length does, None where that is not known.
-    notes : tuple of str
-        What is to be known of the fit and its data, in words.
     """
 
     fit: Fit
@@ -87,7 +87,12 @@ class AxisCalibration:
     ranking: Ranking
     verdict: Verdict | None = None
     needed: Mapping[str, float | None] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What to know about the curve, the fit and its numbers."""
+        # What a number includes besides its term must be known, or the term is counted twice.
+        return tuple(dict.fromkeys((*self.fit.remarks, *self.datasheet.remarks)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,8 +109,8 @@ class Calibration(Summarised, Mapping[str, Fit]):
         What was asked for.
     source : str
         Where the recording came from.
-    cautions : tuple of str
-        What an inspection of the recording warns of: motion, knocks, gaps, units.
+    recording_remarks : tuple of Remark
+        What an inspection of the recording found: motion, knocks, gaps, units.
     recording : Recording or None
         Its length, time base and file; None where it was no Imu.
 
@@ -128,7 +133,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
     failed: Mapping[str, str]
     settings: Settings
     source: str = ""
-    cautions: tuple[str, ...] = ()
+    recording_remarks: tuple[Remark, ...] = ()
     recording: Recording | None = None
 
     plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
@@ -180,13 +185,33 @@ class Calibration(Summarised, Mapping[str, Fit]):
         """Whether outliers raise the classical curve, by axis; only of axes that were measured from a signal."""
         return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
 
+    @cached_property
+    def remarks(self) -> list[Remark]:
+        """Everything to know before using the calibration, the gravest first."""
+        from gmwm.calibration.findings import remarks_of
+
+        return remarks_of(self)
+
+    @cached_property
+    def verdict(self) -> Remark:
+        """Whether the calibration can be used: the remark that heads its summary and its report."""
+        from gmwm.calibration.findings import verdict_of
+
+        return verdict_of(self)
+
     def of_file(self, path: str | os.PathLike[str]) -> Calibration:
         """The same with name, size and SHA-256 of the file `path` that the recording was read from."""
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
-    def summary(self) -> str:
-        """What was found, for each sensor a table in the units of datasheets, and what to know or do about it."""
-        return summary(self)
+    def summary(self, *, every: bool = False) -> str:
+        """The verdict, a table for each sensor in the units of datasheets, and the gravest remarks.
+
+        Parameters
+        ----------
+        every : bool
+            Show all remarks instead of the gravest five.
+        """
+        return summary(self, every=every)
 
     def to_dict(self) -> dict[str, Any]:
         """The calibration as plain numbers, lists and texts: the document that docs/calibration-format.md describes."""

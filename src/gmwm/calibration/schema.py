@@ -12,10 +12,11 @@ import numpy as np
 
 from gmwm.errors import ReadError
 from gmwm.outliers import Verdict
+from gmwm.remarks import Remark
 
 _KEYS = {
     "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
-    "wavelet": "wavelet_covariance", "nodes": "search_nodes", "weights": "weight_notes",
+    "wavelet": "wavelet_covariance", "nodes": "search_nodes",
 }  # fmt: skip
 """Fields that have another name in the document."""
 _WORDS: Mapping[Any, str] = {
@@ -77,6 +78,8 @@ def _require(value: Any, kind: Any, key: str) -> None:
             "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
         )
         raise ReadError(f"not a calibration: {key} must be {_words(kind)}, got {shown}")
+    if isinstance(value, Remark):  # checked when it was read
+        return
     if is_dataclass(value):  # a datasheet is a mapping too
         require_kinds(value, key)
     elif isinstance(value, Mapping):

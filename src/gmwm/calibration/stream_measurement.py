@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.cautions import span
+from gmwm._text import duration_text
 from gmwm.errors import GmwmError
 from gmwm.inspection import Inspection, inspect
 from gmwm.inspection.api import Looks, Survey
@@ -64,7 +64,7 @@ def _spread(
 
     def tell(samples: int) -> None:
         if done is not None:
-            done(f"both readings: {span(samples / stream.rate)}")
+            done(f"both readings: {duration_text(samples / stream.rate)}")
 
     with connected(scheduler, workers) as client:
         looking = client.submit(_inspected, stream, pure=False, retries=2)
@@ -132,12 +132,12 @@ class Seen:
     def _looked_at(self, looks: Looks) -> Iterator[Piece]:
         self._looks = looks
         for piece in self._stream:
-            self._tell(f"second reading: {self._length(piece)} of {span(looks.samples / self.rate)}")
+            self._tell(f"second reading: {self._length(piece)} of {duration_text(looks.samples / self.rate)}")
             looks.take(piece)
             yield piece
 
     def _length(self, piece: Piece) -> str:
-        return span((piece.first + len(piece)) / self.rate)
+        return duration_text((piece.first + len(piece)) / self.rate)
 
     def _tell(self, text: str) -> None:
         if self._done is not None:

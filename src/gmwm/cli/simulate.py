@@ -71,7 +71,7 @@ def simulate(
     gravity as well. Every axis draws from its own stream of the seed. With --components the recording is the same;
     less gravity, its axes are the sums of the columns of the other file.
     """
-    from gmwm.cautions import span
+    from gmwm._text import duration_text
     from gmwm.cli.output import print_json, progress, told_warnings
     from gmwm.simulation import models_by_axis, reference_imu, write_components
     from gmwm.simulation import simulate as simulated
@@ -86,7 +86,7 @@ def simulate(
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
     with told_warnings() as told:
         columns: tuple[str, ...] = ()
-        with progress(f"simulating {span(seconds)}"):
+        with progress(f"simulating {duration_text(seconds)}"):
             made = None
             if components is not None:
                 made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)

@@ -60,12 +60,12 @@ def whole_text(
     datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
     """Everything: a table of deviations for each sensor, one of estimates for each axis."""
+    from gmwm._text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.inference.planning import length_text
     from gmwm.plots.view import view_of
 
     first = next(iter(curves.values()))
-    parts = [f"{first.extent}: {length_text(first.samples / first.rate)}"]
+    parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]
     sensors: dict[str, dict[str, WaveletVariance]] = {}
     for axis, curve in curves.items():
         sensors.setdefault(axis.rpartition("_")[0], {})[axis] = curve
@@ -91,8 +91,8 @@ def _relative(wv: WaveletVariance) -> Any:
 
 def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     """The estimates of an axis, with intervals, and whether it is enough."""
+    from gmwm._text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.inference.planning import length_text
     from gmwm.inference.summary import Way, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed(fit, accuracy)
@@ -107,7 +107,7 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
         elif error <= accuracy:
             enough = "yes"
         else:
-            enough = "no" if least is None or least <= now else f"at {length_text(least)}"
+            enough = "no" if least is None or least <= now else f"at {duration_text(least)}"
         lines.append([row.name, row.estimate, row.interval, row.error, enough, row.unit])
     heads = ["parameter", "estimate", "95 % interval", "error", f"{100 * accuracy:g} %?", "unit"]
     return table_text(heads, lines, title=f"{axis}: {fit.model.structure}")
@@ -118,12 +118,12 @@ def one_line_of(
     datasheet: bool,
 ) -> str:  # fmt: skip
     """One line: how long it is, and of each axis the estimates, or the least deviation."""
-    from gmwm.inference.planning import length_text
+    from gmwm._text import duration_text
     from gmwm.inference.summary import Way, short_values
     from gmwm.plots.view import view_of
 
     first = next(iter(curves.values()))
-    parts = [f"{length_text(first.samples / first.rate)}, {first.samples} samples"]
+    parts = [f"{duration_text(first.samples / first.rate)}, {first.samples} samples"]
     for axis, curve in curves.items():
         if axis in fits:
             values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], Way()).items())

@@ -20,6 +20,7 @@ from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import Interval, as_level, confidence_intervals, free_shape, is_weak
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
+from gmwm.remarks import Remark
 from gmwm.units import noise_unit
 from gmwm.variance.slope_line import LAWS
 
@@ -112,33 +113,34 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     written, labels = translated(fit)
     left = {label for term, label in zip(written.model.terms, labels, strict=True) if _acts(written, term)}
     counted = {term: name for term, name in fit.diagnostics.acts_as.items() if term not in left}
-    notes = [f"{term} acts as {name}, and is counted to it" for term, name in counted.items()]
+    axis = fit.wavelet_variance.axis
+    remarks = [Remark.of("counted-to", axis, term=term, process=name) for term, name in counted.items()]
     intervals: dict[str, Interval] | None
     try:
         intervals = confidence_intervals(written, level)
     except (MissingTheoryError, ModelError) as error:
         intervals = None
-        notes.append(f"no intervals: {error}")
+        remarks.append(Remark.of("no-intervals", axis, reason=str(error).rstrip(".")))
     judged = _Judged(written, labels, intervals, NormalDist().inv_cdf((1 + level) / 2))
     entries: list[Entry] = []
     for term, label, process in zip(written.model.terms, labels, written.model.processes, strict=True):
-        found, note = _of_term(judged, term, label, process)
+        found, remark = _of_term(judged, term, label, process)
         taken = {entry.symbol for entry in entries}
         entries += [_renamed(entry, label) if entry.symbol in taken else entry for entry in found]
-        notes += [note] if note else []
+        remarks += [remark] if remark else []
     if fast := [entry for entry in entries if entry.unit == "s" and entry.value < _SHORT]:
-        white, note = _white(fit, entries, fast, level)
+        white, remark = _white(fit, entries, fast, level)
         entries = [entry for entry in entries if entry.symbol != white.symbol] + [white] if white else entries
-        notes.append(note)
-    bias, note = None, None
+        remarks.append(remark)
+    bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
         entries = [_as_bias(entry) if entry.symbol == _FLICKER else entry for entry in entries]
     else:
-        bias, note = _bias(judged)
+        bias, remark = _bias(judged)
     entries += [bias] if bias else []
-    notes += [note] if note else []
+    remarks += [remark] if remark else []
     entries.sort(key=lambda entry: _ORDER.index(entry.symbol) if entry.symbol in _ORDER else len(_ORDER))
-    return _sheet(fit, tuple(entries), level, tuple(notes))
+    return _sheet(fit, tuple(entries), level, tuple(remarks))
 
 
 def _acts(fit: Fit, term: str) -> str | None:
@@ -146,16 +148,16 @@ def _acts(fit: Fit, term: str) -> str | None:
     return fit.diagnostics.acts_as.get(term)
 
 
-def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], str | None]:
-    """The numbers of one term, or a note why there is none."""
+def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], Remark | None]:
+    """The numbers of one term, or a remark why there is none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
-        return [], f"{label} is not supported by these data: no numbers of it"
+        return [], Remark.of("no-numbers", wv.axis, term=label, because="zero", process="")
     if other := _acts(judged.fit, term):
-        return [], f"{label} acts as {other}: no numbers of it"
+        return [], Remark.of("no-numbers", wv.axis, term=label, because="acts", process=other)
     numbers = process.physical(wv.rate)
     if not numbers:
-        return [], f"{label} says nothing of itself in the terms of datasheets: no numbers of it"
+        return [], Remark.of("no-numbers", wv.axis, term=label, because="none", process="")
     weak = judged.weak(term, process)
     return [_entry(judged, term, label, process, number, weak) for number in numbers], None
 
@@ -199,24 +201,24 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
     return number.value / factor, number.value * factor if math.isfinite(reach) else math.inf
 
 
-def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, str]:
-    """N with the terms that are white noise where it is read, at τ = 1 s; a note that says which."""
-    names = ", ".join(f"{entry.term} (T_c {significant(entry.value, 2)} s)" for entry in fast)
+def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
+    """N with the terms that are white noise where it is read, at τ = 1 s; a remark that says which."""
+    axis, names = fit.wavelet_variance.axis, tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" for e in fast)
     try:
         found = noise_in_use(fit, Use(_SHORT), level)["N_eff"]
     except (MissingTheoryError, ModelError) as error:
-        return None, f"N is without {names}, which is white noise too where N is read, at 1 s: {error}"
+        return None, Remark.of("n-without", axis, terms=names, reason=str(error).rstrip("."))
     title = next((entry.title for entry in entries if entry.symbol == "N"), "white noise density")
     whole = {**found.to_dict(), "symbol": "N", "title": title}
-    return Entry.from_dict(whole), f"N counts {names}, which is white noise where N is read, at 1 s"
+    return Entry.from_dict(whole), Remark.of("n-includes", axis, terms=names)
 
 
-def _bias(judged: _Judged) -> tuple[Entry | None, str | None]:
-    """The bias instability, or a note why there is none."""
+def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
+    """The bias instability, or a remark why there is none."""
     try:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
-        return None, f"no bias instability: {error}"
+        return None, Remark.of("no-bias-instability", judged.fit.wavelet_variance.axis, reason=str(error).rstrip("."))
 
 
 def _as_bias(entry: Entry) -> Entry:
@@ -229,12 +231,12 @@ def _renamed(entry: Entry, label: str) -> Entry:
     return Entry.from_dict({**entry.to_dict(), "symbol": f"{entry.symbol} of {label}"})
 
 
-def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, notes: tuple[str, ...]) -> Datasheet:
+def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:
     wv = fit.wavelet_variance
     unit, factor = noise_unit(0.0, wv.unit)
     # Twice the Haar wavelet variance, whatever the filter of the fit.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
         entries, wv.axis, unit, fit.model.structure, wv.samples, wv.rate, level,
-        np.ldexp(1.0, wv.levels - 1) / wv.rate, deviation, notes,
+        np.ldexp(1.0, wv.levels - 1) / wv.rate, deviation, remarks,
     )  # fmt: skip

@@ -16,6 +16,7 @@ from gmwm.datasheets.entry import Entry
 from gmwm.estimation.result import Fit
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
+from gmwm.remarks import Quantity, Remark
 from gmwm.units import noise_unit
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.slope_line import LAWS
@@ -28,7 +29,7 @@ _LEVEL = 1e-9
 SYMBOL: Literal["B"] = "B"
 
 
-def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | None]:
+def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
     """B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all averaging times that the record shows.
 
     At the minimum a change of τ matters to second order only, so that with A = σ²(τ)
@@ -53,13 +54,13 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
 
     Returns
     -------
-    Entry or None, and a note or None
+    Entry or None, and a Remark or None
     """
     wv = fit.wavelet_variance
     noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
     lines = tuple(process for process in fit.model.processes if process.line(wv.rate) is not None)
     if not noises:
-        return None, f"no bias instability: {fit.model.structure} has no noise"
+        return None, Remark.of("no-bias-instability", wv.axis, reason=f"{fit.model.structure} has no noise")
     model = Model(noises)
     last = 2 ** (int(wv.levels[-1]) - 1)
     unit, factor = noise_unit(0.0, wv.unit)
@@ -67,24 +68,26 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     n = lowest(lambda sizes: model.allan_variance(sizes, wv.rate), last)
     least = float(model.allan_variance([n], wv.rate)[0])
     if least == 0:
-        return None, "no bias instability: the model is zero"
+        return None, Remark.of("no-bias-instability", wv.axis, reason="the model is zero")
     curve = None if z is None else Curve.of(fit).without_lines()
-    note = _bounded(model, n, last, wv.rate, curve, z)
+    bounded = _bounded(model, n, last, wv.rate, curve, z)
+    reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
+    remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
     value = factor * math.sqrt(least)
-    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
+    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, remark is not None, tau=n / wv.rate)
     if set(model.parameters) <= model.fixed:
-        return replace(entry, low=value, high=value, held=True), note
+        return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
-        return entry, note
+        return entry, remark
     reach = math.exp(min(0.5 * z * curve.error(curve.slopes(n)) / least, ENDLESS))
-    if note is None:
+    if remark is None or bounded is None:
         return replace(entry, low=value / reach, high=value * reach), None
     high = value * reach
     measured = _of_data(wv, model, lines, n)
     if measured is not None and factor * measured > high:
         high = factor * measured
-        note += "; the limit is that of the data"
-    return replace(entry, low=0.0, high=high), note
+        remark = Remark.of("b-limit", wv.axis, because=bounded, source="data", **reached)
+    return replace(entry, low=0.0, high=high), remark
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
@@ -123,20 +126,19 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
-    """Why the minimum is only a bound, or None."""
-    end = f"the longest averaging time, {last / rate:.4g} s"
+    """Why the minimum is only a bound: "falls" to the end, "rises" from the start, or "unsure"; None if it is none."""
     ends = model.allan_variance([1, last], rate)
     if abs(ends[1] - ends[0]) <= _LEVEL * ends[0] and n in (1, last):
         return None
     if n == last:
-        return f"{SYMBOL}: the model's Allan deviation still falls at {end}"
+        return "falls"
     if n == 1:
-        return f"{SYMBOL}: the model's Allan deviation rises from the first averaging time, {1 / rate:.4g} s"
+        return "rises"
     if z is None or curve is None:
         return None
     later = [2**k for k in range(n.bit_length(), last.bit_length())]
     rises = model.allan_variance(later, rate) - model.allan_variance([n], rate)
     here = curve.slopes(n)
     if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
-        return f"{SYMBOL}: whether the model's Allan deviation rises again before {end}, is not sure"
+        return "unsure"
     return None

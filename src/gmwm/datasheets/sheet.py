@@ -11,6 +11,7 @@ import numpy as np
 
 from gmwm._arrays import Vector, freeze
 from gmwm.datasheets.entry import Entry, significant
+from gmwm.remarks import Dialect, Remark, texts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,8 +36,8 @@ class Datasheet(Mapping[str, Entry]):
         Times at which `allan_deviation` is given; the last is the longest that the record shows.
     allan_deviation : (J,) array, in `unit`
         Allan deviation of the model.
-    notes : tuple of str
-        What is to be known of the numbers, in words.
+    remarks : tuple of Remark
+        What to know about the numbers.
     """
 
     entries: tuple[Entry, ...]
@@ -48,7 +49,7 @@ class Datasheet(Mapping[str, Entry]):
     level: float
     averaging_time: Vector
     allan_deviation: Vector
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         freeze(self.averaging_time)
@@ -99,7 +100,8 @@ class Datasheet(Mapping[str, Entry]):
         rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
         widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
         lines = ["  ".join([row[k].ljust(widths[k]) for k in range(3)] + [row[3]]).rstrip() for row in rows]
-        return "\n".join([self._head(), *(f"  {line}" for line in lines), *self.notes])
+        about = (remark.about("") for remark in self.remarks)
+        return "\n".join([self._head(), *(f"  {line}" for line in lines), *texts(about)])
 
     def _head(self) -> str:
         axis = f"{self.axis}: " if self.axis else ""
@@ -117,7 +119,7 @@ class Datasheet(Mapping[str, Entry]):
             "entries": [entry.to_dict() for entry in self.entries],
             "averaging_time": self.averaging_time.tolist(),
             "allan_deviation": self.allan_deviation.tolist(),
-            "notes": list(self.notes),
+            "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
     @classmethod
@@ -125,7 +127,7 @@ class Datasheet(Mapping[str, Entry]):
         """The datasheet whose `to_dict` gave `values`."""
         given = dict(values)
         given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
-        given["notes"] = tuple(values["notes"])
+        given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
         for name in ("averaging_time", "allan_deviation"):
             given[name] = np.array(values[name], dtype=np.float64)
         return cls(**given)
@@ -139,10 +141,11 @@ class Datasheet(Mapping[str, Entry]):
             f"<td>{escape(entry.text('si'))}</td></tr>"
             for entry in self.entries
         )
-        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        about = (remark.about("") for remark in self.remarks)
+        remarks = "".join(f"<p>{text}</p>" for text in texts(about, Dialect.HTML))
         return (
             f"<div><b>{escape(self._head())}</b><table><thead><tr><th></th><th>quantity</th><th>datasheet</th>"
-            f"<th>SI</th></tr></thead><tbody>{rows}</tbody></table>{notes}</div>"
+            f"<th>SI</th></tr></thead><tbody>{rows}</tbody></table>{remarks}</div>"
         )
 
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gmwm._arrays import Matrix
 from gmwm.errors import FitWarning, ModelError, OptionError
 from gmwm.estimation.problem import pose, to_find
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.estimation.reweighting import REWEIGHTED, First, Settled, settle
 from gmwm.estimation.solver import estimated, final, solve, solve_near, solve_sampled
 from gmwm.estimation.starts import Sampled
-from gmwm.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_notes
+from gmwm.estimation.weighting import Weighting, usual_weighting, weighting_matrix, weighting_remarks
+from gmwm.filters import find_filter
 from gmwm.processes.base import Process
+from gmwm.processes.equivalence import likeness
 from gmwm.processes.model import Model, as_model
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import Signal
 from gmwm.variance.api import wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, require_robust
@@ -114,8 +119,8 @@ def fit(
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
     found = _fitted(wanted, wv, chosen, certify=certify, first=first)
-    for note in found.diagnostics.notes():
-        warnings.warn(note, FitWarning, stacklevel=2)
+    for remark in found.remarks:
+        warnings.warn(FitWarning(remark), stacklevel=2)
     return found
 
 
@@ -148,7 +153,7 @@ def _fitted(
     matrix = weighting_matrix(weighting, wv)
     problem = pose(model, wv, matrix)
     solution = solve(problem, certify=certify) if first is None else final(problem, first(problem), certify=certify)
-    settled = Settled(problem, solution, weighting_notes(matrix, wv))
+    settled = Settled(problem, solution, weighting_remarks(matrix, wv))
     return as_fit(settled, wv, weighting if isinstance(weighting, str) else "matrix")
 
 
@@ -192,18 +197,11 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
     label = {id(process): term for term, process in zip(model.terms, model.processes, strict=True)}
     found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
     free = (*problem.linear, *problem.shaped)
+    acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
+    zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
+    remarks = (*_of_terms(model, acts_as, zero, wv, problem.matrix), *settled.remarks)
     diagnostics = Diagnostics(
-        {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None},
-        tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
-        solution.nodes,
-        settled.notes,
-        solution.start,
-        tuple(
-            f"{term}: {remark}"
-            for term, process in zip(model.terms, model.processes, strict=True)
-            if process.scale > 0 and (term not in found or found[term].acts_as is None)
-            for remark in process.remarks(wv.samples, wv.rate)
-        ),
+        acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
     )
     return Fit(
         wv, model, {name: v for name, v in model.parameters.items() if v is not None},
@@ -212,3 +210,30 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         model.decomposition(wv.levels, wv.rate, wv.filter),
         weighting, problem.matrix, diagnostics,
     )  # fmt: skip
+
+
+def _of_terms(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], wv: WaveletVariance, matrix: Matrix
+) -> Iterator[Remark]:
+    """What to know about each term: what it acts as, whether the data support it, and what its process says."""
+    processes = dict(zip(model.terms, model.processes, strict=True))
+    for term, name in acts_as.items():
+        like = likeness(processes[term], name, wv.levels, wv.rate, find_filter(wv.filter), matrix)
+        if like is None:
+            yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
+        else:
+            parameter = like.scale_parameter()
+            yield Remark.of(
+                "acts-as",
+                wv.axis,
+                term=term,
+                process=name,
+                known="yes",
+                parameter=f"{like.name}.{parameter.name}",
+                amount=Quantity(like.value(parameter.name), parameter.unit(wv.unit)),
+            )
+    for term in zero:
+        yield Remark.of("term-zero", wv.axis, term=term)
+    for term, process in processes.items():
+        if process.scale > 0 and term not in acts_as:
+            yield from (remark.about(wv.axis) for remark in process.remarks(term, wv.samples, wv.rate))

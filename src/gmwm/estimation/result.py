@@ -14,6 +14,7 @@ from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
 from gmwm.estimation.starts import Start
 from gmwm.processes.model import Model
+from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -41,20 +42,17 @@ class Diagnostics:
         Terms estimated as zero: these data do not show them.
     nodes : int
         Nodes of the search tree that the certificate took.
-    weights : tuple of str
-        What is to be known of the weights, in words; empty where they are what was asked for.
     start : Start or None
         From where the optimum was reached, and the criterion there; None of a fit that was read from a file without it.
-    remarks : tuple of str
-        What the processes have to say of their estimates, as that two roots nearly cancel.
+    remarks : tuple of Remark
+        What to know before using the fit.
     """
 
     acts_as: Mapping[str, str]
     not_supported: tuple[str, ...]
     nodes: int
-    weights: tuple[str, ...] = ()
     start: Start | None = None
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The diagnostics as plain numbers, lists and texts, ready for JSON."""
@@ -62,37 +60,21 @@ class Diagnostics:
             "acts_as": dict(self.acts_as),
             "not_supported": list(self.not_supported),
             "search_nodes": self.nodes,
-            "weight_notes": list(self.weights),
             "start": None if self.start is None else self.start.to_dict(),
-            "remarks": list(self.remarks),
+            "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
         """The diagnostics whose `to_dict` gave `values`."""
-        start = values.get("start")  # this and the notes are not in what the first commands wrote
+        start = values["start"]
         return cls(
-            dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
-            tuple(values.get("weight_notes", ())), None if start is None else Start.from_dict(start),
-            tuple(values.get("remarks", ())),
-        )  # fmt: skip
-
-    def notes(self) -> list[str]:
-        """The same in words."""
-        notes = [
-            f"{term} acts as {name}: its correlation time cannot be told from these data"
-            for term, name in self.acts_as.items()
-        ]
-        notes += [estimated_as_zero(term) for term in self.not_supported]
-        return [*notes, *self.remarks, *self.weights]
-
-
-def estimated_as_zero(term: str) -> str:
-    """What is said of a term that the data do not show."""
-    return (
-        f"{term} is not supported by these data: estimated as zero; if it is there all the same, the errors of the "
-        "others may be too small"
-    )
+            acts_as=dict(values["acts_as"]),
+            not_supported=tuple(values["not_supported"]),
+            nodes=int(values["search_nodes"]),
+            start=None if start is None else Start.from_dict(start),
+            remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -231,6 +213,11 @@ class Fit:
     def units(self) -> dict[str, str]:
         """Unit of every parameter."""
         return self.model.units(self.wavelet_variance.unit)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What to know before using the fit: about its terms, its weights and the levels that it was fitted to."""
+        return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
 
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain numbers, lists and texts, ready for JSON."""

@@ -21,6 +21,7 @@ from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import Solution, estimated, final, resume, solve
 from gmwm.estimation.weighting import precision, weighting_matrix
 from gmwm.processes.model import Model
+from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 REWEIGHTED = ("diagonal", "optimal")
@@ -53,7 +54,7 @@ class Settled:
 
     problem: Problem
     solution: Solution
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def settle(
@@ -114,8 +115,8 @@ def settle(
             except (MissingTheoryError, ModelError) as error:
                 if weighting == "optimal":
                     raise
-                note = f"weights are those that the data show, not those of the model: {error}"
-                return Settled(problem, finish(problem, solution), (note,))
+                remark = Remark.of("weights-from-data", wv.axis, reason=str(error).rstrip("."))
+                return Settled(problem, finish(problem, solution), (remark,))
             problem = problem.under(matrix)
             solution = resume(problem, solution)
             before, implied = implied, _implied(problem, solution, wv)
@@ -132,11 +133,7 @@ def settle(
         return Settled(problem, solution)
     # Each of two answers may make weights that lead to the other. A curve that no model of the user's shapes decides.
     problem = problem.under(_weights_of_the_data(weighting, wv, setting))
-    note = (
-        "the estimate and the weights that it implies did not agree; the weights are those of a smooth curve through "
-        "the data, and the model may be wrong for these"
-    )
-    return Settled(problem, finish(problem, solution), (note,))
+    return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:

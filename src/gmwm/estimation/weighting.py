@@ -12,6 +12,7 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.mixture import smoothed
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.processes.model import Model
+from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
@@ -90,7 +91,7 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
     return (matrix + matrix.T) / 2
 
 
-def weighting_notes(matrix: Matrix, wv: WaveletVariance) -> tuple[str, ...]:
+def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
     """What is to be known of weights of the user's, in words: whether they are a covariance that was not inverted.
 
     They are taken for one where they are as large as V_jj at every level that is well known, and at some of these far
@@ -101,7 +102,7 @@ def weighting_notes(matrix: Matrix, wv: WaveletVariance) -> tuple[str, ...]:
         return ()
     weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
     if np.all(np.abs(weights - variance) < math.log(5)) and np.any(np.abs(weights + variance) > math.log(1000)):
-        return ("the weights are as large as the variances of the levels: are they a covariance, not its inverse?",)
+        return (Remark.of("weights-are-covariance", wv.axis),)
     return ()
 
 

@@ -13,7 +13,7 @@ from gmwm.exporters.base import Exporter, Settings, register
 from gmwm.exporters.matrices import has_matrices
 from gmwm.exporters.reduction import axis_noise
 from gmwm.exporters.statespace import axis_matrices
-from gmwm.exporters.text import cautioned
+from gmwm.exporters.text import cautions
 from gmwm.units import SI_UNIT, find_unit, noise_unit
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class JsonNumbers(Exporter):
             "confidence": calibration.settings.confidence,
             "axes": {axis: _axis(axis, calibration, settings) for axis in calibration},
             "failed": dict(calibration.failed),
-            "cautions": cautioned(calibration),
+            "remarks": [remark.to_dict() for remark in cautions(calibration)],
         }
         return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 

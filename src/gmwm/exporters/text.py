@@ -7,15 +7,14 @@ import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.misfit import undescribed
-from gmwm.calibration.summary_text import rejected
-from gmwm.cautions import doubts
 from gmwm.exporters.reduction import Number
+from gmwm.remarks import Remark, Severity, texts
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 _WIDTH = 100
+_DOUBTFUL_UNITS = ("gravity-off", "unit-overruled")
 _ASCII = {
     "²": "^2", "³": "^3", "·": " ", "≤": "<=", "±": "+-", "β": "beta", "σ": "sigma", "°": "deg",
     "µ": "u", "…": "...", "τ": "tau", "“": '"', "”": '"', "’": "'", "×": "x", "−": "-",
@@ -28,26 +27,14 @@ def recording(calibration: Calibration) -> list[str]:
     digest = calibration.recording.sha256 if calibration.recording is not None else None
     extent = next(iter(calibration.values())).wavelet_variance.extent
     said = [f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."]
-    return [*said, *(f"CAUTION: {text}" for text in cautioned(calibration))]
+    return [*said, *(f"CAUTION: {text}" for text in texts(cautions(calibration)))]
 
 
-def cautioned(calibration: Calibration) -> list[str]:
-    """What makes the numbers doubtful: of the recording, then of axes that the report says cannot be used."""
-    return [*doubts(calibration.cautions), *_undescribed(calibration)]
-
-
-def _undescribed(calibration: Calibration) -> list[str]:
-    """The axes whose recommended model a test rejects and that does not even describe the curve, by how much."""
-    parts = [
-        f"{axis} (its variance at {at.tau:.3g} s is {at.times:.2g} times too {'large' if at.ratio > 1 else 'small'})"
-        for axis, at in undescribed({axis: calibration.axes[axis] for axis in rejected(calibration)}).items()
+def cautions(calibration: Calibration) -> list[Remark]:
+    """What makes the numbers doubtful: remarks that say that they may be wrong, and doubts about units."""
+    return [
+        remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
-    if not parts:
-        return []
-    told = ", ".join(parts)
-    if len(parts) == 1:
-        return [f"the model of {told} does not describe its data; numbers of this axis may be wrong: see the report"]
-    return [f"the models of {told} do not describe their data; numbers of these axes may be wrong: see the report"]
 
 
 def plain(text: str) -> str:

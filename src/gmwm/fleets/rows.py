@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.remarks import Severity
 
 Row = dict[str, Any]
 PROVEN = 1e-3
@@ -20,7 +21,11 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI; one that the data only
     bound has no value, and its limit in `<symbol>_high`.
     """
-    base: Row = {"unit": unit, "file": path, "cautions": len(found.cautions)}
+    base: Row = {
+        "unit": unit,
+        "file": path,
+        "cautions": sum(remark.severity < Severity.INFO for remark in found.recording_remarks),
+    }
     if found.recording is not None:
         base |= {name: getattr(found.recording, name) for name in ("sha256", "samples", "rate", "duration")}
     rows = [base | {"axis": axis, "status": "calibrated", **_of_axis(one)} for axis, one in found.axes.items()]

@@ -19,6 +19,7 @@ from gmwm.fleets.rows import Row, plain, rows_of
 from gmwm.processes.model import Model
 from gmwm.readers import read, stream
 from gmwm.readers.streams import Stream, is_large
+from gmwm.remarks import Remark
 from gmwm.signals import Imu
 
 PART = "fleet"
@@ -97,20 +98,20 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
         confidence=settings.confidence, efficiency=settings.efficiency, draws=settings.draws, seed=settings.seed,
         axes=asked.axes, threads=job.threads,
     ).of_file(path)  # fmt: skip
-    known = {*found.cautions, *(found.recording.notes if found.recording else ())}
-    found = replace(found, cautions=(*found.cautions, *(text for text in warned if text not in known)))
+    new = tuple(remark for remark in warned if remark not in found.recording_remarks)
+    found = replace(found, recording_remarks=(*found.recording_remarks, *new))
     return found, {**stamp, **asked.to_dict()}
 
 
-def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[str]]:
+def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[Remark]]:
     """The recording, a large one in pieces, and what reading it warned of, without the file's name."""
     kept = {name: value for name, value in reading.items() if name != "gaps"}
     in_pieces = is_large(path) and reading.get("gaps", "keep") == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
         recording = stream(path, **kept) if in_pieces else read(path, **reading)
-    said = [one for one in caught if issubclass(one.category, GmwmWarning)]
-    return recording, list(dict.fromkeys(str(one.message).removeprefix(f"{path}: ") for one in said))
+    found = [one.message.remark for one in caught if isinstance(one.message, GmwmWarning)]
+    return recording, list(dict.fromkeys(found))
 
 
 def stamp_of(path: Path) -> dict[str, int]:

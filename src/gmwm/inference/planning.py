@@ -13,13 +13,14 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
-from gmwm._text import Named, Summarised, counted, rounded
+from gmwm._text import Named, Summarised, counted, duration_text
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
 from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.remarks import Quantity, Remark, texts
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -41,10 +42,6 @@ NEAR = 5e-3
 """Relative accuracy of the length that it finds."""
 _LEAST, _MOST = 1e-295, 1e295
 """Products of two variances that double precision holds with room to work."""
-
-_LENGTHS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0),
-            ("min", 60.0, 120.0), ("s", 1.0, 0.0))  # fmt: skip
-"""Unit, its length and the shortest duration told in it (s)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -136,7 +133,7 @@ class Plan(Summarised):
         Examples
         --------
         >>> found = plan("WN(sigma2=4e-6) + RW(gamma2=1e-10)", duration=3600.0, rate=100.0).needed(0.2)
-        >>> {name: length_text(seconds) for name, seconds in found.items()}
+        >>> {name: duration_text(seconds) for name, seconds in found.items()}
         {'WN.sigma2': '0.58 s', 'RW.gamma2': '7.9 min'}
         """
         wanted = as_accuracy(accuracy)
@@ -149,10 +146,10 @@ class Plan(Summarised):
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]
         columns = [self.at(t) for t in lengths]
-        rows = [["parameter", "unit", "value", *map(length_text, lengths), f"for {100 * accuracy:g} %"]]
+        rows = [["parameter", "unit", "value", *map(duration_text, lengths), f"for {100 * accuracy:g} %"]]
         for name, seconds in wanted.items():
             value = self.model.parameters[name]
-            need = length_text(seconds) if math.isfinite(seconds) else f"> {length_text(self.horizon)}"
+            need = duration_text(seconds) if math.isfinite(seconds) else f"> {duration_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
         width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
@@ -161,30 +158,25 @@ class Plan(Summarised):
             "",
         ]
         for row in rows:
-            texts = [
+            cells = [
                 text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, width, strict=True))
             ]
-            lines.append("  ".join(["", *texts]).rstrip())
-        notes = self.notes()
-        return "\n".join([*lines, "", *notes] if notes else lines)
+            lines.append("  ".join(["", *cells]).rstrip())
+        remarks = texts(self.remarks)
+        return "\n".join([*lines, "", *remarks] if remarks else lines)
 
-    def notes(self) -> list[str]:
-        """What the planned recording will not show, in words."""
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What the planned recording will not show."""
         planned = self.at(self.duration)
         hidden = [name for name, error in planned.items() if SEEN < error < math.inf]
         lost = [name for name, error in planned.items() if math.isinf(error)]
-        length, notes = length_text(self.duration), []
+        duration, remarks = Quantity(self.duration, "s"), []
         if hidden:
-            notes.append(
-                f"not to be seen in {length}: {', '.join(hidden)}; a standard error above {100 * SEEN:g} % says no "
-                "more than that the estimate may be anything, zero included"
-            )
+            remarks.append(Remark.of("plan-uncertain", parameters=tuple(hidden), duration=duration, seen=SEEN))
         if lost:
-            notes.append(
-                f"not determined by {length}: {', '.join(lost)}; what they do to the wavelet variance, other "
-                "parameters do as well: hold them with fixed(…), or leave a term out"
-            )
-        return notes
+            remarks.append(Remark.of("plan-undetermined", parameters=tuple(lost), duration=duration))
+        return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as plain numbers, lists and texts, ready for JSON."""
@@ -201,7 +193,7 @@ class Plan(Summarised):
         }
 
     def __repr__(self) -> str:
-        return f"Plan({self.model.structure}, {length_text(self.duration)} at {self.rate:g} Hz)"
+        return f"Plan({self.model.structure}, {duration_text(self.duration)} at {self.rate:g} Hz)"
 
     # --- inside ---------------------------------------------------------------------------------------
 
@@ -403,13 +395,3 @@ def error_text(error: float) -> str:
         return "not determined"
     shown = float(f"{100 * error:.2g}")
     return f"{f'{shown:#.2g}'.rstrip('.')} %" if error <= SEEN else "not to be seen"
-
-
-def length_text(seconds: float) -> str:
-    """A length of time in the unit in which it reads well, two digits.
-
-    >>> length_text(0.05), length_text(53.2), length_text(11520.0), length_text(5e5), length_text(1e9)
-    ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
-    """
-    unit, size = next((unit, size) for unit, size, least in _LENGTHS if seconds >= least)
-    return f"{rounded(seconds / size)} {unit}"

@@ -9,11 +9,10 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.filters import find_filter
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
-from gmwm.processes.equivalence import likeness
+from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -50,12 +49,12 @@ class Row:
     unit: str
 
 
-def intervals_if_known(fit: Fit, way: Way) -> tuple[dict[str, Interval], str | None]:
-    """The intervals, or none and the reason why."""
+def intervals_if_known(fit: Fit, way: Way) -> tuple[dict[str, Interval], Remark | None]:
+    """The intervals; if they cannot be computed, none and a remark that says why."""
     try:
         return confidence_intervals(fit, way.level, way.method, draws=way.draws, seed=way.seed), None
     except (MissingTheoryError, ModelError) as error:
-        return {}, f"no intervals: {error}"
+        return {}, no_intervals(error)
 
 
 def test_in_words(fit: Fit, way: Way) -> tuple[GoodnessOfFit | None, str]:
@@ -111,17 +110,14 @@ def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
     return shown
 
 
-def notes(fit: Fit, reason: str | None = None) -> list[str]:
-    """What to be warned of, and what each term that acts as another process amounts to; last, why intervals lack."""
-    wv, words, acting = fit.wavelet_variance, fit.diagnostics.notes(), fit.diagnostics.acts_as
-    for place, (term, name) in enumerate(acting.items()):
-        process = fit.model.processes[fit.model.terms.index(term)]
-        like = likeness(process, name, wv.levels, wv.rate, find_filter(wv.filter), fit.weighting_matrix)
-        if like is not None:
-            parameter = like.scale_parameter()
-            amount = f"{like.name}.{parameter.name} = {like.value(parameter.name):.3e} {parameter.unit(wv.unit)}"
-            words[place] += f"; it amounts to {amount.rstrip()}"
-    return [*words, *([reason] if reason else [])]
+def no_intervals(error: Exception) -> Remark:
+    """The remark that there are no confidence intervals, and why."""
+    return Remark.of("no-intervals", reason=str(error).rstrip("."))
+
+
+def without_axis(*remarks: Remark | None) -> list[Remark]:
+    """Remarks about a fit whose axis stands in its heading."""
+    return [remark.about("") for remark in remarks if remark is not None]
 
 
 def short_values(fit: Fit, way: Way) -> dict[str, str]:
@@ -178,10 +174,10 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
         interval, relative standard error and unit; and what to be warned of.
     """
     way = Way(level, method, draws, seed)
-    intervals, reason = intervals_if_known(fit, way)
+    intervals, missing = intervals_if_known(fit, way)
     table = rows(fit, intervals, way)
     lines = [*head(fit, way), "", *table_text(table, level)]
-    words = notes(fit, reason)
+    words = texts(without_axis(missing, *fit.diagnostics.remarks))
     return "\n".join([*lines, "", *words] if words else lines)
 
 
@@ -225,12 +221,13 @@ def head(fit: Fit, way: Way) -> list[str]:
 def as_html(fit: Fit) -> str:
     """The summary with its parameters as a table, for notebooks."""
     way = Way()
-    intervals, reason = intervals_if_known(fit, way)
-    return table_html(head(fit, way), rows(fit, intervals, way), notes(fit, reason))
+    intervals, missing = intervals_if_known(fit, way)
+    words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
+    return table_html(head(fit, way), rows(fit, intervals, way), words)
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Title and facts, a table of parameters with their 95 % intervals, and what to know, as HTML."""
+    """Title and facts, a table of parameters with their 95 % intervals, and remarks that are HTML already, as HTML."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"
@@ -241,5 +238,5 @@ def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -
     return (
         f"<div><b>{escape(title)}</b>{''.join(f'<br>{escape(fact)}' for fact in facts)}"
         f"<table><thead><tr>{''.join(f'<th>{name}</th>' for name in names)}</tr></thead><tbody>{cells}</tbody></table>"
-        f"{''.join(f'<p>{escape(note)}</p>' for note in words)}</div>"
+        f"{''.join(f'<p>{text}</p>' for text in words)}</div>"
     )

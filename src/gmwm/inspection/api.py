@@ -10,26 +10,17 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.cautions import (
-    MOVED,
-    about_declared,
-    about_motion,
-    about_steps,
-    about_time,
-    about_units,
-    about_values,
-    about_warm_up,
-)
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import Look
+from gmwm.inspection.findings import MOVED, of_motion, of_steps, of_time, of_units, of_values, of_warm_up
 from gmwm.inspection.knocks import knocks_of, steps_of
 from gmwm.inspection.resolution import Sample, lsb, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.warm_up import warm_up_of
 from gmwm.readers.streams import Piece, Stream
+from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
-from gmwm.time_ranges import CUT
 from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0  # spread of a piece over the median spread that means motion
@@ -84,7 +75,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
     first = recording[recording.axes[0]]
     base = recording.time_base or TimeBase(recording.rate, start=first.start)
     looks = Looks(
-        recording.source, recording.notes, base, Extent.of(first, base.left),
+        recording.source, recording.remarks, base, Extent.of(first, base.left),
         {axis: recording[axis].unit for axis in recording},
         {axis: lsb(recording[axis].values) for axis in recording},
         lambda axis, first, last: recording[axis].values[first:last],
@@ -133,7 +124,7 @@ class Survey:
         segments = list(zip(self._firsts, stops, strict=True))
         extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
         return Looks(
-            stream.source, stream.notes, stream.time_base, extent,
+            stream.source, stream.remarks, stream.time_base, extent,
             {axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
             {axis: step_of(sample.values()) for axis, sample in self._samples.items()}, self._values,
         )  # fmt: skip
@@ -154,7 +145,7 @@ class Looks:
 
     Parameters
     ----------
-    source, notes, base : str, sequence of str, TimeBase
+    source, remarks, base : str, sequence of Remark, TimeBase
         What is known of the recording.
     extent : Extent
         Where its samples are.
@@ -166,10 +157,10 @@ class Looks:
     """
 
     def __init__(
-        self, source: str, notes: Sequence[str], base: TimeBase, extent: Extent, units: Mapping[str, str],
+        self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent, units: Mapping[str, str],
         resolutions: Mapping[str, float | None], values: Values,
     ) -> None:  # fmt: skip
-        self._source, self._notes, self._base, self._extent = source, tuple(notes), base, extent
+        self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._units, self._resolutions, self._values = units, resolutions, values
         self._looks = {axis: Look(extent, resolutions[axis] or 0.0) for axis in units}
 
@@ -207,20 +198,19 @@ class Looks:
         restless = {axis: found for axis, look in looks.items() if (found := _restless(look, extent)) is not None}
         turned = tilt is not None and tilt > max(_TURN, 5 * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
-        warnings = (
-            *about_time(len(extent.segments), self._base),
-            *about_motion(restless, tilt if turned else None, knocks),
-            *about_steps(tuple(steps)),
-            *about_warm_up(warm_ups, any(note.startswith(CUT) for note in self._notes)),
-            *about_values(axes, gravity),
-            *about_units(self._densities()),
-            *about_declared(self._notes),
+        remarks = (
+            *of_time(len(extent.segments), self._base),
+            *of_motion(restless, tilt if turned else None, knocks),
+            *of_steps(tuple(steps)),
+            *of_warm_up(warm_ups, self._base.left > 0),
+            *of_values(axes, gravity),
+            *of_units(self._densities()),
+            *self._remarks,
         )
         segments = len(extent.segments)
         return Inspection(
             self._source, extent.rate, extent.samples / extent.rate, extent.samples, segments, self._base, axes,
-            gravity, tilt, not (moved or restless), knocks, tuple(steps), warm_ups, _range(temperature), self._notes,
-            warnings,
+            gravity, tilt, not (moved or restless), knocks, tuple(steps), warm_ups, _range(temperature), remarks,
         )  # fmt: skip
 
     def _axis(self, axis: str, look: Look) -> AxisInspection:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from gmwm._text import Summarised, counted, moment
-from gmwm.cautions import span
+from gmwm._text import Summarised, counted, duration_text, moment
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
+from gmwm.remarks import Remark, Severity, with_groups
 from gmwm.signals import TimeBase
 
 
@@ -40,7 +40,7 @@ class AxisInspection:
 
 @dataclass(frozen=True)
 class Inspection(Summarised):
-    """What a recording looks like; `warnings` says in plain words what should be known before it is used.
+    """What a recording looks like; `remarks` says what to know before it is used.
 
     Parameters
     ----------
@@ -70,10 +70,8 @@ class Inspection(Summarised):
         Axes whose level settles in the beginning, as it does nowhere later.
     temperature : (lowest, highest) or None
         Range of the temperature (°C).
-    notes : tuple of str
-        What was understood on reading.
-    warnings : tuple of str
-        What should be known before the recording is used.
+    remarks : tuple of Remark
+        What to know before the recording is used, and how it was read.
     """
 
     source: str
@@ -90,18 +88,18 @@ class Inspection(Summarised):
     steps: tuple[Step, ...]
     warm_ups: tuple[WarmUp, ...]
     temperature: tuple[float, float] | None
-    notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain dicts, lists and numbers, ready for JSON."""
-        return dict(_plain(asdict(self)))
+        content = {name: _plain(value) for name, value in asdict(replace(self, remarks=())).items()}
+        return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self) -> str:
         """The inspection as a text."""
         lines = [
-            f"{self.source or 'recording'}: {self.samples} samples at {self.rate:.10g} Hz, {span(self.duration)}"
-            + (f" in {self.segments} segments" if self.segments > 1 else ""),
+            f"{self.source or 'recording'}: {self.samples} samples at {self.rate:.10g} Hz, "
+            f"{duration_text(self.duration)}" + (f" in {self.segments} segments" if self.segments > 1 else ""),
             f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
         ]
         for name, axis in self.axes.items():
@@ -130,9 +128,8 @@ class Inspection(Summarised):
             lines.append("these times count from the first sample of the recording, as those of skip= do")
         for found in self.warm_ups:
             change = f"{found.size:+.3g} {self.axes[found.axis].unit} at first, {found.times:.0f} times the usual"
-            lines.append(f"warm-up of {found.axis} over the first {span(found.duration)} ({change})")
-        lines += [f"note: {note}" for note in self.notes]
-        lines += [f"warning: {warning}" for warning in self.warnings]
+            lines.append(f"warm-up of {found.axis} over the first {duration_text(found.duration)} ({change})")
+        lines += [f"{group[0].severity.label}: {text}" for group, text in with_groups(self.remarks)]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -140,7 +137,7 @@ class Inspection(Summarised):
         return (
             f"Inspection({'1 axis' if len(self.axes) == 1 else f'{len(self.axes)} axes'}, {self.samples} samples at "
             f"{self.rate:g} Hz, {state}, {counted(len(self.knocks), 'knock')}, "
-            f"{counted(len(self.warnings), 'warning')})"
+            f"{counted(sum(remark.severity < Severity.INFO for remark in self.remarks), 'caution')})"
         )
 
 

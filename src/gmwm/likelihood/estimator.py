@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,7 @@ from gmwm.likelihood.system import LEVEL, require_state
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
+from gmwm.remarks import Remark
 from gmwm.signals import Signal
 
 
@@ -150,8 +151,8 @@ def fit_ml(
     if found is None:
         raise nothing_to_chance(problem.model)
     result = _as_fit(problem, found)
-    for note in result.diagnostics.notes():
-        warnings.warn(note, FitWarning, stacklevel=2)
+    for remark in result.remarks:
+        warnings.warn(FitWarning(remark), stacklevel=2)
     return result
 
 
@@ -195,18 +196,14 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
     constant = _level(problem, level, best)
     gone = [c.term for k, c in enumerate(problem.coordinates) if c.shape is None and found.z[k] == -math.inf]
     acts_as = _acts_as(problem, found, best, renamed)
+    zero = tuple(sorted(renamed[best.terms[k]] for k in gone))
     diagnostics = LikelihoodDiagnostics(
         acts_as=acts_as,
-        not_supported=tuple(sorted(renamed[best.terms[k]] for k in gone)),
+        not_supported=zero,
         evaluations=found.evaluations,
         converged=found.converged,
         started_at=problem.value(problem.model)[0],
-        remarks=tuple(
-            f"{term}: {remark}"
-            for term, process in zip(order.terms, order.processes, strict=True)
-            if process.scale > 0 and term not in acts_as
-            for remark in process.remarks(problem.record.observed, problem.rate)
-        ),
+        remarks=tuple(_remarks(order, acts_as, zero, found.converged, problem)),
     )
     return LikelihoodFit(
         model=order,
@@ -225,6 +222,23 @@ def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
         diagnostics=diagnostics,
         record=problem.record,
     )
+
+
+def _remarks(
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], converged: bool, problem: Problem
+) -> Iterator[Remark]:
+    """What to know before using the fit."""
+    axis = problem.record.axis
+    for term, name in acts_as.items():
+        yield Remark.of("acts-as", axis, term=term, process=name, known="no")
+    for term in zero:
+        yield Remark.of("term-zero", axis, term=term)
+    if not converged:
+        yield Remark.of("not-converged", axis)
+    for term, process in zip(model.terms, model.processes, strict=True):
+        if process.scale > 0 and term not in acts_as:
+            found = process.remarks(term, problem.record.observed, problem.rate)
+            yield from (remark.about(axis) for remark in found)
 
 
 def _renamed(name: str, terms: dict[str, str]) -> str:

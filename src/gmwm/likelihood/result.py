@@ -14,10 +14,10 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._late import LateMethod
 from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
-from gmwm.estimation.result import estimated_as_zero
 from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
 from gmwm.processes.model import Model
+from gmwm.remarks import Remark
 from gmwm.variance.api import wavelet_variance as measure
 from gmwm.variance.result import WaveletVariance
 
@@ -45,8 +45,8 @@ class LikelihoodDiagnostics:
         Whether the search ended where nothing more is to be gained.
     started_at : float
         The log-likelihood where it started.
-    remarks : tuple of str
-        What the processes have to say of their estimates.
+    remarks : tuple of Remark
+        What to know before using the fit.
     """
 
     acts_as: Mapping[str, str]
@@ -54,18 +54,7 @@ class LikelihoodDiagnostics:
     evaluations: int
     converged: bool
     started_at: float
-    remarks: tuple[str, ...] = ()
-
-    def notes(self) -> list[str]:
-        """The same in words: what to be warned of."""
-        notes = [
-            f"{term} acts as {name}: its correlation time cannot be told from these data"
-            for term, name in self.acts_as.items()
-        ]
-        notes += [estimated_as_zero(term) for term in self.not_supported]
-        if not self.converged:
-            notes.append("the search for the largest likelihood did not come to rest; start it from other values")
-        return [*notes, *self.remarks]
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -234,7 +223,7 @@ class LikelihoodFit:
             "evaluations": d.evaluations,
             "converged": d.converged,
             "started_at": d.started_at,
-            "remarks": list(d.remarks),
+            "remarks": [remark.to_dict() for remark in d.remarks],
         }
 
     @classmethod
@@ -263,7 +252,8 @@ class LikelihoodFit:
             ).reshape(len(values["names"]), len(values["names"]))
             diagnostics = LikelihoodDiagnostics(
                 dict(values["acts_as"]), tuple(values["not_supported"]), int(values["evaluations"]),
-                bool(values["converged"]), float(values["started_at"]), tuple(values["remarks"]),
+                bool(values["converged"]), float(values["started_at"]),
+                tuple(Remark.from_dict(remark) for remark in values["remarks"]),
             )  # fmt: skip
             return cls(
                 model, parameters, float(values["loglikelihood"]), values["level"], values["level_error"],
@@ -274,6 +264,11 @@ class LikelihoodFit:
             raise ReadError(f"not a fit by likelihood: it has no {error.args[0]!r}") from error
         except (TypeError, ValueError, AttributeError) as error:
             raise ReadError(f"not a fit by likelihood: {error}") from error
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What to know before using the fit."""
+        return self.diagnostics.remarks
 
     def __repr__(self) -> str:
         return f"LikelihoodFit({self.model.structure}, log-likelihood {self.loglikelihood:.10g})"

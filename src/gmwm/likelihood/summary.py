@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 from gmwm._text import counted
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.intervals import Interval
-from gmwm.inference.summary import Row, estimate_text, interval_text, table_html, table_text
+from gmwm.inference.summary import Row, estimate_text, interval_text, no_intervals, table_html, table_text, without_axis
 from gmwm.likelihood.intervals import Method, confidence_intervals
+from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
     from gmwm.likelihood.innovations import Residuals
@@ -33,8 +34,8 @@ def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") ->
         Model, N, rate; log-likelihood and criteria; the checks of the residuals; each parameter with estimate,
         interval, relative standard error and unit; and what to be warned of.
     """
-    intervals, reason = intervals_if_known(fit, level, method)
-    return in_words(fit, level, intervals, own_residuals(fit), reason)
+    intervals, missing = intervals_if_known(fit, level, method)
+    return in_words(fit, level, intervals, own_residuals(fit), missing)
 
 
 def in_words(
@@ -42,29 +43,29 @@ def in_words(
     level: float,
     intervals: Mapping[str, Interval],
     residuals: Residuals | None = None,
-    reason: str | None = None,
+    missing: Remark | None = None,
 ) -> str:
-    """The same with intervals and residuals that are already known, and the reason why there are none."""
-    words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    """The same with intervals and residuals that are already known, and a remark if there are no intervals."""
+    words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
 
 
 def as_html(fit: LikelihoodFit) -> str:
     """The summary with its parameters as a table, for notebooks."""
-    intervals, reason = intervals_if_known(fit, 0.95)
-    words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
+    intervals, missing = intervals_if_known(fit, 0.95)
+    words = texts(without_axis(missing, *fit.remarks), Dialect.HTML)
     return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
 
 
 def intervals_if_known(
     fit: LikelihoodFit, level: float, method: Method = "wald"
-) -> tuple[dict[str, Interval], str | None]:
+) -> tuple[dict[str, Interval], Remark | None]:
     """The intervals, or none and the reason why: a fit from a file has no record to make all of them of."""
     try:
         return confidence_intervals(fit, level, method), None
     except ModelError as error:
-        return {}, f"no intervals: {error}"
+        return {}, no_intervals(error)
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.inference.planning import SEEN, Plan, as_accuracy, length_text
+from gmwm._text import duration_text
+from gmwm.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.plots.axes import limits_of, time_axis, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
 from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol
@@ -41,7 +42,7 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
     y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * wanted])), _LABEL)
     x = time_axis(times, "Length of the recording (s)")
     across, along = np.array(x.limits), np.array(y.limits)
-    length = f"{length_text(plan.duration)}, as planned"
+    length = f"{duration_text(plan.duration)}, as planned"
     unseen = f"above {100 * SEEN:g} %: not to be seen"
     marks: list[Mark] = []
     for name, curve in curves.items():
@@ -95,10 +96,10 @@ def _strokes(plan: Plan) -> dict[str, Stroke]:
 
 def _need_text(name: str, seconds: float, plan: Plan, accuracy: float) -> str:
     if math.isfinite(seconds):
-        return f"{100 * accuracy:g} % in {length_text(seconds)}"
+        return f"{100 * accuracy:g} % in {duration_text(seconds)}"
     if math.isinf(plan.errors[name][-1]):
         return "not determined"
-    return f"more than {100 * accuracy:g} % in {length_text(plan.horizon)}"
+    return f"more than {100 * accuracy:g} % in {duration_text(plan.horizon)}"
 
 
 def plot_plan(

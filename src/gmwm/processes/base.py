@@ -28,6 +28,7 @@ from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.processes.start_context import Occasion
 from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace, haar_variances
 
 if TYPE_CHECKING:
@@ -427,8 +428,17 @@ class Process(ABC):
         """Correlation time (s): 0 for white, inf for wandering processes, None where it is not known."""
         return None
 
-    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
-        """What to be warned of in values that were estimated from a record of so many samples at `rate`, in words."""
+    def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
+        """Return what to know about values that were estimated from `samples` samples at `rate` (Hz).
+
+        Parameters
+        ----------
+        term : str
+            Name of the process in its model, as "GM[1]".
+        samples : int
+        rate : float
+            Samples per second (Hz).
+        """
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:

@@ -22,6 +22,7 @@ from gmwm.processes import rational
 from gmwm.processes.ordered import Coefficients, Ordered
 from gmwm.processes.parameter import Parameter
 from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
 
 PHI = Coefficients("phi", "φ", "p", "autoregressive coefficient")
@@ -72,35 +73,26 @@ class Lagged(Ordered, abstract=True, listed=False):
                 f"{size:.7g}, and must have all outside the unit circle; {_way_out(polynomial)}"
             )
 
-    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+    def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Roots that nearly cancel, or lie next to the unit circle."""
         *_, period = self.full_orders()
         found: dict[tuple[float, int], NDArray[np.complex128]] = {}
         for part, span in self._factors():
             lag = period if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
             found[_sign(part), lag] = rational.roots(_sign(part) * self.nonlinear[span])
-        said = []
+        remarks = []
         for lag in (1, period) if period > 1 else (1,):
             own, other = (found.get((sign, lag), np.empty(0)) for sign in (1.0, -1.0))
             near = np.abs(np.subtract.outer(own, other))
             if near.size and near.min() < CANCELLING:
                 a, b = np.unravel_index(int(near.argmin()), near.shape)
-                said.append(
-                    f"a root of its autoregression ({_root_text(own[a])}) and one of its moving average "
-                    f"({_root_text(other[b])}) nearly cancel: the coefficients are less certain than their errors say; "
-                    "see whether lower orders do as well"
-                )
+                roots = {"ar_root": _root_text(own[a]), "ma_root": _root_text(other[b])}
+                remarks.append(Remark.of("roots-cancel", term=term, **roots))
             if own.size and np.abs(own).max() > 1.0 - 10.0 / samples:
-                said.append(
-                    f"a root of modulus {np.abs(own).max():.7g} is next to the unit circle: these data hardly tell "
-                    "it from a random walk, or from an oscillation without an end"
-                )
+                remarks.append(Remark.of("ar-root-near-one", term=term, modulus=float(np.abs(own).max())))
             if other.size and np.abs(other).max() > 1.0 - 5.0 / math.sqrt(samples):
-                said.append(
-                    f"its moving average has a root of modulus {np.abs(other).max():.4g}, next to the unit circle, "
-                    "where that root and its inverse become one: its errors are not those of theory"
-                )
-        return tuple(said)
+                remarks.append(Remark.of("ma-root-near-one", term=term, modulus=float(np.abs(other).max())))
+        return tuple(remarks)
 
     # --- shape ----------------------------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ from gmwm.processes.physical import Physical
 from gmwm.processes.start_context import Occasion
 from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.processes.walk import RW
+from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
 
 _FAMILY = "first-order Markov"
@@ -152,17 +153,13 @@ class _Markov(Process, abstract=True):
             return None
         return ContinuousStateSpace(A=-lam * rate, Qc=2.0 * lam * rate * s2, H=1.0, P0=s2)
 
-    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+    def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """Where the record holds so few correlation times that intervals are too narrow."""
         _, sign, lam = self._pole(rate)
         times = lam * samples
         if sign < 0 or times >= FEW_TIMES:
             return ()
-        return (
-            f"the recording holds {times:.2g} of its correlation times: with fewer than {FEW_TIMES}, its intervals of "
-            "95 % hold the truth less often, with 15 in 84 to 91 of 100 cases. A longer recording tells more; "
-            'the profile intervals of fit_ml, confidence_intervals(method="profile"), hold in 95',
-        )
+        return (Remark.of("few-correlation-times", term=term, count=float(times), least=FEW_TIMES),)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None

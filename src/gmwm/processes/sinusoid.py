@@ -17,6 +17,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.physical import Physical
 from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
+from gmwm.remarks import Quantity, Remark
 from gmwm.statespace import StateSpace
 
 
@@ -140,7 +141,7 @@ class SIN(Process):
             Physical("A", "amplitude of a line", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),
         )
 
-    def remarks(self, samples: int, rate: float) -> tuple[str, ...]:
+    def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
         """At half the rate and its odd multiples the samples are ±A sin U, at multiples of the rate all are A sin U."""
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
@@ -148,15 +149,9 @@ class SIN(Process):
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
-            return (
-                f"the line at {frequency:.6g} Hz is at a multiple of the rate: its samples are a constant, and nothing "
-                "of its power shows. Record at another rate, or leave it out",
-            )
-        return (
-            f"the line at {frequency:.6g} Hz is at half the rate, {half:.6g} Hz, or an odd multiple of it: its samples "
-            "are ±A sin U, U the phase at the first sample, and only A² sin² U is seen: its power A²/2 may be anything "
-            "from half of that on. Record at another rate",
-        )
+            return (Remark.of("line-invisible", term=term, frequency=Quantity(frequency, "Hz")),)
+        found = {"frequency": Quantity(frequency, "Hz"), "half": Quantity(half, "Hz")}
+        return (Remark.of("line-at-half-rate", term=term, **found),)
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
         """f₀kΔt less whole turns, to the last digits of f₀ however long the lag."""

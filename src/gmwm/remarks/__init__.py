@@ -3,7 +3,7 @@
 from gmwm._template import Dialect, Fact, Quantity
 from gmwm.remarks.registry import Message, messages
 from gmwm.remarks.remark import Remark, sorted_remarks
-from gmwm.remarks.rendering import brief, gravest, merged, texts
+from gmwm.remarks.rendering import brief, gravest, merged, texts, with_groups
 from gmwm.remarks.severity import Severity
 
 __all__ = [
@@ -19,4 +19,5 @@ __all__ = [
     "messages",
     "sorted_remarks",
     "texts",
+    "with_groups",
 ]

@@ -41,7 +41,17 @@ def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes
     codes : bool
         Put each code, for which the documentation can be searched, behind its text.
     """
-    return [_group_text(group, dialect) + (_code(group[0].code, dialect) if codes else "") for group in merged(remarks)]
+    return [text for _, text in with_groups(remarks, dialect, codes=codes)]
+
+
+def with_groups(
+    remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False
+) -> list[tuple[list[Remark], str]]:
+    """The same texts, each with the remarks that it says."""
+    return [
+        (group, _group_text(group, dialect) + (_code(group[0].code, dialect) if codes else ""))
+        for group in merged(remarks)
+    ]
 
 
 def brief(

@@ -8,16 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gmwm.calibration.summary_text import SIZE, advice, rejected, rows_of
+from gmwm._text import duration_text
+from gmwm.calibration.findings import SIZE, rejected
+from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS, by_sensor
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
-from gmwm.inference.planning import length_text
 from gmwm.plots.labels import axis_title
+from gmwm.remarks import Dialect, texts
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import axis_pictures, sensor_pictures
-from gmwm.reports.verdict import verdict
+from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
 
 if TYPE_CHECKING:
@@ -78,7 +80,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     return {
         "title": _title(calibration),
         "verdict": verdict(calibration),
-        "advice": advice(calibration),
+        "notes": notes(calibration),
         "recording": _recording(calibration),
         "settings": _settings(calibration),
         "tables": [
@@ -115,14 +117,16 @@ def _recording(calibration: Calibration) -> dict[str, Any]:
         facts += [("File", f"{found.file}, {found.size} bytes"), ("SHA-256", found.sha256)]
     facts += [
         ("Sampling rate", f"{rate:.10g} Hz"),
-        ("Length", f"{samples} samples, {length_text(samples / rate)}"),
+        ("Length", f"{samples} samples, {duration_text(samples / rate)}"),
         ("Axes", ", ".join([*calibration.axes, *calibration.failed])),
         ("Units", _units(calibration)),
     ]
     if found is None:
-        return {"facts": facts, "notes": []}
+        return {"facts": facts}
     gaps = found.segments - 1
-    lost = f"{gaps}, {length_text(found.missing)} missing; segments are never glued" if found.missing > 0 else str(gaps)
+    lost = (
+        f"{gaps}, {duration_text(found.missing)} missing; segments are never glued" if found.missing > 0 else str(gaps)
+    )
     facts.append(("Gaps", lost if gaps else "none"))
     stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"
     facts += [("Time stamps", stamps), ("At rest", "yes" if found.static else "no"), ("Knocks", str(found.knocks))]
@@ -130,7 +134,7 @@ def _recording(calibration: Calibration) -> dict[str, Any]:
         facts.append(("Specific force", f"{found.gravity:.5g} m/s²"))
     low_high = found.temperature
     temperature = "not recorded" if low_high is None else f"{low_high[0]:.4g} to {low_high[1]:.4g} °C"
-    return {"facts": [*facts, ("Temperature", temperature)], "notes": list(found.notes)}
+    return {"facts": [*facts, ("Temperature", temperature)]}
 
 
 def _units(calibration: Calibration) -> str:
@@ -170,7 +174,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "rejected": rejected,
         "proof": _proof(fit.gap),
         "ranking": {"rows": _ranked(ranking), "words": words},
-        "notes": list(dict.fromkeys([*found.notes, *found.datasheet.notes])),
+        "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
     }
 
 

@@ -78,6 +78,7 @@ def page(data: dict[str, Any]) -> str:
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["worded"] = _worded
+    environment.filters["rendered"] = _ours  # remarks are rendered for HTML, with everything from a file escaped
     scripts = [_part("vendor/plotly-basic.min.js"), _part("page/report.js")]
     allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
     policy = (

@@ -14,6 +14,7 @@ from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
+from gmwm.remarks import Remark, texts
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
 
@@ -21,12 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_OUTCOMES = {
-    "mad": "too many outliers or too few swings for a robust estimate, (MAD / 0.67449)² in its place",
-    "mean": "too few coefficients to tell an outlier, the mean of their squares",
-    "zero": "zero, as more than half of the coefficients are: a constant or coarsely quantised signal",
-}
-"""What is to be said of robust estimates that are not what was asked for."""
+_OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
+"""Remarks about robust estimates that are not what was asked for."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -255,15 +252,16 @@ class WaveletVariance(Summarised):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
         return cls(**fields)
 
-    def notes(self) -> list[str]:
-        """What to know of single levels before using them, in words."""
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What to know about single levels before using them."""
         outcomes = self.diagnostics.get("robust", {}).get("outcome", [])
-        notes = []
-        for outcome, words in _OUTCOMES.items():
-            levels = [str(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome]
+        remarks = []
+        for outcome, code in _OUTCOMES.items():
+            levels = tuple(int(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome)
             if levels:
-                notes.append(f"level {', '.join(levels)}: {words}")
-        return notes
+                remarks.append(Remark.of(code, self.axis, levels=levels))
+        return tuple(remarks)
 
     def summary(self) -> str:
         """A table: scale, variance, limits and number of coefficients of every level."""
@@ -283,7 +281,7 @@ class WaveletVariance(Summarised):
         lines.append(f"limits: {100 * self.confidence:g} % chi-square")
         if self.robust:
             lines.append(f"robust, efficiency {self.efficiency:g}")
-            lines += self.notes()
+            lines += texts(remark.about("") for remark in self.remarks)
         return "\n".join(lines)
 
     def __len__(self) -> int:

@@ -1,0 +1,177 @@
+"""What to know about a calibration, as remarks; and its verdict: can the numbers be used?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._text import duration_text, rounded
+from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.covariance.design import Setting
+from gmwm.filters import find_filter
+from gmwm.inference.goodness import usable_in, usable_levels
+from gmwm.inference.planning import SEEN
+from gmwm.outliers import HUGE
+from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.outliers import Verdict
+    from gmwm.variance import WaveletVariance
+
+SIZE = 0.05
+"""Level of the goodness-of-fit tests of all axes together."""
+SCALES = 6
+"""Usable scales that a calibration needs: with fewer, no term has a level of its own (docs/validation/short.md)."""
+WANTED = 0.2
+"""Relative standard error for which recording lengths are given where a parameter is poorly known."""
+LARGE = 1.5
+"""Ratio of model and data from which on the model does not follow the curve (tests/calibration/test_misfit.py)."""
+
+_RAMP = "R"
+"""Symbol of the rate ramp in a datasheet."""
+
+
+def remarks_of(calibration: Calibration) -> list[Remark]:
+    """Everything to know before using a calibration, the gravest first."""
+    found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
+    bad = set(rejected(calibration))
+    for axis, one in calibration.axes.items():
+        found += [*_of_axis(axis, one, axis in bad, calibration), *(remark.about(axis) for remark in one.remarks)]
+    return sorted_remarks(found)
+
+
+def verdict_of(calibration: Calibration) -> Remark:
+    """Whether the calibration can be used: the remark that heads its summary and its report."""
+    lost = unusable(calibration)
+    left = [remark for remark in calibration.remarks if remark.subject not in lost]
+    worst = gravest(left)
+    state = "wrong" if worst is not None and worst <= Severity.WRONG else "cautions"
+    if worst is None or worst is Severity.INFO:
+        state = "clean"
+    if not lost:
+        return Remark.of({"wrong": "verdict-wrong", "cautions": "verdict-usable", "clean": "verdict-clean"}[state])
+    count = len(calibration.axes) + len(calibration.failed)
+    if len(lost) == count:
+        return Remark.of("verdict-unusable", axes=count, one="yes" if count == 1 else "no")
+    return Remark.of("verdict-some-unusable", names=tuple(lost), unusable=len(lost), axes=count, others=state)
+
+
+def unusable(calibration: Calibration) -> list[str]:
+    """The axes whose numbers cannot be used."""
+    named = {remark.subject for remark in calibration.remarks if remark.severity is Severity.UNUSABLE}
+    return [axis for axis in (*calibration.axes, *calibration.failed) if axis in named]
+
+
+def rejected(calibration: Calibration) -> list[str]:
+    """The axes whose recommended model a goodness-of-fit test rejects, at 5 % for all axes together."""
+    tests = {axis: found.test for axis, found in calibration.axes.items() if found.test is not None}
+    return [axis for axis, test in tests.items() if test.pvalue < SIZE / len(tests)]
+
+
+def _failed(calibration: Calibration) -> Iterator[Remark]:
+    for axis, why in calibration.failed.items():
+        yield Remark.of("not-calibrated", axis, reason=why.rstrip("."))
+
+
+def _of_recording(calibration: Calibration) -> Iterator[Remark]:
+    """Up to which scale the recording shows its noise; whether any test was possible."""
+    seen: set[tuple[int, float]] = set()
+    for found in calibration.axes.values():
+        wv = found.fit.wavelet_variance
+        if (wv.samples, wv.rate) not in seen:
+            seen.add((wv.samples, wv.rate))
+            yield _longest_scale(wv)
+    if all(found.test is None for found in calibration.axes.values()):
+        yield Remark.of("no-test")
+
+
+def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: Calibration) -> Iterator[Remark]:
+    wv = found.fit.wavelet_variance
+    scales = int(np.count_nonzero(usable_levels(wv)))
+    if scales < SCALES:
+        yield Remark.of("too-short", axis, least=SCALES, scales=scales)
+    if is_rejected:
+        yield _rejection(axis, found)
+    yield from _of_outliers(axis, found, calibration)
+    ramp = found.datasheet.get(_RAMP)
+    if ramp is not None and ramp.value and not ramp.upper_only:
+        value, _, _, unit = ramp.in_units("datasheet")
+        yield Remark.of("drift", axis, rate=Quantity(value, unit))
+    if found.needed:
+        yield _poorly_known(axis, found.needed)
+
+
+def _rejection(axis: str, found: AxisCalibration) -> Remark:
+    """How far a rejected model is from the data."""
+    sinusoid = line_process()
+    has_line = "yes" if sinusoid is None or line_in(found.fit.model) is not None else "no"
+    far = misfit_of(found)
+    if far is None or far.times <= LARGE:
+        return Remark.of("model-rejected", axis, line=has_line, sinusoid=sinusoid or "")
+    side = "above" if far.ratio > 1 else "below"
+    numbers = ("any number read at this scale",) if not far.numbers else far.numbers
+    return Remark.of(
+        "model-misfit", axis, tau=Quantity(far.tau, "s"), ratio=far.times, side=side, numbers=numbers, line=has_line,
+        sinusoid=sinusoid or "",
+    )  # fmt: skip
+
+
+def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) -> Iterator[Remark]:
+    verdict = found.verdict
+    if verdict is None:
+        return
+    if not np.any(verdict.tested):
+        yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
+    if not verdict.contaminated:
+        return
+    facts = _excess(verdict)
+    if found.fit.wavelet_variance.robust:
+        yield Remark.of("outliers-left-out", axis, **facts)
+        if np.any(verdict.lighter):
+            taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.lighter])
+            yield Remark.of("robust-above-classical", axis, taus=taus)
+    else:
+        # With robust="auto", only a line in the model leaves the outliers in.
+        yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
+
+
+def _excess(verdict: Verdict) -> dict[str, Fact]:
+    """By how much the classical curve lies above the robust one at most, and at what scale."""
+    worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
+    excess = float(verdict.excess[worst])
+    text = f"by {100 * excess:.0f} %" if excess < HUGE else f"by a factor of {rounded(1 + excess)}"
+    return {"excess": text, "tau": Quantity(float(verdict.tau[worst]), "s")}
+
+
+def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
+    """Parameters with a large standard error, and the recording length that gives a smaller one."""
+    finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
+    lengths = ""
+    if finite:
+        first, last = duration_text(min(finite)), duration_text(max(finite))
+        lengths = first if first == last else f"{first} to {last}"
+    endless = any(seconds == math.inf for seconds in needed.values())
+    way = "none" if not finite and not endless else "hold" if not finite else "both" if endless else "record"
+    return Remark.of("poorly-known", axis, parameters=tuple(needed), seen=SEEN, wanted=WANTED, lengths=lengths, way=way)
+
+
+def _longest_scale(wv: WaveletVariance) -> Remark:
+    usable = wv.tau[usable_levels(wv)]
+    longest = float(usable[-1] if usable.size else wv.tau[0])
+    unbroken = _longest_unbroken(wv) if wv.segments else 0.0
+    return Remark.of(
+        "longest-scale", duration=Quantity(wv.samples / wv.rate, "s"), scale=Quantity(longest, "s"),
+        gaps="yes" if unbroken > longest else "no", unbroken=Quantity(unbroken, "s"),
+    )  # fmt: skip
+
+
+def _longest_unbroken(wv: WaveletVariance) -> float:
+    """The longest scale (s) that the same number of samples would show without a gap."""
+    levels = np.arange(1, wv.samples.bit_length())
+    whole = Setting(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
+    usable = levels[usable_in(whole)]
+    return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0

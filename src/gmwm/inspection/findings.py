@@ -1,0 +1,115 @@
+"""What an inspection means for the results, as remarks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from gmwm.remarks import Quantity, Remark
+from gmwm.signals import TimeBase
+from gmwm.units import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from gmwm.inspection.knocks import Knock, Step
+    from gmwm.inspection.result import AxisInspection
+    from gmwm.inspection.warm_up import WarmUp
+
+MOVED = 1.0
+"""Turn of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same effect."""
+
+_NOISY = 0.1  # deg/s/√Hz: ten times the noise density of the noisiest consumer gyroscopes (docs/howto/units.md)
+_OFF, _WRONG = 0.02, 0.05  # relative error of gravity: beyond the bias of a good accelerometer, and of any
+_JITTER = 0.1  # of the sampling interval: below it, the effect on the first level is less than 1 %
+_COARSE = 0.5  # quantization steps: below, the rounding error is not white (docs/howto/contaminated.md)
+
+
+def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
+    """What the gaps and the time stamps mean."""
+    if segments > 1:
+        missing = sum(duration - 1 / base.rate for _, duration in base.gaps)
+        yield Remark.of("gaps", segments=segments, missing=Quantity(float(missing), "s"))
+    if base.duplicates:
+        yield Remark.of("stamps-repeated", count=base.duplicates)
+    if base.backward:
+        yield Remark.of("stamps-backward", count=base.backward)
+    if base.jitter * base.rate > _JITTER:
+        yield Remark.of("stamps-jitter", share=float(base.jitter * base.rate))
+
+
+def of_motion(
+    restless: Mapping[str, tuple[float, float]], tilt: float | None, knocks: tuple[Knock, ...]
+) -> Iterator[Remark]:
+    """What motion means.
+
+    Parameters
+    ----------
+    restless : mapping of axis to (time, ratio)
+        When the standard deviation was far above its usual value (s), and by which factor.
+    tilt : float or None
+        Turn of gravity that the noise does not explain (degrees).
+    knocks : tuple of Knock
+    """
+    if restless:
+        axis = max(restless, key=lambda name: restless[name][1])
+        time, ratio = restless[axis]
+        yield Remark.of("recording-moved", axis, time=Quantity(time, "s"), ratio=ratio)
+    if tilt is not None:
+        yield Remark.of("recording-tilted" if tilt > MOVED else "recording-settles", angle=Quantity(tilt, "°"))
+    if knocks:
+        yield Remark.of("knocks", count=len(knocks), first=Quantity(knocks[0].time, "s"), handled="no")
+
+
+def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
+    """What jumps of the mean mean."""
+    for axis in dict.fromkeys(step.axis for step in steps):
+        own = [step for step in steps if step.axis == axis]
+        yield Remark.of("level-steps", axis, count=len(own), first=Quantity(own[0].time, "s"))
+
+
+def of_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> Iterator[Remark]:
+    """What a warm-up means; `cut` says that the beginning is left out already, so that times count from elsewhere."""
+    if not warm_ups:
+        return
+    longest = max(found.duration for found in warm_ups)
+    first = Quantity(round_up(longest), "s")
+    for found in warm_ups:
+        yield Remark.of("warm-up", found.axis, duration=Quantity(longest, "s"), first=first, cut="yes" if cut else "no")
+
+
+def round_up(seconds: float) -> float:
+    """The next length of time that people would type, at most 20 of a step.
+
+    >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
+    [1.0, 50.0, 240.0, 1500.0, 9000.0]
+    """
+    step = next((step for step in (1.0, 10.0, 60.0, 300.0, 1800.0) if seconds <= 20 * step), 3600.0)
+    return math.ceil(seconds / step) * step
+
+
+def of_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> Iterator[Remark]:
+    """What the size of gravity and the quantization mean."""
+    error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
+    if gravity is not None and abs(error) > _OFF:
+        norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
+        if abs(error) > _WRONG:
+            yield Remark.of("gravity-wrong", norm=norm, expected=expected)
+        else:
+            yield Remark.of("gravity-off", norm=norm, expected=expected, share=100 * error)
+    for name, axis in axes.items():
+        if axis.lsb is not None and axis.noise < _COARSE * axis.lsb:
+            yield Remark.of("coarse-output", name)
+
+
+def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
+    """Gyroscopes so noisy that their unit is doubtful: deg/s read as rad/s makes 57 times the noise.
+
+    Parameters
+    ----------
+    densities : mapping of axis to float
+        Noise densities (rad/s/√Hz).
+    """
+    found = {axis: degrees for axis, density in densities.items() if (degrees := math.degrees(density)) > _NOISY}
+    limit = Quantity(_NOISY, "deg/s/√Hz")
+    for axis in found:
+        yield Remark.of("gyro-too-noisy", axis, density=Quantity(max(found.values()), "deg/s/√Hz"), limit=limit)
