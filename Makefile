@@ -68,7 +68,7 @@ vendor: ## fetch what the HTML report carries (needs npm and the network) and ch
 	  tar -xzf "$$(npm pack --silent $(PLOTLY))" package/plotly-basic.min.js package/LICENSE package/package.json
 	cp build/vendor/package/plotly-basic.min.js $(VENDOR)/plotly-basic.min.js
 	cp build/vendor/package/LICENSE $(VENDOR)/plotly-basic.LICENSE
-	echo "$(PLOTLY), MIT, from registry.npmjs.org by make vendor" > $(VENDOR)/VERSION
+	echo "$(PLOTLY), MIT" > $(VENDOR)/VERSION
 ifeq ($(SUMS),write)
 	cd $(VENDOR) && sha256sum plotly-basic.min.js plotly-basic.LICENSE VERSION > SHA256SUMS
 endif
