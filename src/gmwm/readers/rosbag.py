@@ -24,9 +24,9 @@ from gmwm.readers.bag_mcap import McapStorage
 from gmwm.readers.bag_ros1 import Ros1Storage
 from gmwm.readers.bag_sqlite import SqliteStorage
 from gmwm.readers.bag_types import IMU, definition
-from gmwm.readers.bagfiles import ZSTD, Batch, Storage, Topic, merged, unpacked_messages
+from gmwm.readers.bagfiles import Batch, Storage, Topic, merged, unpacked_messages
 from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
-from gmwm.readers.byte_sources import CompressedSource
+from gmwm.readers.byte_sources import ZSTD, CompressedSource
 from gmwm.readers.cdr import Decoder, Definition
 from gmwm.readers.column_names import recognise
 from gmwm.signals import AXES
