@@ -205,9 +205,7 @@ def _looked_at(
     return items, inspect(data) if isinstance(data, Imu) else None
 
 
-def _chosen(
-    data: Imu | Signal | Stream | Mapping[str, Measured], axes: str | Sequence[str] | None
-) -> dict[str, Measured | None]:
+def _chosen(data: object, axes: str | Sequence[str] | None) -> dict[str, Measured | None]:
     """What is to be calibrated, by axis; None of one that is still to be read."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):

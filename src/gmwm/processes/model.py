@@ -67,9 +67,10 @@ class Model:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "processes", tuple(self.processes))
-        for process in self.processes:
+        given: tuple[object, ...] = self.processes
+        for process in given:
             if not isinstance(process, Process):
-                made = f"; write {process.name}()" if isinstance(process, type) else ""
+                made = f"; write {process.name}()" if isinstance(process, type) and issubclass(process, Process) else ""
                 raise ModelError(f"a model is a sum of processes, as GM() + WN(); got {process!r}{made}")
         if not self.processes:
             raise ModelError("a model needs at least one process, got none; write WN(), say")
