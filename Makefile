@@ -23,7 +23,7 @@ help: ## list these commands
 demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
 	$(BIN)/gmwm demo --output demo-output
 
-test: lint cpp-test ## everything that guards main: lint, types, floors, C++ tests, Python tests
+test: lint cpp-test ## everything that guards main: lint, types, layers, C++ tests, Python tests
 	$(BIN)/python -m pytest -n logical --dist loadfile
 
 bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
@@ -40,7 +40,7 @@ pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
 	$(BIN)/python -m validation
 
-lint: $(VENV)/.dev ## ruff, mypy and the floors alone
+lint: $(VENV)/.dev ## ruff, mypy and the import layers
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy

@@ -1,6 +1,7 @@
 """The files for people who take part: issue forms that GitHub accepts, hooks that run, links that lead to a file."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -48,3 +49,13 @@ def test_links_in_the_files_of_the_root_lead_to_a_file(name):
     text = (ROOT / name).read_text(encoding="utf-8")
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("https:")]
     assert [link for link in links if link and not (ROOT / link).exists()] == []
+
+
+def test_the_layers_that_are_described_are_those_that_are_checked():
+    section = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Layers\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| [a-z ]+ \| (`.+?`) \|", section.partition("Outside the package")[0], re.MULTILINE)
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        (contract,) = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    layers = [set(re.findall(r"\w+", layer)) for layer in contract["layers"]]
+    assert layers[0] == {"__main__"}
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == layers[1:]

@@ -26,7 +26,7 @@ PACKAGE = ROOT / "src" / "gmwm"
 HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy", "typer", "rich")
 LONGEST_FILE = 600
 
-# Every method of a result whose code lives on a higher floor, and where it lives.
+# Every method of a result whose code is in a higher layer, and where it lives.
 LATE_METHODS = {
     "gmwm.calibration.result.Calibration.export": "gmwm.exporters:export",
     "gmwm.calibration.result.Calibration.plot": "gmwm.plots.imu:plot_imu",
@@ -132,7 +132,7 @@ def test_late_methods_are_listed_and_lead_to_functions() -> None:
 
 
 def test_only_the_command_line_imports_from_the_package_itself() -> None:
-    # The floors in pyproject.toml leave out `from gmwm import _core`; nothing else may slip through there.
+    # The layers in pyproject.toml leave out `from gmwm import _core`; nothing else may slip through there.
     upstairs = {PACKAGE / "__init__.py", PACKAGE / "__main__.py", *(PACKAGE / "cli").glob("*.py")}
     wrong = []
     for file in sorted(set(python_files()) - upstairs):

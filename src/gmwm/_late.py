@@ -1,4 +1,4 @@
-"""Methods of a result whose code lives on a higher floor, found when they are first called."""
+"""Methods of a result whose code is in a higher layer, found when they are first called."""
 
 from __future__ import annotations
 
