@@ -125,7 +125,7 @@ class Search:
         if places is None:
             return best
         sharp = self.at(places)
-        return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
+        return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place]) -> Optimum:
         """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
@@ -147,7 +147,7 @@ class Search:
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if there.objective <= (1 + FLAT) * best.objective:
+                if self.problem.as_low(there.objective, best.objective, FLAT):
                     best = there
                     break
         return best
@@ -172,7 +172,7 @@ class Search:
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # first the end that it stands at
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self.at(there).objective <= (1 + ACTS_AS) * best.objective):
+            if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
                 return name
         return None
 

@@ -160,7 +160,7 @@ def _scanned(problem: Problem) -> Solution:
         before, found = surface.at(point), surface.downhill(point)
         if before is None or found is None:
             continue
-        if best is None or found.objective < (1 - NOISE) * best.objective:
+        if best is None or not problem.as_low(best.objective, found.objective, NOISE):
             best, start = found, Start(how, tried, _value(before, problem))
     if best is None:
         raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
@@ -174,7 +174,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Fo
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
         better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
-        if not better.objective < (1 - NOISE) * best.objective:
+        if problem.as_low(best.objective, better.objective, NOISE):
             break
         best = better
     return best
@@ -189,7 +189,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
         places = search.located(candidates[0][1])
         there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         found = surface.downhill(there)
-        if found is None or not found.objective < (1 - NOISE) * best.objective:
+        if found is None or problem.as_low(best.objective, found.objective, NOISE):
             break
         best = found
     return best

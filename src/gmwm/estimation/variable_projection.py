@@ -288,7 +288,7 @@ class Surface:
             if not np.all(np.abs(step) < NEAR):
                 break
             there = self.at(self.moved(best.point, step))
-            if there is None or not there.objective <= (1 + NOISE) * best.objective:
+            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
                 break
             best = there
             if np.all(np.abs(step) < SHARP):

@@ -23,7 +23,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.equivalence import SURELY, as_good
-from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.selection.ranking import SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
@@ -253,18 +253,31 @@ def _ranked(
     made = _sorted(made)
     made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
     chosen = _equivalent(made, explored, confidence, draws, seed)
-    simplest = min(chosen, key=lambda c: (c.parameters, _score(c)))
-    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is simplest) for c in made]
+    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
     first = explored[0]
     return Ranking(tuple(made), general, first.general, weighting, first.matrix, first.wavelet, confidence)
 
 
+def _levels(made: Sequence[Candidate]) -> dict[str, float]:
+    """The criterion of each structure, the same for those that differ by no more than the numerical error.
+
+    ARMA(1,1) and GM + WN have one curve; the last digits of their criteria must not choose between them.
+    """
+    level: dict[str, float] = {}
+    least = -np.inf
+    for c in sorted(made, key=_score):
+        if not _score(c) - least <= SAME * abs(_score(c)):
+            least = _score(c)
+        level[c.structure] = least
+    return level
+
+
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
     """By the criterion; one that comes down to a smaller one stands behind it, though it fit a little better."""
-    score = {c.structure: _score(c) for c in made}
+    level = _levels(made)
     return sorted(
         made,
-        key=lambda c: (score[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
+        key=lambda c: (level[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
     )
 
 
@@ -351,14 +364,15 @@ def _shown(candidate: Candidate) -> Counter[str] | None:
 def _equivalent(
     made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """The candidates as good as the best, without those that contain another of them."""
-    best = made[0]
+    """The candidates as good as the best, without those that contain another of them; the simplest first."""
+    best, level = made[0], _levels(made)
     kept: list[Candidate] = []
-    for candidate in sorted((c for c in made if c.same_as is None), key=lambda c: (c.parameters, _score(c))):
+    own = (c for c in made if c.same_as is None)
+    for candidate in sorted(own, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in kept):
             continue
-        if candidate is not best:
+        if level[candidate.structure] != level[best.structure]:
             if candidate.wic.value - best.wic.value > SURELY:
                 continue
             if not as_good(explored, candidate.fits, best.fits, 1 - confidence, draws, seed):

@@ -128,7 +128,9 @@ class _Exploration:
                 if p.structure != found.structure and of_lower_order(p.structure, found.structure)
             ]
             best = min(parts, key=lambda p: p.solution.objective, default=found)
-            if best.solution.objective < found.solution.objective * (1 - NOT_LOWER):
+            square = found.problem.unit**2
+            least, reached = best.solution.objective / square, found.solution.objective / square
+            if not found.problem.as_low(reached, least, NOT_LOWER):
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
