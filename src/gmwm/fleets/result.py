@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.calibration.result import Calibration, Settings
 from gmwm.errors import DataError, OptionError, ReadError
@@ -17,7 +16,7 @@ from gmwm.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.fleets.table import read_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.fleets.statistics_result import FleetStatistics
@@ -57,10 +56,6 @@ class Fleet(Summarised):
     kept: int = 0
     done: int = 0
     reading: Mapping[str, Any] = field(default_factory=dict)
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.fleet:plot_fleet", "Draw every unit's numbers with their spread, and the outliers: plot(path=…)."
-    )
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -107,6 +102,32 @@ class Fleet(Summarised):
         from gmwm.fleets.summary_text import summary
 
         return summary(self)
+
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the datasheet numbers of all units, axis by axis, in ascending order.
+
+        Up to 40 units are dots with their confidence intervals; more units are a curve. The shaded region holds the
+        true number of a further unit, and the line across it is the typical unit. Outlying units are stars with their
+        names. Upper limits are triangles.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If there is nothing to draw, or the picture cannot be written to `path`.
+        """
+        from gmwm.plots.fleet import plot_fleet
+
+        return plot_fleet(self, path=path)
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:

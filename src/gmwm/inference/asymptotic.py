@@ -70,15 +70,7 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """The covariance of a fit's estimates.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level: its estimates would be exact, which those of no recording are.
-    MissingTheoryError
-        If the covariance of a process is not known.
-    """
+    """Covariance of the estimates: see `Fit.sandwich`."""
     setting = Setting.of(fit.wavelet_variance)
     wavelet = covariance(fit.model, setting)
     if not np.all(np.diag(wavelet) > 0):
@@ -173,13 +165,8 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     return (result + result.T) / 2
 
 
-def parameter_covariance(fit: Fit) -> Matrix:
-    """Cov θ̂ of a fit (p, p)."""
-    return fit.sandwich.covariance
-
-
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard error of each parameter of a fit."""
+    """Standard errors by name: see `Fit.standard_errors`."""
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

@@ -60,43 +60,7 @@ class Criterion:
 
 
 def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> Criterion:
-    """Wavelet information criterion of a fit, with its own weights Ω.
-
-    Values compare between models under one Ω only; `gmwm.rank` and `gmwm.select` see to that.
-
-    Parameters
-    ----------
-    method : "asymptotic" or "bootstrap"
-        2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, or twice the covariance of ν̂* and
-        ν(θ̂*) over `draws` records simulated from the fit.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    Criterion
-
-    Raises
-    ------
-    OptionError
-        If `method` is neither, or `draws` or `seed` is no such number.
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is not known ("asymptotic"), or it cannot be simulated ("bootstrap").
-
-    References
-    ----------
-    Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
-    and Yang.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
-    >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
-    4
-    """
+    """Wavelet information criterion: see `Fit.wic`."""
     if method not in get_args(Method):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if method == "bootstrap":

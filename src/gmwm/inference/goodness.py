@@ -89,46 +89,7 @@ class GoodnessOfFit(Summarised):
 
 
 def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> GoodnessOfFit:
-    """Test whether the data could come from the fitted model; under any weighting Ω.
-
-    With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
-
-        T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
-
-    ν̂² of the coarsest levels is skewed, however long the record: with them a test of 5 % would reject some 8 %. They
-    are left out of the test and of a fit that is made for it: with the weighting of this fit if that is "diagonal" or
-    "optimal", else with "diagonal", as estimates under other weights may be too far off for the law to hold.
-    Parameters that are zero or at an end of their domain are not counted.
-
-    Parameters
-    ----------
-    method : "asymptotic" or "bootstrap"
-        The chi-square law, or the criteria of `draws` records simulated from the fitted model, with all levels.
-    draws, seed : int
-        Of the bootstrap; at least 19 records, as p is at least 1 / (draws + 1).
-
-    Returns
-    -------
-    GoodnessOfFit
-
-    Raises
-    ------
-    OptionError
-        If an option is not one of those it may be.
-    ModelError
-        If no degree of freedom is left.
-    MissingTheoryError
-        If the covariance of a process is not known.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
-    >>> fit(WN() + RW(), x, rate=100.0).goodness_of_fit().pvalue > 0.05
-    True
-    >>> fit(WN(), x, rate=100.0).goodness_of_fit().pvalue < 1e-6
-    True
-    """
+    """Test whether the data could come from the fitted model: see `Fit.goodness_of_fit`."""
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     wv = fit.wavelet_variance

@@ -160,23 +160,7 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "asymptotic" or "bootstrap"
-        Intervals and test from theory, or from `draws` simulated records.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    str
-        Model, N, rate, levels and weighting; the criterion with its bounds; the test; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `Fit.summary`."""
     way = Way(level, method, draws, seed)
     intervals, reason = intervals_if_known(fit, way)
     table = rows(fit, intervals, way)
@@ -223,7 +207,7 @@ def head(fit: Fit, way: Way) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     way = Way()
     intervals, reason = intervals_if_known(fit, way)
     return table_html(head(fit, way), rows(fit, intervals, way), notes(fit, reason))

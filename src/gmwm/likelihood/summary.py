@@ -18,21 +18,7 @@ if TYPE_CHECKING:
 
 
 def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "wald" or "profile"
-        How they are made.
-
-    Returns
-    -------
-    str
-        Model, N, rate; log-likelihood and criteria; the checks of the residuals; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `LikelihoodFit.summary`."""
     intervals, reason = intervals_if_known(fit, level, method)
     return in_words(fit, level, intervals, own_residuals(fit), reason)
 
@@ -51,7 +37,7 @@ def in_words(
 
 
 def as_html(fit: LikelihoodFit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     intervals, reason = intervals_if_known(fit, 0.95)
     words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
     return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)

@@ -221,36 +221,7 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times, with its confidence band, on logarithmic axes.
-
-    Parameters
-    ----------
-    result : ClusterVariance
-        What was measured; variances of zero are marked at the foot of the axis.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    guides : bool
-        Whether to show the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1 (ramp).
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-
-    >>> from gmwm.variance.allan import allan_variance
-    >>> result = allan_variance([0.0, 1.0, 0.0, 2.0, 1.0, 0.0, 1.0, 3.0], rate=1.0)
-    >>> plot_allan(result).axes[0].get_ylabel()
-    'Overlapping Allan deviation (unit of the data)'
-    """
+    """Draw a deviation over its averaging times: see `ClusterVariance.plot`."""
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -263,20 +234,7 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with the lines fitted to its slopes, and where Q, N, B, K and R are read.
-
-    Parameters
-    ----------
-    regression : AllanRegression
-        What was fitted.
-    units, guides, ax, path
-        As for `plot_allan`; datasheet units of coefficients are deg/√h, deg/h and their like.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw an Allan deviation with its fitted lines: see `AllanRegression.plot`."""
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 

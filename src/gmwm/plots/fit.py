@@ -156,34 +156,7 @@ def plot_fit(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a fit: the data with their band, the curve that the model implies, and each of its terms.
-
-    Parameters
-    ----------
-    fit : Fit or LikelihoodFit
-        What was fitted; levels that it left out are open circles.
-    view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    decomposition : bool
-        Whether to draw the terms; the legend gives their standard deviations and correlation times, in datasheet
-        units the numbers of a datasheet: N in deg/√h, K in deg/h/√h, T_c and q_c.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw a fit: see `Fit.plot`."""
     from gmwm.plots.matplotlib import draw
 
     panel = fit_panel(fit, view=view, units=units, decomposition=decomposition)

@@ -87,29 +87,7 @@ def fleet_figure(fleet: Told) -> Figure:
 
 
 def plot_fleet(fleet: Told, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the numbers of all units, axis by axis, from the smallest to the largest.
-
-    Up to 40 units are dots with their intervals, more are a curve. The shaded region is where the true number of a
-    further unit lies, the line across it the typical one; units that are not like the others are stars with their
-    names, upper limits are triangles.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        With its table and its statistics.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If there is nothing to draw, or the picture cannot be written there.
-    """
+    """Draw the numbers of all units: see `Fleet.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(fleet_figure(fleet), path=path)

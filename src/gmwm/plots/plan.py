@@ -108,29 +108,7 @@ def plot_plan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the relative standard error of each parameter over the length of the recording.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was planned; curves run on beyond its duration, which is marked.
-    accuracy : float
-        The relative standard error that is wanted, a line across; a ring shows where each parameter has it.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn there.
-    """
+    """Draw the relative standard errors of a plan: see `Plan.plot`."""
     from gmwm.plots.matplotlib import draw
 
     panel = plan_panel(plan, accuracy=accuracy)

@@ -197,43 +197,7 @@ def plot_ranking(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a ranking: the best models over the data, where each leaves them, and the criteria of more.
-
-    Curves often coincide to the eye; their distances from the data, on a scale where the confidence limits are at −1
-    and 1, show how they differ.
-
-    Parameters
-    ----------
-    ranking : Ranking
-        Of several recordings the curves are those of the first.
-    limit : int
-        So many of the best distinct candidates are drawn as curves, and the recommended one.
-    view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-
-    Examples
-    --------
-    >>> from gmwm.processes import QN, RW, WN
-    >>> from gmwm.selection import select
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
-    >>> figure = plot_ranking(select(WN() + QN() + RW(), x, rate=100.0))
-    >>> figure.axes[2].get_xlabel()
-    'WIC above the best'
-    """
+    """Draw the best models over the data: see `Ranking.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
@@ -246,25 +210,7 @@ def plot_candidates(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw two candidates over the data, and where each leaves them; the difference of their criteria is over it.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of a ranking of several recordings the curves are those of the first.
-    view, units, path
-        As for `plot_ranking`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw two candidates over the data: see `Comparison.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(candidates_figure(comparison, view=view, units=units), path=path)

@@ -144,35 +144,7 @@ def _percent(share: float) -> str:
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw residuals over time, against normal quantiles, and their autocorrelation; the titles tell the tests.
-
-    Parameters
-    ----------
-    residuals : Residuals
-        What was left of a record under a model.
-    lags : int, optional
-        Lags of the autocorrelation and of the Ljung-Box test; by default 10 log₁₀ N.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN
-    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
-    >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
-    >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
-    ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
-    """
+    """Draw residuals and their tests: see `Residuals.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(residuals_figure(residuals, lags), path=path)

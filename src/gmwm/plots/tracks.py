@@ -233,50 +233,7 @@ def plot_tracks(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the record with its bias, and under it the bias, or other tracks, each at its own scale with its band.
-
-    The line of the record is broken where samples are missing, a track is not; what is infinitely uncertain is not
-    drawn. Of a prediction there is no record.
-
-    Parameters
-    ----------
-    tracks : Tracks
-        From `filter`, `smooth` or `predict`.
-    labels : str or sequence of str, optional
-        The tracks, a panel each; the bias by default.
-    truth : mapping of label to (N,) array, or (N,) array, optional
-        The true paths, in the unit of the record, where they are known, over the tracks, or, where they fill an area,
-        under them; one array is that of the bias.
-    level : float
-        The probability with which a band holds the process, sample by sample; parameters count as known.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg; another unit stays as it is.
-    ax : matplotlib Axes, optional
-        Draw one track there, without the record; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If a label or an option is unknown, a true path does not fit the track, or the picture cannot be drawn there.
-    DataError
-        If a true path is not a vector of real numbers.
-
-    Examples
-    --------
-    >>> from gmwm import simulate_signal
-    >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, seed=1)
-    >>> tracks = made.model.smooth(made.signal)
-    >>> picture = tracks.plot(truth=made["RW"])
-    >>> [axes.get_title() for axes in picture.axes]
-    ['Record and its bias: WN + RW', 'Bias: RW']
-    """
+    """Draw tracks with their bands: see `Tracks.plot`."""
     from gmwm.plots.matplotlib import draw
 
     figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

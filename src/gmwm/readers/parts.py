@@ -149,40 +149,7 @@ class Passage:
 
 
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
-    """The recording as parts that follow one another, of about the same length.
-
-    Rows can be begun with anywhere in Parquet, .npy, HDF5, .imu and .imr; in text too, whose lines are counted first,
-    in a pass over the file that parses no numbers. Any other format is one part. Parts begin where the reader's chunks
-    do (2¹⁸ or 2²⁰ rows, 8 MB of text), so that a short recording makes fewer of them.
-
-    Parameters
-    ----------
-    stream : Stream
-        Of `gmwm.stream`.
-    count : int
-        How many parts, at the most.
-
-    Returns
-    -------
-    tuple of Part
-        In order. A part can be pickled; where it is read the file must be under the same path.
-
-    Raises
-    ------
-    OptionError
-        If the count is none, or the stream comes from no file.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, gmwm
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "static.imu.npy")
-    >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
-    >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
-    >>> [(part.first, part.stop) for part in source.parts(2)]
-    [(0, 1048576), (1048576, 3000000)]
-    >>> folder.cleanup()
-    """
+    """Split a recording into consecutive parts: see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise OptionError(f"count must be a whole number of parts, 1 or more; got {count!r}")
     origin = stream._origin

@@ -6,9 +6,8 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from gmwm._late import LateMethod
 from gmwm.errors import DataError
 from gmwm.processes.model import Model
 from gmwm.signals import Imu, Signal
@@ -16,6 +15,8 @@ from gmwm.writers import write_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,13 +61,35 @@ class SimulatedSignal:
     def __iter__(self) -> Iterator[str]:
         return iter(self.components)
 
+    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the simulated signal over time and, below it, each latent process.
+
+        Gravity is subtracted from the signal, and the title says so. All panels have the same scale, unless a curve
+        would be flat.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.series import plot_components
+
+        return plot_components(self, units=units, path=path)
+
     def __repr__(self) -> str:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
-
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_components",
-        'The signal over time and each latent process under it, as plot(units="si"|"datasheet", path=…).',
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.signals import Signal
@@ -20,7 +20,10 @@ from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 OCTAVE = 1.9
 """Least ratio of neighbouring averaging times from which a slope is read."""
@@ -43,11 +46,6 @@ class AllanRegression(Summarised):
     allan: ClusterVariance
     lines: tuple[SlopeLine, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.allan:plot_avlr",
-        "Draw the Allan deviation with the fitted lines and the places where the coefficients are read.",
-    )
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -96,6 +94,42 @@ class AllanRegression(Summarised):
         rows += [f"{term}  not found: {reason}" for term, reason in self.missing.items()]
         rows.append("a graphical method: inconsistent where several terms share the stretch; see avlr")
         return "\n".join(rows)
+
+    def plot(
+        self,
+        *,
+        units: UnitSystem = "si",
+        guides: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the Allan deviation with the fitted lines and the points where Q, N, B, K and R are read.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; coefficients in deg/√h, deg/h and similar.
+        guides : bool
+            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+            (ramp).
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.allan import plot_avlr
+
+        return plot_avlr(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
