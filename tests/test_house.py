@@ -9,10 +9,11 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
+from typing import Any
 
 import pytest
 
@@ -24,6 +25,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"
 HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy", "typer", "rich")
 LONGEST_FILE = 600
+BY_POSITION = (gmwm.StateSpace, gmwm.ContinuousStateSpace)
+"""Their matrices F, Q, H, R … have the order that the field gives them. The kernels of `gmwm._core` are exempt too."""
 
 
 def modules() -> list[str]:
@@ -124,6 +127,51 @@ def _delegate(method: ast.FunctionDef) -> tuple[str, str] | None:
     is_self = ast.unparse(call.args[0]) in ("self", "self._fit", "self._modelled")
     passes_on = all(isinstance(given, ast.Name) for given in [*call.args[1:], *(k.value for k in call.keywords)])
     return imported.get(ast.unparse(call.func)) if is_self and passes_on else None
+
+
+def test_at_most_four_arguments_are_passed_by_position() -> None:
+    count, wrong = 0, []
+    for name in modules():
+        module = import_module(name)
+        file = Path(module.__file__ or "")
+        if file.suffix != ".py":
+            continue
+        for call, called in calls(ast.parse(file.read_text(encoding="utf-8")), vars(module), None):
+            home = getattr(called, "__module__", None) or ""
+            if not home.startswith("gmwm.") or home == "gmwm._core" or called in BY_POSITION:
+                continue
+            count += 1
+            if len(call.args) > 4 and not _takes_any_number(called):
+                wrong.append(f"{file.relative_to(ROOT)}:{call.lineno} {ast.unparse(call.func)}")
+    assert wrong == []
+    assert count > 5000
+
+
+def calls(node: ast.AST, names: Mapping[str, Any], owner: type | None) -> Iterator[tuple[ast.Call, Any]]:
+    """Each call under a node, with what is called as far as its name tells: None for a method of an unknown object."""
+    if isinstance(node, ast.ClassDef):
+        owner = names.get(node.name, owner)
+    if isinstance(node, ast.FunctionDef):
+        local = [part for part in ast.walk(node) if isinstance(part, ast.ImportFrom) and part.module]
+        found = {a.asname or a.name: (part.module, a.name) for part in local for a in part.names}
+        ours = {name: place for name, place in found.items() if str(place[0]).startswith("gmwm.")}
+        names = {**names, **{name: getattr(import_module(str(module)), own) for name, (module, own) in ours.items()}}
+    if isinstance(node, ast.Call):
+        yield node, _called(node.func, names, owner)
+    for child in ast.iter_child_nodes(node):
+        yield from calls(child, names, owner)
+
+
+def _called(function: ast.expr, names: Mapping[str, Any], owner: type | None) -> Any:
+    if isinstance(function, ast.Name):
+        return owner if function.id in ("cls", "self") else names.get(function.id)
+    if isinstance(function, ast.Attribute):
+        return getattr(_called(function.value, names, owner), function.attr, None)
+    return None
+
+
+def _takes_any_number(called: Callable[..., object]) -> bool:
+    return any(p.kind is p.VAR_POSITIONAL for p in inspect.signature(called).parameters.values())
 
 
 def test_only_the_command_line_imports_from_the_package_itself() -> None:

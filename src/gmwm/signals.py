@@ -129,7 +129,15 @@ class Signal:
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8))).reshape(-1, 2)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
-        return cls(vector[there], rate, unit, axis, starts[0], list(pairwise(ends)), starts)
+        return cls(
+            values=vector[there],
+            rate=rate,
+            unit=unit,
+            axis=axis,
+            start=starts[0],
+            segments=list(pairwise(ends)),
+            starts=starts,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy from another process is read-only as well.
@@ -250,7 +258,7 @@ def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
     """A signal like `signal` with other values in one segment."""
-    return Signal(values, signal.rate, signal.unit, signal.axis, start)
+    return Signal(values, signal.rate, unit=signal.unit, axis=signal.axis, start=start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,7 +348,7 @@ class Imu:
             factor = parse_unit((units or {}).get(quantity, si), quantity).factor
             vector = as_vector(values, axis)
             vector = vector if factor == 1 else vector * factor
-            signals[axis] = Signal(vector, rate, si, axis, start, segments)
+            signals[axis] = Signal(values=vector, rate=rate, unit=si, axis=axis, start=start, segments=segments)
         return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
 
     def __reduce__(self) -> tuple[Any, ...]:

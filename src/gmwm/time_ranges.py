@@ -45,7 +45,15 @@ def cut(
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     signals = {
-        axis: Signal(of(signal.values), signal.rate, signal.unit, axis, starts[0], segments, starts)
+        axis: Signal(
+            values=of(signal.values),
+            rate=signal.rate,
+            unit=signal.unit,
+            axis=axis,
+            start=starts[0],
+            segments=segments,
+            starts=starts,
+        )
         for axis, signal in imu.signals.items()
     }
     note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Settings:
     """What was asked for; see `calibrate`.
 
@@ -57,7 +57,7 @@ class Settings:
     seed: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AxisCalibration:
     """One axis.
 
@@ -92,7 +92,7 @@ class AxisCalibration:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Calibration(Summarised, Mapping[str, Fit]):
     """The calibration of a unit; a mapping of axis to the recommended Fit.
 

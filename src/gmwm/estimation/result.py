@@ -18,7 +18,7 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnostics:
     """What to know before using a fit.
 
@@ -61,10 +61,13 @@ class Diagnostics:
         """The diagnostics whose `to_dict` gave `values`."""
         start = values.get("start")  # this and the notes are not in what the first commands wrote
         return cls(
-            dict(values["acts_as"]), tuple(values["not_supported"]), int(values["search_nodes"]),
-            tuple(values.get("weight_notes", ())), None if start is None else Start.from_dict(start),
-            tuple(values.get("remarks", ())),
-        )  # fmt: skip
+            acts_as=dict(values["acts_as"]),
+            not_supported=tuple(values["not_supported"]),
+            nodes=int(values["search_nodes"]),
+            weights=tuple(values.get("weight_notes", ())),
+            start=None if start is None else Start.from_dict(start),
+            remarks=tuple(values.get("remarks", ())),
+        )
 
     def notes(self) -> list[str]:
         """The same in words."""
@@ -84,7 +87,7 @@ def estimated_as_zero(term: str) -> str:
     )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(InferenceMethods, KalmanMethods):
     """A model fitted to a wavelet variance.
 
@@ -218,10 +221,18 @@ class Fit(InferenceMethods, KalmanMethods):
             raise ModelError(f"the weighting matrix is of shape {matrix.shape}, the data have {len(wv)} levels")
         lower = values["lower_bound"]
         return cls(
-            wv, model, parameters, float(values["objective"]), None if lower is None else float(lower),
-            float(values["relaxed_bound"]), _curve(values["implied"], len(wv)), decomposition,
-            str(values["weighting"]), matrix, Diagnostics.from_dict(values),
-        )  # fmt: skip
+            wavelet_variance=wv,
+            model=model,
+            parameters=parameters,
+            objective=float(values["objective"]),
+            lower_bound=None if lower is None else float(lower),
+            relaxed_bound=float(values["relaxed_bound"]),
+            implied=_curve(values["implied"], len(wv)),
+            decomposition=decomposition,
+            weighting=str(values["weighting"]),
+            weighting_matrix=matrix,
+            diagnostics=Diagnostics.from_dict(values),
+        )
 
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"

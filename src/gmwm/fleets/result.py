@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetStatistics
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fleet(Summarised):
     """Many units, each calibrated; `fleet["unit"]` is the Calibration of one, read when it is asked for.
 
@@ -151,7 +151,14 @@ class Fleet(Summarised):
                 f"{where}: its last run was cut short before its table was written; run it again, what is done is not "
                 "done twice"
             )
-        found = cls(where, paths, table, settings, tuple(facts["left_out"]), reading=facts.get("reading", {}))
+        found = cls(
+            folder=where,
+            paths=paths,
+            table=table,
+            settings=settings,
+            left_out=tuple(facts["left_out"]),
+            reading=facts.get("reading", {}),
+        )
         return replace(found, kept=len(found))
 
     def __repr__(self) -> str:

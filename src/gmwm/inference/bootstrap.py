@@ -27,7 +27,7 @@ LEAST_FOR_TEST = 19
 """Records of a test that can reject at 5 %: p is at least 1 / (draws + 1)."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Bootstrap:
     """Estimates from records that were simulated from a fitted model.
 
@@ -120,4 +120,6 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
             implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
             estimates[k] = sign * np.array([parameters[name] for name in free], dtype=np.float64)
             objectives[k] = solution.objective
-    return Bootstrap(tuple(free), estimates, objectives, variances, implied, seed)
+    return Bootstrap(
+        names=tuple(free), estimates=estimates, objectives=objectives, variances=variances, implied=implied, seed=seed
+    )

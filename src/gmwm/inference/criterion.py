@@ -32,7 +32,7 @@ BEND = 1e-4
 """Relative step of the nonlinear parameters whose slopes give second derivatives."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Criterion:
     """Expected loss of a fitted model on another record of the same kind, WIC = loss + optimism.
 
@@ -66,8 +66,8 @@ def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: in
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, seed)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
-        return Criterion(float(fit.objective), share, method)
-    return Criterion(float(fit.objective), optimism(fit, fit.sandwich.wavelet), method)
+        return Criterion(loss=float(fit.objective), optimism=share, method=method)
+    return Criterion(loss=float(fit.objective), optimism=optimism(fit, fit.sandwich.wavelet), method=method)
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:
@@ -76,7 +76,7 @@ def optimism(fit: Fit, wavelet: Matrix) -> float:
     root = square_root(fit.weighting_matrix)
     setting = Setting.of(wv)
     pull = fit.weighting_matrix @ (wv.variance - fit.implied)
-    slopes, bends = _derivatives(fit, setting.levels, setting.rate, setting.filter, pull)
+    slopes, bends = _derivatives(fit, setting.levels, rate=setting.rate, filter=setting.filter, pull=pull)
     if slopes.shape[1] == 0:
         return 0.0
     weighted = root @ slopes
@@ -111,7 +111,7 @@ def _derivatives(
         free = [
             not process.is_fixed(p.name) and term not in fit.diagnostics.acts_as for p in process.nonlinear_parameters()
         ]
-        slope, bend = _of_process(process, levels, rate, filter, pull, np.flatnonzero(free))
+        slope, bend = _of_process(process, levels, rate=rate, filter=filter, pull=pull, free=np.flatnonzero(free))
         if process.is_fixed(process.scale_parameter().name):
             slope, bend = slope[:, 1:], bend[1:, 1:]
         columns += list(slope.T)

@@ -29,7 +29,7 @@ LEAST_FREEDOM = 3.0
 It leaves out the two coarsest levels of a full set."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GoodnessOfFit(Summarised):
     """A test of the hypothesis that the data come from the fitted model.
 
@@ -97,7 +97,14 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
         as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
         drawn = bootstrap(fit, draws, seed).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
-        return GoodnessOfFit(fit.objective, None, (1 + larger) / (1 + drawn.size), wv.levels.copy(), (), method)
+        return GoodnessOfFit(
+            statistic=fit.objective,
+            df=None,
+            pvalue=(1 + larger) / (1 + drawn.size),
+            levels=wv.levels.copy(),
+            left_out=(),
+            method=method,
+        )
     # It takes a fit, and a summary, a file and a table ask for the same test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
@@ -118,9 +125,13 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
-        statistic, df, float(gammaincc(df / 2, statistic / 2)),
-        wv.levels[:used].copy(), tuple(int(j) for j in wv.levels[used:]), "asymptotic",
-    )  # fmt: skip
+        statistic=statistic,
+        df=df,
+        pvalue=float(gammaincc(df / 2, statistic / 2)),
+        levels=wv.levels[:used].copy(),
+        left_out=tuple(int(j) for j in wv.levels[used:]),
+        method="asymptotic",
+    )
 
 
 def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:

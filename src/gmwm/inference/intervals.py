@@ -52,9 +52,9 @@ def confidence_intervals(
         kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
         if key not in kept:
-            kept[key] = _intervals(fit, level, method, None, draws, seed)
+            kept[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
         return dict(kept[key])
-    return _intervals(fit, level, method, covariance, draws, seed)
+    return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
 
 
 def _intervals(
@@ -111,9 +111,12 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     found = fit.sandwich
     if covariance is not None:
         found = sandwich_of(
-            fit.model, Setting.of(fit.wavelet_variance), fit.weighting_matrix, _as_covariance(fit, covariance),
-            fit.diagnostics.acts_as,
-        )  # fmt: skip
+            fit.model,
+            Setting.of(fit.wavelet_variance),
+            matrix=fit.weighting_matrix,
+            wavelet=_as_covariance(fit, covariance),
+            acts_as=fit.diagnostics.acts_as,
+        )
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
@@ -219,6 +222,8 @@ def _relative_error(fit: Fit, model: Model, name: str) -> float:
     """Relative standard error of a parameter if `model` were true."""
     setting = Setting.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    found = sandwich_of(model, setting, matrix, covariance_of(model, setting), fit.diagnostics.acts_as)
+    found = sandwich_of(
+        model, setting, matrix=matrix, wavelet=covariance_of(model, setting), acts_as=fit.diagnostics.acts_as
+    )
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -48,7 +48,7 @@ _LENGTHS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.
 """Unit, its length and the shortest duration told in it (s)."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan(Summarised):
     """Relative standard errors of the estimates of a model, by length of the recording.
 
@@ -91,7 +91,16 @@ class Plan(Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict, and is read-only as well.
-        return Plan, (self.model, self.rate, self.weighting, self.durations, dict(self.errors), self.unit)
+        made = partial(
+            Plan,
+            model=self.model,
+            rate=self.rate,
+            weighting=self.weighting,
+            durations=self.durations,
+            errors=dict(self.errors),
+            unit=self.unit,
+        )
+        return made, ()
 
     def plot(
         self, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
@@ -330,7 +339,7 @@ def plan(
     found = [relative_errors(whole, n, rate, weighting) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
-    return Plan(whole, rate, weighting, samples / rate, errors, unit)
+    return Plan(model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit)
 
 
 def relative_errors(

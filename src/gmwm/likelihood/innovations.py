@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Check:
     """A test of the residuals.
 
@@ -43,7 +43,7 @@ class Check:
     lags: int = 0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Residuals(Summarised):
     """Standardised innovations z_t = v_t/√S_t.
 
@@ -120,7 +120,9 @@ class Residuals(Summarised):
             raise OptionError(f"lags must be more than the {self.estimated} estimated parameters, got {count}")
         r, n = self.acf(count)[1:], self.observed.size
         statistic = float(n * (n + 2.0) * np.sum(np.square(r[seen]) / pairs[seen]))
-        return Check(statistic, degrees, float(chi2.sf(statistic, degrees)), count)
+        return Check(
+            statistic=statistic, degrees_of_freedom=degrees, p_value=float(chi2.sf(statistic, degrees)), lags=count
+        )
 
     def normality(self) -> Check:
         """Jarque and Bera's test: n (skewness²/6 + excess kurtosis²/24), χ² with 2 degrees of freedom."""
@@ -130,7 +132,7 @@ class Residuals(Summarised):
         spread = np.mean(np.square(z))
         skew, excess = np.mean(z**3) / spread**1.5, np.mean(z**4) / spread**2 - 3.0
         statistic = float(z.size * (skew**2 / 6.0 + excess**2 / 24.0))
-        return Check(statistic, 2, float(chi2.sf(statistic, 2)))
+        return Check(statistic=statistic, degrees_of_freedom=2, p_value=float(chi2.sf(statistic, 2)))
 
     def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
         """Normal and observed quantiles (points,), denser at the ends; on a line where the residuals are normal."""
@@ -235,7 +237,15 @@ def residuals(
     elif isinstance(estimated, bool) or not isinstance(estimated, int) or estimated < 0:
         raise OptionError(f"estimated must be a whole number, 0 or more; got {estimated!r}")
     record = problem.record
-    return Residuals(problem.model, values, record.rate, record.times, record.axis, estimated, lost)
+    return Residuals(
+        model=problem.model,
+        values=values,
+        rate=record.rate,
+        times=record.times,
+        axis=record.axis,
+        estimated=estimated,
+        spent=lost,
+    )
 
 
 _LAGS = 1000

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LikelihoodDiagnostics:
     """What to know before using the fit.
 
@@ -70,7 +70,7 @@ class LikelihoodDiagnostics:
         return [*notes, *self.remarks]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LikelihoodFit(KalmanMethods):
     """A model fitted to a record by maximum likelihood.
 
@@ -349,14 +349,29 @@ class LikelihoodFit(KalmanMethods):
                 [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
             ).reshape(len(values["names"]), len(values["names"]))
             diagnostics = LikelihoodDiagnostics(
-                dict(values["acts_as"]), tuple(values["not_supported"]), int(values["evaluations"]),
-                bool(values["converged"]), float(values["started_at"]), tuple(values["remarks"]),
-            )  # fmt: skip
+                acts_as=dict(values["acts_as"]),
+                not_supported=tuple(values["not_supported"]),
+                evaluations=int(values["evaluations"]),
+                converged=bool(values["converged"]),
+                started_at=float(values["started_at"]),
+                remarks=tuple(values["remarks"]),
+            )
             return cls(
-                model, parameters, float(values["loglikelihood"]), values["level"], values["level_error"],
-                values["mean"], int(values["samples"]), int(values["missing"]), float(values["rate"]),
-                str(values["unit"]), str(values["axis"]), tuple(values["names"]), matrix, diagnostics,
-            )  # fmt: skip
+                model=model,
+                parameters=parameters,
+                loglikelihood=float(values["loglikelihood"]),
+                level=values["level"],
+                level_error=values["level_error"],
+                mean=values["mean"],
+                samples=int(values["samples"]),
+                missing=int(values["missing"]),
+                rate=float(values["rate"]),
+                unit=str(values["unit"]),
+                axis=str(values["axis"]),
+                names=tuple(values["names"]),
+                covariance=matrix,
+                diagnostics=diagnostics,
+            )
         except KeyError as error:
             raise ReadError(f"not a fit by likelihood: it has no {error.args[0]!r}") from error
         except (TypeError, ValueError, AttributeError) as error:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
     """The text of `LikelihoodFit.summary`."""
     intervals, reason = intervals_if_known(fit, level, method)
-    return in_words(fit, level, intervals, own_residuals(fit), reason)
+    return in_words(fit, level, intervals=intervals, residuals=own_residuals(fit), reason=reason)
 
 
 def in_words(
@@ -121,7 +121,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
     shown = []
     for name, value in fit.parameters.items():
         if _undetermined(fit, intervals, name):
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed:
@@ -131,7 +131,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
             share = errors.get(name, math.inf) / abs(value) if value else math.inf
             if math.isfinite(share):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 

@@ -44,7 +44,7 @@ RATES_ALIKE = 1e-3
 """Relative difference up to which two rates count as one: time stamps of two recordings never give quite the same."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tracks:
     """The hidden processes of a record.
 
@@ -183,14 +183,14 @@ def filter_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Estimate the latent processes from the samples so far: see `Model.kalman_filter`."""
-    return _tracks("filter", model, data, rate, mean)
+    return _tracks("filter", model, data=data, rate=rate, mean=mean)
 
 
 def smooth_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
     """Estimate the latent processes from all samples: see `Model.smooth`."""
-    return _tracks("smooth", model, data, rate, mean)
+    return _tracks("smooth", model, data=data, rate=rate, mean=mean)
 
 
 def predict_tracks(
@@ -209,13 +209,13 @@ def predict_tracks(
             f"steps must be at most {FARTHEST}, a track of which takes some hundred bytes each; got {steps}. For what "
             "lies beyond, predict with the model in continuous time: model.continuous(rate).discrete(a slower rate)"
         )
-    return _tracks("predict", model, data, rate, mean, int(steps))
+    return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=int(steps))
 
 
 def _tracks(
     kind: Kind, model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
 ) -> Tracks:
-    problem = posed(model, data, rate, mean, steps)
+    problem = posed(model, data, rate=rate, mean=mean, steps=steps)
     system = assemble(problem.model, problem.rate)
     labels, states, shares = _sums(problem, system)
     size = problem.record.values.size
@@ -232,9 +232,16 @@ def _tracks(
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
     return Tracks(
-        kind, problem.model, record.rate, record.unit, record.axis, record.times[part], record.values[part].copy(),
-        {label: found[label][0][part] for label in order}, {label: found[label][1][part] for label in order},
-    )  # fmt: skip
+        kind=kind,
+        model=problem.model,
+        rate=record.rate,
+        unit=record.unit,
+        axis=record.axis,
+        times=record.times[part],
+        data=record.values[part].copy(),
+        mean={label: found[label][0][part] for label in order},
+        error={label: found[label][1][part] for label in order},
+    )
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
@@ -257,9 +264,13 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
     record = as_record(data, rate)
     if steps:
         record = Record(
-            np.concatenate([record.values, np.full(steps, np.nan)]), record.rate, record.unit, record.axis,
-            record.start, record.centre,
-        )  # fmt: skip
+            values=np.concatenate([record.values, np.full(steps, np.nan)]),
+            rate=record.rate,
+            unit=record.unit,
+            axis=record.axis,
+            start=record.start,
+            centre=record.centre,
+        )
     held = wanted.with_values({name: Fixed(v) for name, v in wanted.parameters.items() if v is not None})
     return Problem(held, record, as_mean(mean))
 

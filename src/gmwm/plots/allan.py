@@ -104,7 +104,10 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     # Where there are many values, symbols would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % confidence"
-    return [Line(x, y, shown, label, FRONT), Band(x, lower, upper, stroke.colour, opacity, limits, BAND)]
+    return [
+        Line(x, y, stroke=shown, label=label, layer=FRONT),
+        Band(x=x, lower=lower, upper=upper, colour=stroke.colour, opacity=opacity, label=limits, layer=BAND),
+    ]
 
 
 def with_guides(panel: Panel) -> Panel:
@@ -123,7 +126,7 @@ def with_guides(panel: Panel) -> Panel:
         y = np.array([middle, middle + slope * steepest])
         position = panel.x.limits[0] * 10 ** (x * wide)
         height = panel.y.limits[0] * 10 ** (y * high)
-        marks.append(Line(position, height, Stroke(GREY, 0.7, DASHED), "", BEHIND))
+        marks.append(Line(position, height, stroke=Stroke(GREY, 0.7, DASHED), label="", layer=BEHIND))
         texts.append(Text(label, float(x[1]) + 0.034, float(y[1])))
     return replace(panel, marks=(*panel.marks, *marks), texts=(*panel.texts, *texts))
 
@@ -167,14 +170,14 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
         stroke = replace(term_stroke(k), width=1.1)
         tau = np.array([min(line.first, line.reading_time) / REACH, max(line.last, line.reading_time) * REACH])
-        marks.append(Line(tau, view.factor * line.deviation(tau), stroke, "", MIDDLE))
+        marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
         at = np.array([line.reading_time])
         symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
         height = view.factor * line.deviation(at)
         where = "at the minimum" if line.slope == 0 else f"at τ = {line.reading_time:.3g} s"
         inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
         where += "" if inside else " (outside the axes)"
-        marks.append(Line(at, height, symbol, f"{text}, {where}", FRONT + 1))
+        marks.append(Line(at, height, stroke=symbol, label=f"{text}, {where}", layer=FRONT + 1))
     panel = replace(bare, y=y, marks=tuple(marks))
     return with_guides(panel) if guides else panel
 

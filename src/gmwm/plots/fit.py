@@ -81,7 +81,7 @@ def fit_panel(
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
     name = f"Model: {model_text(fit.decomposition)}" if alone else "Model"
-    model = Line(shown.time(wv.tau), implied, IMPLIED, name, MIDDLE)
+    model = Line(shown.time(wv.tau), implied, stroke=IMPLIED, label=name, layer=MIDDLE)
     terms = term_lines(fit, shown, alone=alone) if decomposition else ()
     marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
@@ -119,10 +119,12 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             label = _told(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
-        lines.append(Line(times, y, strokes[term], label, ABOVE))
+        lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
-        lines.append(Line(times, nothing, Stroke(GREY, 0.0), f"{', '.join(zero)}: zero, not supported", ABOVE))
+        lines.append(
+            Line(times, nothing, stroke=Stroke(GREY, 0.0), label=f"{', '.join(zero)}: zero, not supported", layer=ABOVE)
+        )
     return tuple(lines)
 
 

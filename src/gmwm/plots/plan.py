@@ -48,14 +48,32 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
         label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
         if np.all(np.isfinite(curve) & (curve > HIGHEST)):
             label += f", above {100 * HIGHEST:g} % throughout"
-        marks.append(Line(times, np.where(curve <= HIGHEST, 100 * curve, np.nan), strokes[name], label, MIDDLE))
+        marks.append(
+            Line(
+                times, np.where(curve <= HIGHEST, 100 * curve, np.nan), stroke=strokes[name], label=label, layer=MIDDLE
+            )
+        )
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
     marks += [
-        Line(reached, np.full(reached.shape, 100 * wanted), dots, "", FRONT),
-        Line(across, np.full(2, 100 * wanted), Stroke(BLACK, 0.7), f"{100 * wanted:g} %, as wanted", BEHIND),
-        Line(np.full(2, plan.duration), along, Stroke(GREY, 1.1, DOTTED), length, BEHIND),
-        Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, 0.16, unseen, BAND),
+        Line(reached, np.full(reached.shape, 100 * wanted), stroke=dots, label="", layer=FRONT),
+        Line(
+            across,
+            np.full(2, 100 * wanted),
+            stroke=Stroke(BLACK, 0.7),
+            label=f"{100 * wanted:g} %, as wanted",
+            layer=BEHIND,
+        ),
+        Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
+        Band(
+            x=across,
+            lower=np.full(2, 100 * SEEN),
+            upper=np.full(2, np.inf),
+            colour=GREY,
+            opacity=0.16,
+            label=unseen,
+            layer=BAND,
+        ),
     ]
     return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
 

@@ -58,7 +58,14 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     if recordings > 1:
         words.append(f"curves and distances of the first of {recordings} recordings")
     title = ", ".join(filter(None, words))
-    return Figure((*rows, (criteria,)), PAGE, sum(heights) + foot, title[:1].upper() + title[1:], 3, heights)
+    return Figure(
+        rows=(*rows, (criteria,)),
+        width=PAGE,
+        height=sum(heights) + foot,
+        title=title[:1].upper() + title[1:],
+        legend_columns=3,
+        heights=heights,
+    )
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
@@ -72,7 +79,7 @@ def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", uni
     title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
     heights = (74.0, 56.0)
     panels = ((curves,), (_distances(pair, strokes, view, units),))
-    return Figure(panels, SINGLE, sum(heights) + 20.0, title, 2, heights)
+    return Figure(rows=panels, width=SINGLE, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights)
 
 
 def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:
@@ -92,7 +99,7 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
     heights = [drawable(shown.height(np.asarray(c.fit.implied))) for c in candidates]
     for height, stroke in zip(heights, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(shown.time(wv.tau), height, replace(stroke, symbol=None), "", layer))
+        marks.append(Line(shown.time(wv.tau), height, stroke=replace(stroke, symbol=None), label="", layer=layer))
     return closed_panel([shown], [wv], marks, around=heights, title="Data and models")
 
 
@@ -103,13 +110,19 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
     band = Band(
-        ends, np.full(2, -1.0), np.full(2, 1.0), OBSERVED.colour, 0.22, f"{100 * wv.confidence:g} % confidence", BAND
+        x=ends,
+        lower=np.full(2, -1.0),
+        upper=np.full(2, 1.0),
+        colour=OBSERVED.colour,
+        opacity=0.22,
+        label=f"{100 * wv.confidence:g} % confidence",
+        layer=BAND,
     )
-    marks: list[Mark] = [band, Line(ends, np.zeros(2), Stroke(OBSERVED.colour, 0.9), "", BEHIND)]
+    marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(times, row, stroke, _name(candidate), layer))
+        marks.append(Line(times, row, stroke=stroke, label=_name(candidate), layer=layer))
     y = signed_axis(
         np.concatenate(rows),
         "Distance (confidence limit = 1)",
@@ -139,7 +152,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     for candidate, place in zip(listed, places, strict=True):
         stroke = strokes.get(id(candidate), OTHER)
         at = np.array([candidate.difference])
-        marks.append(Line(at, np.array([place]), replace(stroke, width=0.0), "", FRONT))
+        marks.append(Line(at, np.array([place]), stroke=replace(stroke, width=0.0), label="", layer=FRONT))
     ticks = [Tick(place, _row_name(c)) for c, place in zip(listed, places, strict=True)]
     numbers = [Tick(place, _numbers(c)) for c, place in zip(listed, places, strict=True)]
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")

@@ -147,10 +147,10 @@ def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
-    line = Line(x, y, stroke, "", FRONT)
+    line = Line(x, y, stroke=stroke, label="", layer=FRONT)
     if stroke.symbol or not np.any(alone):
         return (line,)
-    return line, Line(x[alone], y[alone], Stroke(stroke.colour, 0.0, symbol="circle"), "", FRONT)
+    return line, Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT)
 
 
 def _stroke(axis: str) -> Stroke:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -161,14 +161,34 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         )
     marks = origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
-    common = (origin.path, origin.path.stat().st_size, origin.reader.name, origin.topic, stream._found, stream._size)
+    whole = Part(
+        path=origin.path,
+        bytes=origin.path.stat().st_size,
+        format=origin.reader.name,
+        topic=origin.topic,
+        found=stream._found,
+        size=stream._size,
+        back=Mark(0),
+        begin=Mark(0),
+        end=Mark(0),
+        last=True,
+        whole=True,
+    )
     if not cuts:
-        return (Part(*common, Mark(0), Mark(0), Mark(0), True, whole=True),)
+        return (whole,)
     edges = [0, *cuts, len(marks) - 1]
     pace = stream._found.pace
     reach = 0 if pace is None else pace.before
     return tuple(
-        Part(*common, _back(marks, a, reach), marks[a], marks[b], b == len(marks) - 1) for a, b in pairwise(edges)
+        replace(
+            whole,
+            back=_back(marks, a, reach),
+            begin=marks[a],
+            end=marks[b],
+            last=b == len(marks) - 1,
+            whole=False,
+        )
+        for a, b in pairwise(edges)
     )
 
 

@@ -223,10 +223,10 @@ class Stream:
         return parts_of(self, count)
 
     def __iter__(self) -> Iterator[Piece]:
-        everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+        everything = pieces(self._found, self._chunks(), size=self._size, path=self.source, ended=self._ended)
         if self._kept is None:
             return everything
-        return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
+        return trimmed(everything, self._kept, rate=self.rate, base=lambda: self.time_base, ended=self._ended)
 
     def _ended(self, base: TimeBase) -> None:
         self.time_base = base
@@ -313,10 +313,19 @@ def stream(
     require_time(layout, choice, declared_rate, file)
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
-    found = understand(layout, choice, head, file, declared_rate, declared_units, factors, integrals)
+    found = understand(
+        layout,
+        choice,
+        head=head,
+        path=file,
+        rate=declared_rate,
+        units=declared_units,
+        factors=factors,
+        integrals=integrals,
+    )
     tell(found, file)
-    origin = Origin(file, reader, layout, tuple(wanted), topic)
-    return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
+    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=topic)
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=int(chunk), origin=origin, kept=kept)
 
 
 def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
@@ -325,8 +334,8 @@ def _again(path: Path, format: str, topic: str | None, found: Understood, size: 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         layout = one_layout(reader, path, topic)
-    origin = Origin(path, reader, layout, tuple(found.choice.columns.values()), topic)
-    return Stream(str(path), found, origin.chunks, size, origin, kept)
+    origin = Origin(path, reader, layout=layout, wanted=tuple(found.choice.columns.values()), topic=topic)
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
 
 
 def streamed(choice: Choice) -> Choice:
@@ -360,15 +369,15 @@ def understand(
     for role, column in head.items():
         require_samples(column.size, words[role])
         require_finite_rows(column, words[role])
-    time, time_notes = timing_of(layout, choice, units, head, rate)
+    time, time_notes = timing_of(layout, choice, units=units, raw=head, rate=rate)
     stamps, pace = head.get("time"), None
     if stamps is not None:
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors, integrals, ones, time.base.rate)
+    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
-    scales = resolve(layout, choice, units, numbers, time.base.rate, integrals)
+    scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
         axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
     }
@@ -378,7 +387,16 @@ def understand(
     # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
     stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
     doubts = (*scales.doubts, *sorted(stated))
-    return Understood(choice, words, found, time, pace, notes, scales.inferred, doubts)
+    return Understood(
+        choice=choice,
+        words=words,
+        factors=found,
+        timing=time,
+        pace=pace,
+        notes=notes,
+        inferred=scales.inferred,
+        doubts=doubts,
+    )
 
 
 def tell(found: Understood, path: object) -> None:

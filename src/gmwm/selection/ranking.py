@@ -34,7 +34,7 @@ LISTED = 10
 """So many candidates a table shows."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Candidate:
     """A model in a ranking.
 
@@ -116,7 +116,7 @@ class Candidate:
         return f"Candidate({self.structure}, WIC {self.wic.value:.6g}, difference {self.difference:.4g})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Ranking:
     """Candidates, the best first; `ranking[0]`, `ranking["GM + WN"]`, or in a loop.
 
@@ -325,7 +325,7 @@ class Ranking:
         return f"Ranking({counted(len(self), 'model')}, {self.recommended.structure} recommended)"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Comparison(Summarised):
     """Two candidates beside one another.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedSignal:
     """A path of a model with the path of each of its terms: X_t = offset + Σ_k X_t^(k).
 
@@ -50,7 +51,15 @@ class SimulatedSignal:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
-        return SimulatedSignal, (self.signal, dict(self.components), self.model, self.offset, self.resolution)
+        made = partial(
+            SimulatedSignal,
+            signal=self.signal,
+            components=dict(self.components),
+            model=self.model,
+            offset=self.offset,
+            resolution=self.resolution,
+        )
+        return made, ()
 
     def __getitem__(self, term: str) -> Signal:
         try:
@@ -92,7 +101,7 @@ class SimulatedSignal:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedImu:
     """A simulated recording with the latent processes of each axis.
 
@@ -111,7 +120,7 @@ class SimulatedImu:
         object.__setattr__(self, "axes", MappingProxyType(dict(self.axes)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return SimulatedImu, (self.imu, dict(self.axes))
+        return partial(SimulatedImu, imu=self.imu, axes=dict(self.axes)), ()
 
     @property
     def components(self) -> dict[str, Mapping[str, Signal]]:

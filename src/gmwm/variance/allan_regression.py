@@ -29,7 +29,7 @@ OCTAVE = 1.9
 """Least ratio of neighbouring averaging times from which a slope is read."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AllanRegression(Summarised):
     """Coefficients read from the slopes of an Allan deviation, with the lines they were read from.
 
@@ -75,7 +75,7 @@ class AllanRegression(Summarised):
         """The result whose `to_dict` gave `values`."""
         names = ("term", "coefficient", "first", "last", "points", "bound")
         lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
-        return cls(ClusterVariance.from_dict(values["allan"]), lines, dict(values["missing"]))
+        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, missing=dict(values["missing"]))
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """A table in `units`, "si" or "datasheet": coefficient, unit, and the averaging times it was read from."""
@@ -226,7 +226,7 @@ def avlr(
             missing[term] = found
         else:
             lines.append(found)
-    return AllanRegression(allan, tuple(lines), missing)
+    return AllanRegression(allan=allan, lines=tuple(lines), missing=missing)
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
@@ -275,7 +275,7 @@ def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_])
         return f"nowhere has the curve a slope near {law.slope:+.1f}"
     t, heights = tau[chosen], np.log(deviation[chosen]) - law.slope * np.log(tau[chosen])
     coefficient = math.exp(float(heights.mean())) / law.factor
-    return SlopeLine(term, coefficient, float(t[0]), float(t[-1]), int(t.size))
+    return SlopeLine(term=term, coefficient=coefficient, first=float(t[0]), last=float(t[-1]), points=int(t.size))
 
 
 def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
@@ -285,4 +285,11 @@ def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
     if k == 0:
         return "the curve rises from its beginning"
     at = float(tau[k])
-    return SlopeLine("B", float(deviation[k]) / LAWS["B"].factor, at, at, 1, bound=k == tau.size - 1)
+    return SlopeLine(
+        term="B",
+        coefficient=float(deviation[k]) / LAWS["B"].factor,
+        first=at,
+        last=at,
+        points=1,
+        bound=k == tau.size - 1,
+    )

@@ -35,7 +35,7 @@ _TITLES = {
 }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ClusterVariance(Summarised):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 

@@ -32,7 +32,7 @@ _OUTCOMES = {
 """What is to be said of robust estimates that are not what was asked for."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WaveletVariance(Summarised):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j, with confidence limits.
 
@@ -211,9 +211,21 @@ class WaveletVariance(Summarised):
         if np.any(limits[0] > values) or np.any(limits[1] < values):
             raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
         return cls(
-            levels, values, limits[0], limits[1], counts, as_rate(rate), samples, unit, axis, confidence,
-            filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency,
-        )  # fmt: skip
+            levels=levels,
+            variance=values,
+            lower=limits[0],
+            upper=limits[1],
+            counts=counts,
+            rate=as_rate(rate),
+            samples=samples,
+            unit=unit,
+            axis=axis,
+            confidence=confidence,
+            filter=wavelet.name,
+            transform=transform,
+            robust=robust,
+            efficiency=efficiency,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain numbers, lists and texts, ready for JSON."""
