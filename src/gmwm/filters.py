@@ -222,7 +222,7 @@ def _find(name: str) -> WaveletFilter:
     if name in _TABLES:
         table = _TABLES[name]
         published = np.array(table.scaling.split(), dtype=np.float64)
-        return _filter(name, published, table.vanishing_moments, table.accuracy, table.source)
+        return _filter(name, published, moments=table.vanishing_moments, accuracy=table.accuracy, source=table.source)
     if re.fullmatch(r"(db|sym|coif)[1-9]\d?", name):
         return _from_pywavelets(name)
     raise OptionError(
@@ -246,14 +246,21 @@ def _from_pywavelets(name: str) -> WaveletFilter:
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
     # Its long filters are exact to 2e-13, which must not be chased: they would be moved by 3e-8.
-    return _filter(name, published, moments, 2e-11, source, rounding=1024.0)
+    return _filter(name, published, moments=moments, accuracy=2e-11, source=source, rounding=1024.0)
 
 
 def _filter(
     name: str, published: Vector, moments: int, accuracy: float, source: str, rounding: float = 8.0
 ) -> WaveletFilter:
     scaling = projected(published, moments, rounding)
-    return WaveletFilter(name, scaling, moments, accuracy, float(np.abs(scaling - published).max()), source)
+    return WaveletFilter(
+        name=name,
+        scaling=scaling,
+        vanishing_moments=moments,
+        accuracy=accuracy,
+        adjustment=float(np.abs(scaling - published).max()),
+        source=source,
+    )
 
 
 def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:

@@ -69,9 +69,19 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     if least == 0:
         return None, "no bias instability: the model is zero"
     curve = None if z is None else Curve.of(fit).without_lines()
-    note = _bounded(model, n, last, wv.rate, curve, z)
+    note = _bounded(model, n, last=last, rate=wv.rate, curve=curve, z=z)
     value = factor * math.sqrt(least)
-    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
+    entry = Entry(
+        symbol=SYMBOL,
+        title=LAWS[SYMBOL].name,
+        value=value,
+        low=None,
+        high=None,
+        unit=unit,
+        term=None,
+        upper_only=note is not None,
+        tau=n / wv.rate,
+    )
     if set(model.parameters) <= model.fixed:
         return replace(entry, low=value, high=value, held=True), note
     if z is None or curve is None:

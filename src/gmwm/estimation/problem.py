@@ -140,9 +140,21 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     observed = wv.variance - known
     root, unit, target = _weighed(observed, matrix)
     return Problem(
-        model, levels, rate, filter, wv.longest, observed, matrix, root, unit, target,
-        linear, curved, free, np.array(shapes).reshape(len(shapes), len(wv)),
-    )  # fmt: skip
+        model=model,
+        levels=levels,
+        rate=rate,
+        filter=filter,
+        samples=wv.longest,
+        observed=observed,
+        matrix=matrix,
+        root=root,
+        unit=unit,
+        target=target,
+        linear=linear,
+        curved=curved,
+        free=free,
+        shapes=np.array(shapes).reshape(len(shapes), len(wv)),
+    )
 
 
 def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +138,7 @@ def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
         other = found.get(key, Topic(*key))
         count = None if topic.count is None else topic.count + (other.count or 0)
         text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
-        found[key] = Topic(*key, text, language, other.ids + topic.ids, count)
+        found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
         if len(found) > TOPIC_LIMIT:
             raise ReadError(f"more than {TOPIC_LIMIT} topics")
     return tuple(found.values())

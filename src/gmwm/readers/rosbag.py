@@ -202,7 +202,16 @@ def _layout(topic: Topic, storages: Sequence[Storage]) -> Layout | None:
     channels.append(Channel(LOG_TIME, "ns", "" if timed else "time"))
     if len(channels) == 1:
         return None
-    return Layout(tuple(channels), (), topic.name, None, {}, notes, _Stream(topic, kind), inertial)
+    return Layout(
+        channels=tuple(channels),
+        first_row=(),
+        topic=topic.name,
+        rate=None,
+        units={},
+        notes=notes,
+        state=_Stream(topic, kind),
+        inertial=inertial,
+    )
 
 
 def _imu_leaves() -> set[str]:
@@ -234,7 +243,16 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
             channels.append(Channel(name, axis=f"{_SENSORS[sensor]}_{axis}"))
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     state = _Stream(topic, kind)
-    return Layout(tuple(channels), (), topic.name, None, {}, tuple(notes), state, bool(first[STAMP].size))
+    return Layout(
+        channels=tuple(channels),
+        first_row=(),
+        topic=topic.name,
+        rate=None,
+        units={},
+        notes=tuple(notes),
+        state=state,
+        inertial=bool(first[STAMP].size),
+    )
 
 
 def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:
