@@ -137,16 +137,29 @@ def calibrate(
     'WN + RW'
     """
     general = as_model(within, "within")
-    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
+    settings = Settings(
+        within=str(general),
+        robust=robust,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        efficiency=efficiency,
+        draws=draws,
+        seed=seed,
+    )
     check_settings(settings, threads)
     chosen = _chosen(data, axes)
     told = _Told(len(chosen) * len(STAGES), progress)
-    items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
+    items, looked = _looked_at(
+        data, chosen, settings=settings, threads=threads, scheduler=scheduler, workers=workers, told=told
+    )
     seen = () if looked is None else tuple(_handled(remark, robust, general) for remark in looked.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(axis, item, general, settings, len(items), told).calibrated()
+            return _Axis(
+                name=axis, item=item, general=general, settings=settings, together=len(items), told=told
+            ).calibrated()
         except OptionError:
             raise
         except GmwmError as error:
@@ -165,7 +178,9 @@ def calibrate(
     source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
     recording = None if looked is None else Recording.of(looked)
-    return Calibration(done, reasons, settings, source, seen, recording)
+    return Calibration(
+        axes=done, failed=reasons, settings=settings, source=source, recording_remarks=seen, recording=recording
+    )
 
 
 def _handled(remark: Remark, robust: Literal["auto"] | bool, general: Model) -> Remark:
@@ -216,9 +231,7 @@ def _looked_at(
     return items, inspect(data) if isinstance(data, Imu) else None
 
 
-def _chosen(
-    data: Imu | Signal | Stream | Mapping[str, Measured], axes: str | Sequence[str] | None
-) -> dict[str, Measured | None]:
+def _chosen(data: object, axes: str | Sequence[str] | None) -> dict[str, Measured | None]:
     """What is to be calibrated, by axis; None of one that is still to be read."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
@@ -328,8 +341,14 @@ class _Axis:
         level = settings.confidence
         sheet = datasheet(fit, level)
         found = AxisCalibration(
-            fit, fit.confidence_intervals(level), _test(fit), sheet, ranking, verdict, needed(fit, settings.weighting),
-        )  # fmt: skip
+            fit=fit,
+            intervals=fit.confidence_intervals(level),
+            test=_test(fit),
+            datasheet=sheet,
+            ranking=ranking,
+            verdict=verdict,
+            needed=needed(fit, settings.weighting),
+        )
         self.told.step(self.name, next(stages))
         return found
 

@@ -93,10 +93,26 @@ def as_way(
         if robust:
             raise OptionError("--robust is how a model is fitted; with --from-fits it is fitted already, leave one out")
         fitted, fits = fits_in(from_fits)
-        return Way(None, fits, str(from_fits), fitted, likelihood, robust, efficiency)
+        return Way(
+            model=None,
+            fits=fits,
+            fits_file=str(from_fits),
+            fitted_file=fitted,
+            likelihood=likelihood,
+            robust=robust,
+            efficiency=efficiency,
+        )
     parsed = parse_model(str(model))
     require_states(parsed, "--model")
-    return Way(parsed, {}, "", None, likelihood, robust, efficiency)
+    return Way(
+        model=parsed,
+        fits={},
+        fits_file="",
+        fitted_file=None,
+        likelihood=likelihood,
+        robust=robust,
+        efficiency=efficiency,
+    )
 
 
 def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str]) -> dict[str, Followed]:

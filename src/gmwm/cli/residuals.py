@@ -63,7 +63,9 @@ def residuals(
     """
     from gmwm.cli.output import print_json, print_written, progress, tell_cautions, told_warnings
 
-    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    way = as_way(
+        model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
+    )
     with told_warnings() as told:
         imu = load(file, opening)
         signals = axes_of(way, chosen_axes(imu, axis), bool(axis))

@@ -61,7 +61,14 @@ class Setting:
     def of(cls, wv: WaveletVariance) -> Setting:
         """The setting in which `wv` was measured."""
         return cls(
-            wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments, wv.strides
+            levels=wv.levels,
+            samples=wv.samples,
+            rate=wv.rate,
+            filter=find_filter(wv.filter),
+            transform=wv.transform,
+            efficiency=wv.efficiency,
+            segments=wv.segments,
+            strides=wv.strides,
         )
 
     @property

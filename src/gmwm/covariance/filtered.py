@@ -101,7 +101,7 @@ class Lags:
         """V_jk of the level j at place a with those from there up to `end`, from lags 2^stage apart."""
         setting = self.setting
         sums = [
-            weighed(self._terms(values, a, b), first, stage, setting, a, b)
+            weighed(self._terms(values, a, b), first, stage=stage, setting=setting, a=a, b=b)
             for b, first, values in self.covariances(a, stage, end)
         ]
         total = np.array(sums) + self._excess(a, end)

@@ -235,7 +235,8 @@ class TwoNumbers(Exporter):
         times = {axis: walk_time(calibration[axis], settings.horizon) for axis in axes}
         uses = {axis: Use(settings.horizon, self.time_of(axis, times, settings), self.flicker) for axis in axes}
         gyro, accel = (
-            sensor_noise(calibration, quantity, settings.axes, settings.inflation, uses) for quantity in QUANTITIES
+            sensor_noise(calibration, quantity, rule=settings.axes, inflation=settings.inflation, uses=uses)
+            for quantity in QUANTITIES
         )
         missing = [_SENSORS[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):

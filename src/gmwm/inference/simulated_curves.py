@@ -80,7 +80,7 @@ def simulated_variances(
 
     def work(batch: int) -> int:
         part = rows[batch * together : (batch + 1) * together]
-        _measure(model, setting, together, _stream(seed, batch), part)
+        _measure(model, setting, together=together, rng=_stream(seed, batch), rows=part)
         return len(part)
 
     _keep_memory(together * setting.samples)
@@ -107,7 +107,9 @@ def _measure(model: Model, setting: Setting, together: int, rng: np.random.Gener
     deepest, wanted = int(setting.levels[-1]), setting.levels - 1
     stretches = [model.simulate(length, setting.rate, rng, together) for length in setting.lengths]
     for row, *path in zip(rows, *stretches, strict=False):
-        row[:] = variances_alone(path, setting.filter, setting.transform, deepest, setting.efficiency)[wanted]
+        row[:] = variances_alone(
+            path, setting.filter, transform=setting.transform, levels=deepest, efficiency=setting.efficiency
+        )[wanted]
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:

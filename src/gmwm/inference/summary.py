@@ -97,7 +97,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
     shown = []
     for name, value in fit.parameters.items():
         if name in fit.undetermined:
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed:
@@ -106,7 +106,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 
@@ -156,23 +156,7 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "asymptotic" or "bootstrap"
-        Intervals and test from theory, or from `draws` simulated records.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    str
-        Model, N, rate, levels and weighting; the criterion with its bounds; the test; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `Fit.summary`."""
     way = Way(level, method, draws, seed)
     intervals, missing = intervals_if_known(fit, way)
     table = rows(fit, intervals, way)
@@ -183,7 +167,7 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
 
 def table_text(table: list[Row], level: float) -> list[str]:
     """Parameters in columns, under their heads."""
-    heads = Row("parameter", "estimate", f"{100 * level:g} % interval", "error", "unit")
+    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     widths = [max(len(getattr(row, k)) for row in (heads, *table)) for k in ("name", "estimate", "interval", "error")]
     lines = []
     for row in (heads, *table):
@@ -219,7 +203,7 @@ def head(fit: Fit, way: Way) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     way = Way()
     intervals, missing = intervals_if_known(fit, way)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)

@@ -75,11 +75,14 @@ def inspect(recording: Imu | Stream) -> Inspection:
     first = recording[recording.axes[0]]
     base = recording.time_base or TimeBase(recording.rate, start=first.start)
     looks = Looks(
-        recording.source, recording.remarks, base, Extent.of(first, base.left),
-        {axis: recording[axis].unit for axis in recording},
-        {axis: lsb(recording[axis].values) for axis in recording},
-        lambda axis, first, last: recording[axis].values[first:last],
-    )  # fmt: skip
+        source=recording.source,
+        remarks=recording.remarks,
+        base=base,
+        extent=Extent.of(first, base.left),
+        units={axis: recording[axis].unit for axis in recording},
+        resolutions={axis: lsb(recording[axis].values) for axis in recording},
+        values=lambda axis, first, last: recording[axis].values[first:last],
+    )
     looks.take(Piece({axis: recording[axis].values for axis in recording}, 0, 0, 0.0))
     return looks.found(recording.temperature)
 
@@ -124,10 +127,14 @@ class Survey:
         segments = list(zip(self._firsts, stops, strict=True))
         extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
         return Looks(
-            stream.source, stream.remarks, stream.time_base, extent,
-            {axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
-            {axis: step_of(sample.values()) for axis, sample in self._samples.items()}, self._values,
-        )  # fmt: skip
+            source=stream.source,
+            remarks=stream.remarks,
+            base=stream.time_base,
+            extent=extent,
+            units={axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
+            resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
+            values=self._values,
+        )
 
     def _values(self, axis: str, first: int, last: int) -> Vector:
         """Some samples, read anew: only where a level has changed for good."""
@@ -186,8 +193,8 @@ class Looks:
                 step
                 for axis, look in looks.items()
                 for step in steps_of(
-                    axis, look.levels(), extent, self._resolutions[axis] or 0.0,
-                    partial(self._values, axis),
+                    axis, look.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
+                    values=partial(self._values, axis),
                 )
             ),
             key=lambda step: (step.time, step.axis),
@@ -209,15 +216,30 @@ class Looks:
         )
         segments = len(extent.segments)
         return Inspection(
-            self._source, extent.rate, extent.samples / extent.rate, extent.samples, segments, self._base, axes,
-            gravity, tilt, not (moved or restless), knocks, tuple(steps), warm_ups, _range(temperature), remarks,
-        )  # fmt: skip
+            source=self._source,
+            rate=extent.rate,
+            duration=extent.samples / extent.rate,
+            samples=extent.samples,
+            segments=segments,
+            time_base=self._base,
+            axes=axes,
+            gravity=gravity,
+            tilt=tilt,
+            static=not (moved or restless),
+            knocks=knocks,
+            steps=tuple(steps),
+            warm_ups=warm_ups,
+            temperature=_range(temperature),
+            remarks=remarks,
+        )
 
     def _axis(self, axis: str, look: Look) -> AxisInspection:
         noise = float(np.sqrt(look.differences.means[0] / 2))
         wander = float(np.ptp(look.pieces.means))
         mean, sd = float(look.all.means[0]), float(np.sqrt(look.all.variances()[0]))
-        return AxisInspection(self._units[axis], mean, sd, noise, self._resolutions[axis], wander)
+        return AxisInspection(
+            unit=self._units[axis], mean=mean, sd=sd, noise=noise, lsb=self._resolutions[axis], wander=wander
+        )
 
     def _densities(self) -> dict[str, float]:
         """Noise densities of the gyroscopes (rad/s/√Hz): of the middle one of all pieces, that no knock is among it."""

@@ -107,7 +107,7 @@ class Tally:
         """Of these rows and those that follow."""
         alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
         counted = self.counted.followed_by(later.counted)
-        return Tally(self.first, later.stop, self.parted, alike, counted)
+        return Tally(self.first, later.stop, parted=self.parted, alike=alike, counted=counted)
 
     def time_base(self, found: Understood) -> TimeBase:
         """What the time stamps of all rows say."""
@@ -183,7 +183,7 @@ class Assembly:
         """What all that came says."""
         counted = Counted() if self._clock is None else self._clock.counted
         alike = {axis: value for axis, value in self._alike.items() if value is not None}
-        return Tally(self._first, self._came, self._parted, alike, counted)
+        return Tally(self._first, self._came, parted=self._parted, alike=alike, counted=counted)
 
     def _settled(self, settled: Settled) -> Iterator[Piece]:
         ready = self._waiting

@@ -52,7 +52,7 @@ class Remark:
         known = message(code)
         if missing := known.needs(facts) - facts.keys():
             raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
-        return cls(code, known.severity, subject, facts, known.advice_for(facts))
+        return cls(code, known.severity, subject=subject, facts=facts, advice=known.advice_for(facts))
 
     @property
     def message(self) -> Message:

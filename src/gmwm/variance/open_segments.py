@@ -170,7 +170,7 @@ class Gathering:
         for k in range(0, x.size, 4 * FOLD):
             part = x[k : k + 4 * FOLD]
             if self._last is None:
-                self._last = Stretch.of(part, self.stop, self.exact, self.levels, self._taking)
+                self._last = Stretch.of(part, self.stop, exact=self.exact, levels=self.levels, taking=self._taking)
             else:
                 self._last = self._last.grown(part, self._taking)
 

@@ -52,7 +52,7 @@ class SecondPass(Gathering):
 
     def part(self, start: int) -> SecondPass:
         """An empty one for the part of the record that begins with sample `start`."""
-        return SecondPass(self._seen, self._wanted, self._drawn_in, start, self.efficiency)
+        return SecondPass(self._seen, self._wanted, drawn_in=self._drawn_in, start=start, efficiency=self.efficiency)
 
     def merge(self, following: SecondPass) -> SecondPass:
         """A new one of this part and the one that follows it at once.

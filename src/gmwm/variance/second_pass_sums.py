@@ -106,9 +106,12 @@ class Found:
         """That of the coefficients of both."""
         sizes = np.concatenate([self.sizes, other.sizes]) if other.sizes.size else self.sizes
         return Found(
-            self.cubed + other.cubed, self.fourth + other.fourth, self.below + other.below,
-            self.inside.merge(other.inside), sizes,
-        )  # fmt: skip
+            self.cubed + other.cubed,
+            self.fourth + other.fourth,
+            below=self.below + other.below,
+            inside=self.inside.merge(other.inside),
+            sizes=sizes,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +184,7 @@ class Wanted:
         if self.high[k] > 0:
             below = int(np.count_nonzero(sizes <= self.low[k]))
             inside = Cells.of(sizes[(sizes > self.low[k]) & (sizes <= self.high[k])])
-        return Found(cubed, fourth, below, inside, sizes if self.kept[k] else np.empty(0))
+        return Found(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: Found, resolution: float = 0.0) -> Finds:
         """With that of one level; what is rounding is known already."""
