@@ -82,7 +82,7 @@ def test_robust_diagnostics_come_back():
     fit = gmwm.fit("WN", x, rate=100.0, robust=True, efficiency=0.8)
     wv = through_json(fit).wavelet_variance
     assert (wv.robust, wv.efficiency) == (True, 0.8)
-    assert wv.notes() == fit.wavelet_variance.notes()
+    assert wv.remarks == fit.wavelet_variance.remarks
     assert wv.to_dict() == fit.wavelet_variance.to_dict()
 
 

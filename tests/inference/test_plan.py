@@ -8,10 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
+from gmwm._text import duration_text
 from gmwm.covariance import Setting, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.asymptotic import sandwich
-from gmwm.inference.planning import length_text
 
 RATE = 100.0
 MODELS = {
@@ -107,7 +107,7 @@ def test_what_cannot_be_seen_is_said():
     assert "not to be seen in 60 s: RW.gamma2" in text
     assert "(rad/s)² per sample" in text
     row = next(line for line in text.splitlines() if "RW.gamma2" in line)
-    assert row.split("  ")[-1].strip() == length_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
+    assert row.split("  ")[-1].strip() == duration_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
     long = gmwm.plan(MODELS["walk"], duration=7200.0, rate=RATE).summary()
     assert "not" not in long
     assert "5.2 %" in long

@@ -216,7 +216,7 @@ def test_flicker_noise_is_the_bias_instability_of_the_standard():
     alone = gmwm.fit(FN(), exact_curve(FN(b2=4e-6))).datasheet()
     assert alone["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert not alone["B"].upper_only
-    assert not alone.notes
+    assert not alone.remarks
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.FitWarning")

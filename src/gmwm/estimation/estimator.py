@@ -119,7 +119,7 @@ def fit(
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
     found = _fitted(wanted, wv, chosen, certify=certify, first=first)
-    for remark in found.remarks:
+    for remark in found.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return found
 
