@@ -28,7 +28,7 @@ from gmwm.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.estimation.variable_projection import NOISE, Found, Point, Surface
+from gmwm.estimation.variable_projection import NOISE, Point, Projection, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -143,7 +143,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     )  # fmt: skip
 
 
-def _value(found: Found | None, problem: Problem) -> float:
+def _value(found: Projection | None, problem: Problem) -> float:
     """The criterion, in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
@@ -154,7 +154,7 @@ def _scanned(problem: Problem) -> Solution:
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone)
-    best: Found | None = None
+    best: Projection | None = None
     start = Start("scan", tried, np.inf)
     for how, point in points:
         before, found = surface.at(point), surface.downhill(point)
@@ -169,7 +169,7 @@ def _scanned(problem: Problem) -> Solution:
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
 
 
-def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Found) -> Found:
+def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """The optimum, after seeing of several free processes whether one is better elsewhere."""
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
@@ -180,7 +180,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Fo
     return best
 
 
-def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
+def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
     """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
     for _ in range(RETURNS if problem.family is not None else 0):
         _, z = surface.split(best.point)
@@ -207,7 +207,7 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     return _solution(problem, surface, found, solution.start, ends=ends)
 
 
-def _at_rest(surface: Surface, found: Found) -> bool:
+def _at_rest(surface: Surface, found: Projection) -> bool:
     """Whether the gradient is nothing beside the objective."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
@@ -216,7 +216,7 @@ def _at_rest(surface: Surface, found: Found) -> bool:
     return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
 
 
-def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *, ends: bool = True) -> Solution:
+def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
     """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)

@@ -118,8 +118,8 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """The least objective for given shapes, with the weights of all unit vectors: linear, curved, free."""
+class Projection:
+    """The least objective at fixed shapes, with the nonnegative weights of all unit vectors: linear, curved, free."""
 
     objective: float
     point: Point
@@ -145,7 +145,7 @@ class Surface:
         ends = count + np.cumsum([0, *(free.size for free in self.frees)])
         return point.x[:count], [point.x[a:b] for a, b in pairwise(ends.tolist())]
 
-    def at(self, point: Point) -> Found | None:
+    def at(self, point: Point) -> Projection | None:
         """The best weights there; None where there is no such process."""
         u, z = self.split(point)
         for free, part in zip(self.frees, z, strict=True):
@@ -162,7 +162,7 @@ class Surface:
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
-        return Found(objective, point, weights, every, lengths, self.problem.target - weights @ every)
+        return Projection(objective, point, weights, every, lengths, self.problem.target - weights @ every)
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Wavelet variances (n, J) of the free processes at unit scale."""
@@ -188,7 +188,7 @@ class Surface:
         places = list(zip(branches, u.tolist(), strict=True))
         return shapes(family, places, problem.levels, problem.rate, problem.filter)
 
-    def slopes(self, found: Found) -> Matrix:
+    def slopes(self, found: Projection) -> Matrix:
         """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
@@ -212,7 +212,7 @@ class Surface:
         share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
-    def moving(self, found: Found, gradient: Vector) -> NDArray[np.bool_]:
+    def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
         """Which coordinates can move: their process has a weight, and they are not held by an end of their branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
@@ -232,7 +232,7 @@ class Surface:
 
     # --- downhill ---------------------------------------------------------------------------------------
 
-    def downhill(self, start: Point) -> Found | None:
+    def downhill(self, start: Point) -> Projection | None:
         """The local optimum that Levenberg-Marquardt steps lead to from a point, to some digits."""
         best = self.at(start)
         if best is None:
@@ -265,13 +265,13 @@ class Surface:
                 break
         return best
 
-    def _projected(self, found: Found, slopes: Matrix) -> Matrix:
+    def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
         """Slopes without what the scales can make up for."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
-    def sharpened(self, best: Found, steps: int = NEWTON_STEPS) -> Found:
+    def sharpened(self, best: Projection, steps: int = NEWTON_STEPS) -> Projection:
         """The same optimum to all digits, where Newton's method leads to one that is as good."""
         for _ in range(steps):
             gradient = -self.slopes(best) @ best.residual
@@ -295,7 +295,7 @@ class Surface:
                 break
         return best
 
-    def _hessian(self, best: Found, able: NDArray[np.bool_]) -> Matrix | None:
+    def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
         """Derivatives of the gradient by the coordinates that can move, by differences; None where it is no minimum."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:

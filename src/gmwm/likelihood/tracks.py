@@ -221,7 +221,7 @@ def _tracks(
         raise nothing_to_chance(problem.model)
     errors = np.sqrt(variances, out=variances)
     found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
-    white = [part.label for part in system.parts if part.space.states == 0]
+    white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
         found[white[0]] = (means[-1], errors[-1])
     _known(problem, system, found)
@@ -266,16 +266,16 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
-    for part in system.parts:
-        if part.space.states == 0:
+    for block in system.blocks:
+        if block.space.states == 0:
             continue
         seen = np.zeros(system.H.size)
-        seen[part.first : part.last] = part.space.H[0]
-        own = np.array([float(r.label == part.label) for r in regressors])
-        labels.append(part.label)
+        seen[block.first : block.last] = block.space.H[0]
+        own = np.array([float(r.label == block.label) for r in regressors])
+        labels.append(block.label)
         states.append(seen)
         shares.append(own)
-        if wanders(part.process, problem.rate):
+        if wanders(block.process, problem.rate):
             bias += seen
             carried += own
     if any(r.label == LEVEL for r in regressors):
@@ -303,7 +303,7 @@ def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vect
         found[levelled[0]][0][:] += problem.centre
     elif problem.centre:
         found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
-    random = {part.label for part in system.parts}
+    random = {block.label for block in system.blocks}
     for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
         if label not in random:
             course = process.mean(np.arange(bias.size))

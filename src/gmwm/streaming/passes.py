@@ -16,7 +16,7 @@ from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import EXACT, Gathering
+from gmwm.variance.open_segments import EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def measured_pairs(
 
 def _pass(
     stream: Source,
-    measured: Mapping[str, Gathering],
+    measured: Mapping[str, SegmentedAccumulator],
     threads: int | None,
     done: Callable[[int], None] | None,
     again: int | None = None,
@@ -184,9 +184,9 @@ def _pass(
             if done is not None and samples:
                 done(samples + (again or 0))
             after_gap = piece.segment != segment
-            taken = piece if again is None else _until(piece, again)
-            running = [pool.submit(_take, one, taken[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = taken.first + len(taken), taken.segment
+            statistics = piece if again is None else _until(piece, again)
+            running = [pool.submit(_take, one, statistics[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = statistics.first + len(statistics), statistics.segment
             if again is not None and samples >= again:
                 break  # what has come since belongs to no pass; of what is odd in the file the first one told
         _await(running)
@@ -223,7 +223,7 @@ def accumulators(
     }
 
 
-def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
+def feed(pieces: Iterable[Piece], measured: Mapping[str, SegmentedAccumulator]) -> None:
     """Give pieces as they come to the accumulators of some axes, one after the other."""
     segment = 0
     for piece in pieces:
@@ -232,7 +232,7 @@ def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
         segment = piece.segment
 
 
-def _take(one: Gathering, values: Vector, after_gap: bool) -> None:
+def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:
     if after_gap:
         one.gap()
     one.update(values)
