@@ -13,7 +13,7 @@ from gmwm._text import counted, rounded
 from gmwm.calibration.misfit import about_rejected
 from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.planning import SEEN, length_text
@@ -307,7 +307,7 @@ def _about_length(found: AxisCalibration) -> str:
 def _longest_unbroken(wv: WaveletVariance) -> float:
     """The longest scale (s) that as many samples would show well without a gap."""
     levels = np.arange(1, wv.samples.bit_length())
-    whole = Setting(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
+    whole = Design(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
     usable = levels[usable_in(whole)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
 

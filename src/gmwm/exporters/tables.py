@@ -10,7 +10,7 @@ from importlib import metadata
 from typing import TYPE_CHECKING
 
 from gmwm.calibration.tables import SENSORS, by_sensor, in_order, number
-from gmwm.exporters.base import Exporter, Settings, register
+from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.text import commented, recording
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class CsvTable(Exporter):
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Comment lines, a header, rows."""
         level = calibration.settings.confidence
         head = commented(
@@ -63,7 +63,7 @@ class LatexTable(Exporter):
     title = "papers (LaTeX)"
     extension = ".tex"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Needs no package."""
         level = calibration.settings.confidence
         head = commented(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.solver import estimated, solve_near
@@ -129,7 +129,7 @@ def least_draws(level: float) -> int:
 
 def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] | None) -> Bootstrap:
     wv = fit.wavelet_variance
-    variances = simulated_variances(fit.model, Setting.of(wv), draws, seed, progress=progress)
+    variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
@@ -157,7 +157,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
     found = fit.sandwich
     if covariance is not None:
         found = sandwich_of(
-            fit.model, Setting.of(fit.wavelet_variance), fit.weighting_matrix, _as_covariance(fit, covariance),
+            fit.model, Design.of(fit.wavelet_variance), fit.weighting_matrix, _as_covariance(fit, covariance),
             fit.diagnostics.acts_as,
         )  # fmt: skip
     z = NormalDist().inv_cdf((1 + level) / 2)
@@ -263,8 +263,8 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
     """Relative standard error of a parameter if `model` were true."""
-    setting = Setting.of(fit.wavelet_variance)
-    matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    found = sandwich_of(model, setting, matrix, covariance_of(model, setting), fit.diagnostics.acts_as)
+    design = Design.of(fit.wavelet_variance)
+    matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    found = sandwich_of(model, design, matrix, covariance_of(model, design), fit.diagnostics.acts_as)
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

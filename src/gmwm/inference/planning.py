@@ -14,7 +14,7 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
 from gmwm._text import Named, Summarised, counted, rounded
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
@@ -310,9 +310,9 @@ def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
 ) -> tuple[tuple[str, ...], Vector]:
     """Names of the free parameters, and the standard error of each over its value, for a record of `samples`."""
-    setting = Setting(np.arange(1, samples.bit_length()), samples, rate)
-    wavelet = covariance(model, setting)
-    found = sandwich_of(model, setting, _weights(wavelet, weighting), wavelet)
+    design = Design(np.arange(1, samples.bit_length()), samples, rate)
+    wavelet = covariance(model, design)
+    found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
     return found.names, np.sqrt(np.diag(found.relative))
 
 

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.estimation.estimator import measured
 from gmwm.estimation.result import Fit
@@ -298,7 +298,7 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
         variances = None
         if method == "bootstrap":
             wv = e.general.wavelet_variance
-            variances = simulated_variances(e.general.model, Setting.of(wv), draws, seed + r)
+            variances = simulated_variances(e.general.model, Design.of(wv), draws, seed + r)
         for fit in e.fits:
             if id(fit) not in known:
                 if variances is None:

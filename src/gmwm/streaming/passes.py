@@ -184,9 +184,9 @@ def _pass(
             if done is not None and samples:
                 done(samples + (again or 0))
             after_gap = piece.segment != segment
-            statistics = piece if again is None else _until(piece, again)
-            running = [pool.submit(_take, one, statistics[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = statistics.first + len(statistics), statistics.segment
+            kept = piece if again is None else _until(piece, again)
+            running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = kept.first + len(kept), kept.segment
             if again is not None and samples >= again:
                 break  # what has come since belongs to no pass; of what is odd in the file the first one told
         _await(running)
