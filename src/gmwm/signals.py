@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,8 @@ from gmwm.units import SI_UNIT, Quantity, parse_unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
+
+T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
@@ -87,7 +89,7 @@ class Signal:
 
     @classmethod
     def from_missing(cls, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0) -> Signal:
-        """A signal of samples at equal steps of which some are missing: each stretch between them is a segment.
+        """A signal of samples at equal steps of which some are missing: each run between them is a segment.
 
         Parameters
         ----------
@@ -174,10 +176,10 @@ class Signal:
             )
         return self.values
 
-    def pieces(self) -> list[Vector]:
+    def segment_values(self) -> list[Vector]:
         """The values of each segment.
 
-        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).pieces()
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).segment_values()
         [array([1., 2.]), array([3.])]
         """
         return [self.values[first:last] for first, last in self.segments]
@@ -187,7 +189,7 @@ class Signal:
     )
 
     def longest(self) -> Signal:
-        """The longest stretch without a gap, as a signal of its own."""
+        """The longest segment, as a signal of its own."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
@@ -363,7 +365,7 @@ class Imu:
     )
 
     def longest(self) -> Imu:
-        """The longest stretch without a gap, as a recording of its own; says so in its notes."""
+        """The longest segment, as a recording of its own; says so in its notes."""
         if len(self.segments) == 1:
             return self
         first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
@@ -380,6 +382,36 @@ class Imu:
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
+
+
+def sensor_of(axis: str) -> str:
+    """The sensor of an axis; "" if its name has none.
+
+    >>> sensor_of("gyro_x"), sensor_of("temperature")
+    ('gyro', '')
+    """
+    return axis.rpartition("_")[0]
+
+
+def letter_of(axis: str) -> str:
+    """The direction of an axis, x, y or z; the whole name if it has no sensor.
+
+    >>> letter_of("gyro_x")
+    'x'
+    """
+    return axis.rpartition("_")[2]
+
+
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """The values of axes, grouped by sensor.
+
+    >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
+    {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
+    """
+    sensors: dict[str, dict[str, T]] = {}
+    for axis, value in axes.items():
+        sensors.setdefault(sensor_of(axis), {})[axis] = value
+    return sensors
 
 
 def axis_quantity(axis: str) -> Quantity:

@@ -14,8 +14,8 @@ from gmwm import Calibration, DataError, Fleet, GmwmError, OptionError, ReadErro
 from gmwm.errors import GmwmWarning
 from gmwm.fleets import unit_job
 from gmwm.fleets.discovery import find_units
-from gmwm.fleets.unit_job import Asked, Job
-from gmwm.fleets.workers import patient, spread
+from gmwm.fleets.unit_job import Job, UnitOptions
+from gmwm.fleets.workers import allowing_lost_workers, on_cluster
 
 WITHIN = "WN + RW"
 ONE = {"gyro_x": "WN(sigma2=4e-7)"}
@@ -69,7 +69,7 @@ def client():
     """Two worker processes; the scheduler gives a job up with the second worker that it loses."""
     distributed = pytest.importorskip("distributed")
     with (
-        patient(1),
+        allowing_lost_workers(1),
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
@@ -187,7 +187,7 @@ def test_a_unit_that_kills_its_workers_fails_and_takes_nobody_along(client, few)
     asked = asked_for(WITHIN)
     jobs = [Job(path.name, str(path), asked, 1) for path in sorted(few.iterdir())]
     jobs.insert(2, Job("deadly", jobs[0].path, asked, Deadly(1)))
-    outcomes = list(spread(jobs, client, retries=1))
+    outcomes = list(on_cluster(jobs, client, retries=1))
     assert sorted(one.unit for one in outcomes) == sorted(job.unit for job in jobs)
     assert [one.unit for one in outcomes if one.document is None] == ["deadly"]
     assert "its worker process died" in next(one.reason for one in outcomes if one.unit == "deadly")
@@ -197,7 +197,7 @@ def asked_for(within):
     from gmwm.calibration.result import Settings
 
     model = gmwm.parse_model(within)
-    return Asked(model, Settings(str(model), "auto", "optimal", "asymptotic", 0.95, 0.6, 1000, 0), None, {}, {})
+    return UnitOptions(model, Settings(str(model), "auto", "optimal", "asymptotic", 0.95, 0.6, 1000, 0), None, {}, {})
 
 
 def test_worker_processes_of_its_own_find_the_same(few, tmp_path):
@@ -504,11 +504,11 @@ def test_nothing_is_written_where_no_scheduler_answers(few, tmp_path, monkeypatc
     assert not (tmp_path / "out").exists()
 
 
-def test_large_recordings_are_read_in_pieces(few, tmp_path, monkeypatch):
+def test_large_recordings_are_read_in_chunks(few, tmp_path, monkeypatch):
     whole = fleet(few, tmp_path / "whole", within=WITHIN, workers=0)
     monkeypatch.setattr("gmwm.readers.streams.LARGE", 1000)
     monkeypatch.setattr(unit_job, "read", None)  # not come to
-    found = fleet(few, tmp_path / "pieces", within=WITHIN, workers=0)
+    found = fleet(few, tmp_path / "chunks", within=WITHIN, workers=0)
     assert found.done == 6
     assert found.table["model"].to_list() == whole.table["model"].to_list()
     np.testing.assert_allclose(found.table["N"].to_numpy(), whole.table["N"].to_numpy(), rtol=1e-6)

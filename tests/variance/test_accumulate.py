@@ -1,4 +1,4 @@
-"""A record in pieces: how it is cut, merged or stored changes nothing; large scales take every τ/64-th place."""
+"""A record in chunks: how it is cut, merged or stored changes nothing; large scales take every τ/64-th place."""
 
 import json
 import pickle
@@ -140,7 +140,7 @@ def pieces(x, cuts):
     return Signal(x, RATE, segments=list(pairwise(ends)))
 
 
-def test_gaps_begin_new_stretches():
+def test_gaps_begin_new_segments():
     x, cuts = walk(30_000), [5_000, 5_001, 5_050, 17_000]
     live = WaveletAccumulator(RATE, exact=14)
     for a, b in pairwise([0, *cuts, x.size]):

@@ -1,4 +1,4 @@
-"""A record taken twice in pieces: its robust variance is that of all coefficients, however it is cut."""
+"""A record taken twice in chunks: its robust variance is that of all coefficients, however it is cut."""
 
 import pickle
 from itertools import pairwise

@@ -17,7 +17,6 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration, Settings
 from gmwm.calibration.stream_measurement import measured_and_seen
 from gmwm.calibration.summary_text import WANTED, cautions
-from gmwm.calibration.tables import sensor_of
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.estimator import as_fit
@@ -30,7 +29,7 @@ from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.readers.streams import Stream
 from gmwm.selection import select
-from gmwm.signals import Imu, Signal
+from gmwm.signals import Imu, Signal, sensor_of
 from gmwm.units import SI_UNIT, find_unit
 from gmwm.variance.api import wavelet_variance
 from gmwm.variance.biweight import biweight
@@ -168,7 +167,7 @@ def calibrate(
 
 
 def check_settings(settings: Settings, threads: int | None = None) -> None:
-    """What the pieces do not see before the work has begun."""
+    """What the chunks do not see before the work has begun."""
     if settings.robust not in ("auto", False, True):
         raise OptionError(f"robust must be 'auto', False or True, got {settings.robust!r}")
     if settings.weighting not in ("diagonal", "optimal"):

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from gmwm._tables import headed
 from gmwm._text import counted, rounded
 from gmwm.calibration.misfit import about_rejected
-from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
 from gmwm.cautions import ALONE, LONGEST, OR_ROBUST
 from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.planning import SEEN, length_text
 from gmwm.outliers import HUGE
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -91,7 +93,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(names), count):
         chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *aligned(rows_of(chosen))]
+        lines += [*([""] if lines else []), *headed(rows_of(chosen))]
     return lines
 
 

@@ -192,10 +192,9 @@ def _print_curves(results: Mapping[str, ClusterVariance], system: UnitSystem) ->
     """One axis with limits and noise, or all of a sensor side by side."""
     from gmwm.cli.output import print_table
     from gmwm.plots.allan import cluster_view
+    from gmwm.signals import by_sensor
 
-    sensors: dict[str, list[ClusterVariance]] = {}
-    for name, result in results.items():
-        sensors.setdefault(name.rpartition("_")[0], []).append(result)
+    sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % limits" if alone else ""

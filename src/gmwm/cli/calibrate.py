@@ -10,7 +10,7 @@ import typer
 
 from gmwm.calibration.api import WITHIN
 from gmwm.cli.export import written_for_kalibr
-from gmwm.cli.measuring import InPieces, Scheduler, Workers, opened
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, opened
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -62,7 +62,7 @@ def calibrate(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
     output: Annotated[
@@ -94,7 +94,7 @@ def calibrate(
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
     largest = parse_within(within)
     with told_warnings() as told:
-        recording = opened(file, opening, in_pieces, spread=scheduler is not None or workers is not None)
+        recording = opened(file, opening, chunked, spread=scheduler is not None or workers is not None)
         chosen = tuple(chosen_names(recording.axes, axis))
         if output is not None:
             made_directory(output)

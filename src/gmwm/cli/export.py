@@ -146,9 +146,10 @@ def written_for_kalibr(found: Calibration, room: Path, folder: Path) -> list[str
     import warnings
 
     from gmwm.exporters import export as exported
+    from gmwm.signals import sensor_of
 
     target = room / "imu.yaml"
-    if {"gyro", "accel"} <= {axis.rpartition("_")[0] for axis in found}:
+    if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:
         try:
             exported(found, target)
         except (DataError, MissingTheoryError) as error:

@@ -10,7 +10,7 @@ import typer
 
 from gmwm.cli.likelihood_output import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import InPieces, needs_memory, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, needs_memory, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
@@ -29,7 +29,7 @@ from gmwm.processes import families, registry
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
     from gmwm.estimation.starts import Sampled
-    from gmwm.inference.summary import Way
+    from gmwm.inference.summary import IntervalMethod
     from gmwm.signals import Signal
 
 EXAMPLES = (
@@ -115,7 +115,7 @@ def fit(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the bootstrap and the draws.", min=0, rich_help_panel=RESULT)] = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -142,10 +142,10 @@ def fit(
     parsed = parse_model(model)
     if likelihood:
         require_states(parsed, LIKELIHOOD[0])
-    way = _way(confidence, bootstrap, seed)
+    how = _interval_method(confidence, bootstrap, seed)
     with told_warnings() as told:
         whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
-        recording = opened(file, opening, in_pieces, whole=whole)
+        recording = opened(file, opening, chunked, whole=whole)
         if output is not None:
             made_directory(output)
         strength = chosen_efficiency(robust, efficiency)
@@ -171,7 +171,7 @@ def fit(
         with progress("intervals and tests", len(fits)) as advance:
             axes = {}
             for name, f in fits.items():
-                axes[name] = as_dict(f, way)
+                axes[name] = as_dict(f, how)
                 if name in carried:
                     axes[name]["likelihood"] = likelihood_as_dict(carried[name])
                 advance(f"intervals and tests: {name}")
@@ -185,22 +185,22 @@ def fit(
         if json:
             print_json("fit", content, told)
             return
-        print_fits(fits, way)
+        print_fits(fits, how)
         if carried:
             print_likelihoods(carried)
         print_written(written)
 
 
-def _way(confidence: float, draws: int | None, seed: int) -> Way:
+def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
     """How intervals and tests are made, and enough simulated records for them."""
     from gmwm.inference.bootstrap import as_draws
-    from gmwm.inference.summary import Way
+    from gmwm.inference.summary import IntervalMethod
 
-    way = Way(confidence)
+    how = IntervalMethod(confidence)
     if draws is None:
-        return way
-    as_draws(draws, way.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
-    return Way(confidence, "bootstrap", draws, seed)
+        return how
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
+    return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 
 def fit_axes(
@@ -250,51 +250,50 @@ def write_fits(path: Path, content: Mapping[str, Any]) -> Path:
     return path
 
 
-def as_dict(fit: Fit, way: Way) -> dict[str, Any]:
+def as_dict(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
     """A fit with its intervals and test as plain numbers, lists and texts."""
     from gmwm.inference.summary import inference
 
-    return fit.to_dict() | inference(fit, way)
+    return fit.to_dict() | inference(fit, how)
 
 
-def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
+def print_fits(fits: Mapping[str, Fit], how: IntervalMethod) -> None:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.calibration.tables import wrapped
     from gmwm.inference.summary import intervals_if_known, notes
+    from gmwm.signals import by_sensor
 
     if len(fits) == 1:
-        print(next(iter(fits.values())).summary(way.level, way.method, draws=way.draws, seed=way.seed))
+        print(next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, seed=how.seed))
         return
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
     robust = f"robust with efficiency {wv.efficiency:g}, " if wv.robust else ""
     print(f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}")
-    sensors: dict[str, dict[str, Fit]] = {}
-    for name, found in fits.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = found
+    sensors = by_sensor(fits)
     for group in sensors.values():
-        _print_sensor(group, way)
+        _print_sensor(group, how)
     print(
-        f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * way.level:g} %; p: of a worse fit\n"
+        f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * how.level:g} %; p: of a worse fit\n"
         "if the model is right. Confidence intervals: one --axis alone, or --json."
     )
     told = [
-        f"{name}: {note}" for name, found in fits.items() for note in notes(found, intervals_if_known(found, way)[1])
+        f"{name}: {note}" for name, found in fits.items() for note in notes(found, intervals_if_known(found, how)[1])
     ]
     if told:
         print("\n".join(["", *(line for text in told for line in wrapped(text))]))
 
 
-def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:
+def _print_sensor(group: Mapping[str, Fit], how: IntervalMethod) -> None:
     from gmwm.cli.output import print_table, print_units
     from gmwm.inference.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
     units = first.units()
-    values = [short_values(found, way) for found in group.values()]
+    values = [short_values(found, how) for found in group.values()]
     rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
     last = len(rows) - 1
-    tests = [test_in_words(found, way)[0] for found in group.values()]
+    tests = [test_in_words(found, how)[0] for found in group.values()]
     rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
     rows.append(["objective", *(f"{found.objective:.5g}" for found in group.values())])
     rows.append(["gain at most", *_gains(list(group.values()))])

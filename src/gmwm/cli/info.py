@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.measuring import InPieces, opened
+from gmwm.cli.measuring import Chunked, opened
 from gmwm.cli.options import RESULT, Json
 from gmwm.cli.read_options import File, Opening, opens
 
@@ -22,7 +22,7 @@ EXAMPLES = (
 def info(
     file: File,
     opening: Opening,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -36,7 +36,7 @@ def info(
 
     In the table, all in SI units: mean; sd, the standard deviation of all samples; noise, that of white noise with
     the same differences from sample to sample, which offset and slow drift do not reach; LSB, the quantisation step
-    where one shows; wander, the largest difference between the means of 64 equal pieces of the recording.
+    where one shows; wander, the largest difference between the means of 64 equal windows of the recording.
     """
     from gmwm.cli.errors import as_options
     from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
@@ -44,7 +44,7 @@ def info(
     from gmwm.signals import Imu
 
     with told_warnings() as told:
-        recording = opened(file, opening, in_pieces, whole="" if plot is None else "--plot")
+        recording = opened(file, opening, chunked, whole="" if plot is None else "--plot")
         with progress("inspecting"):
             inspection = inspect(recording)
         if plot is not None and isinstance(recording, Imu):

@@ -93,6 +93,7 @@ def as_dict(found: Judged) -> dict[str, Any]:
 def print_likelihoods(found: Mapping[str, Judged]) -> None:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.likelihood.summary import in_words
+    from gmwm.signals import by_sensor
 
     print()
     if len(found) == 1:
@@ -101,9 +102,7 @@ def print_likelihoods(found: Mapping[str, Judged]) -> None:
         return
     first = next(iter(found.values()))
     print(f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz")
-    sensors: dict[str, dict[str, Judged]] = {}
-    for name, one in found.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = one
+    sensors = by_sensor(found)
     for group in sensors.values():
         _print_sensor(group)
     print("\np of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.")

@@ -1,4 +1,4 @@
-"""Recordings larger than memory: when they are read in pieces, and how their curves are had, here or on a cluster."""
+"""Recordings larger than memory: when they are read in chunks, and how their curves are had, here or on a cluster."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from gmwm.signals import Imu, Signal
     from gmwm.variance.result import WaveletVariance
 
-InPieces = Annotated[
+Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Read the recording in pieces, twice, in bounded memory: files of 300 MB or more, all, or none. Scales "
-        "from 2^15 samples on then take one coefficient every τ/64, and temperatures are not looked at.",
+        help="Read the recording in chunks, twice, in bounded memory. auto: files of 300 MB or more; yes: every file; "
+        "no: never. In chunks, scales from 2^15 samples on use one coefficient every τ/64; temperatures are not read.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -49,32 +49,32 @@ Workers = Annotated[
 def opened(
     path: Path,
     opening: Opening,
-    in_pieces: Literal["auto", "yes", "no"],
+    chunked: Literal["auto", "yes", "no"],
     *,
     spread: bool = False,
     whole: str = "",
 ) -> Imu | Stream:
-    """The recording in a file, in memory or in pieces.
+    """The recording in a file, in memory or in chunks.
 
     Parameters
     ----------
-    path, opening, in_pieces
+    path, opening, chunked
     spread : bool
-        Whether others are to read it: that is in pieces.
+        Whether workers read it, which is always in chunks.
     whole : str
         What was asked for that needs it in memory; "" if nothing was.
     """
     whole = whole or ("--gaps longest" if opening.gaps == "longest" else "")
-    if whole and (spread or in_pieces == "yes"):
-        asked = "--scheduler and --workers read" if spread else "--in-pieces yes reads"
-        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in pieces: leave one of them out")
-    if spread and in_pieces == "no":
-        raise OptionError("--scheduler and --workers read the recording in pieces: leave --in-pieces no out")
+    if whole and (spread or chunked == "yes"):
+        asked = "--scheduler and --workers read" if spread else "--chunked yes reads"
+        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in chunks: leave one of them out")
+    if spread and chunked == "no":
+        raise OptionError("--scheduler and --workers read the recording in chunks: leave --chunked no out")
     from gmwm.cli.output import progress
     from gmwm.readers import stream
     from gmwm.readers.streams import is_large
 
-    if not spread and (in_pieces == "no" or (in_pieces == "auto" and (whole or not is_large(path)))):
+    if not spread and (chunked == "no" or (chunked == "auto" and (whole or not is_large(path)))):
         return load(path, opening)
 
     with progress(f"reading {path.name}"):
@@ -97,7 +97,7 @@ def curves_and_cautions(
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> tuple[dict[str, WaveletVariance], tuple[str, ...]]:
-    """The curves of some axes of a recording in pieces, and what an inspection warns of."""
+    """The curves of some axes of a recording in chunks, and what an inspection warns of."""
     from gmwm.calibration.stream_measurement import measured_and_seen
     from gmwm.cli.output import progress
 
@@ -112,7 +112,7 @@ def curves_and_cautions(
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, told: list[str]
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The axes that --axis names, measured already if the recording is in pieces; cautions are told."""
+    """The axes that --axis names, measured already if the recording is in chunks; cautions are told."""
     from gmwm.cli.output import tell, tell_cautions
     from gmwm.signals import Imu
 

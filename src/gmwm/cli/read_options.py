@@ -206,7 +206,7 @@ def _length(text: str | None, option: str) -> float | None:
 
 
 def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
-    """Stretches of time to leave out (s).
+    """Ranges of time to leave out (s).
 
     >>> parse_skips(["20min-25min,1h-1h30s"])
     [(1200.0, 1500.0), (3600.0, 3630.0)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
+from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import RESULT, Efficiency, Json, Robust, chosen_efficiency
 from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
 from gmwm.errors import OptionError
@@ -63,14 +63,14 @@ def residuals(
     """
     from gmwm.cli.output import print_json, print_written, progress, tell_cautions, told_warnings
 
-    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    source = model_source(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
     with told_warnings() as told:
         imu = load(file, opening)
-        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
+        signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
         if plot is not None and len(signals) > 1:
             raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
         tell_cautions(told, imu)
-        models = followed(way, signals, file, told)
+        models = axis_models(source, signals, file, told)
         found = _residuals(models, signals)
         checks = {name: one.to_dict(lags) for name, one in found.items()}
         if plot is not None:
@@ -85,7 +85,7 @@ def residuals(
         print_written(written)
 
 
-def _residuals(models: Mapping[str, Followed], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
+def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
     from gmwm.cli.parallel import over_axes
     from gmwm.likelihood import residuals as residuals_of
 
@@ -96,14 +96,14 @@ def _residuals(models: Mapping[str, Followed], signals: Mapping[str, Signal]) ->
     return over_axes(one, signals, "checking residuals")
 
 
-def _print(models: Mapping[str, Followed], checks: Mapping[str, Mapping[str, Any]]) -> None:
+def _print(models: Mapping[str, AxisModel], checks: Mapping[str, Mapping[str, Any]]) -> None:
     from gmwm.cli.output import print_table
     from gmwm.likelihood.summary import p_text
 
     first = next(iter(models.values()))
     structures = {model.values.structure for model in models.values()}
     several = len(structures) > 1
-    print(f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.source}")
+    print(f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.origin}")
     rows = [
         [
             name, *([models[name].values.structure] if several else []), str(check["samples"]),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.calibration.api import WITHIN
-from gmwm.cli.measuring import InPieces, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -50,7 +50,7 @@ def select(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     limit: Annotated[int, typer.Option(help="Models to print for each axis.", min=1, rich_help_panel=RESULT)] = 10,
     plot: Annotated[
         Path | None,
@@ -78,7 +78,7 @@ def select(
 
     largest = parse_within(within)
     with told_warnings() as told:
-        recording = opened(file, opening, in_pieces)
+        recording = opened(file, opening, chunked)
         signals = chosen_names(recording.axes, axis)
         if plot is not None and len(signals) > 1:
             raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis, or take --output")

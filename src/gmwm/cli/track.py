@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from gmwm.cli.durations import parse_length
-from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
+from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
@@ -110,7 +110,7 @@ def track(
     from gmwm.cli.track_output import as_dict, print_tracks
     from gmwm.writers import table_path
 
-    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    source = model_source(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
     length = None if predict is None else _length(predict, kind)
     if output is not None:
         table_path(output)
@@ -118,11 +118,11 @@ def track(
             raise OptionError(f"--output must be another file than FILE, got {output} for both")
     with told_warnings() as told:
         imu = load(file, opening)
-        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
+        signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
         if plot is not None and len(signals) > 1:
             raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
         tell_cautions(told, imu)
-        models = followed(way, signals, file, told)
+        models = axis_models(source, signals, file, told)
         tracks = _tracks(models, signals, kind, length)
         if label:
             _check_labels(tracks, label)
@@ -153,7 +153,7 @@ def _length(text: str, kind: str) -> float:
 
 
 def _tracks(
-    models: Mapping[str, Followed],
+    models: Mapping[str, AxisModel],
     signals: Mapping[str, Signal],
     kind: Literal["smooth", "filter"],
     ahead: float | None,

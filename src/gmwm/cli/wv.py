@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.measuring import InPieces, Scheduler, Workers, curves_and_cautions, needs_memory, opened
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, curves_and_cautions, needs_memory, opened
 from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Json, Robust, TransformName, View, chosen_efficiency
 from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, chosen_names, opens
 
@@ -34,7 +34,7 @@ def wv(
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
     view: View = "wavelet",
@@ -72,7 +72,7 @@ def wv(
 
     with told_warnings() as told:
         recording = opened(
-            file, opening, in_pieces, spread=scheduler is not None or workers is not None,
+            file, opening, chunked, spread=scheduler is not None or workers is not None,
             whole=needs_memory(filter, transform),
         )  # fmt: skip
         chosen, strength = chosen_names(recording.axes, axis), chosen_efficiency(robust, efficiency)
@@ -114,10 +114,9 @@ def _print_curves(results: Mapping[str, WaveletVariance], view: ViewName, system
     """One axis with its limits, or all of a sensor side by side."""
     from gmwm.cli.output import print_table
     from gmwm.plots.view import view_of
+    from gmwm.signals import by_sensor
 
-    sensors: dict[str, dict[str, WaveletVariance]] = {}
-    for name, result in results.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = result
+    sensors = by_sensor(results)
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % limits" if alone else ""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Vector, freeze
+from gmwm._tables import aligned
 from gmwm.datasheets.entry import Entry, significant
 
 
@@ -97,9 +98,7 @@ class Datasheet(Mapping[str, Entry]):
             See `Entry.in_units`.
         """
         rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
-        widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
-        lines = ["  ".join([row[k].ljust(widths[k]) for k in range(3)] + [row[3]]).rstrip() for row in rows]
-        return "\n".join([self._head(), *(f"  {line}" for line in lines), *self.notes])
+        return "\n".join([self._head(), *aligned(rows), *self.notes])
 
     def _head(self) -> str:
         axis = f"{self.axis}: " if self.axis else ""

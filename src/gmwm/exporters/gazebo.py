@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.tables import sensor_of
 from gmwm.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
 from gmwm.exporters.text import unended, written
+from gmwm.signals import letter_of, sensor_of
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -65,7 +65,7 @@ class Gazebo(TwoNumbers):
 
 
 def _axis(sensor: SensorNoise, k: int, letter: str, noise: Noise) -> list[str]:
-    times = {one.axis.rpartition("_")[2]: one.time for one in sensor.axes}
+    times = {letter_of(one.axis): one.time for one in sensor.axes}
     time = times[letter] if noise.options.axes == "each" else sensor.axes[0].time
     stddev = sensor.N[k].scaled(math.sqrt(noise.rate))
     upper = [s for s, number in (("stddev", stddev), ("dynamic_bias_stddev", sensor.K[k])) if number.upper]

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.tables import SENSORS, by_sensor, in_order, number
+from gmwm.calibration.tables import SENSORS, in_order, number
 from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.text import commented, recording
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

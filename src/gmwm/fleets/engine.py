@@ -18,18 +18,18 @@ from gmwm._threads import processors
 from gmwm.calibration.api import WITHIN, check_settings
 from gmwm.calibration.result import Settings
 from gmwm.errors import GmwmWarning, OptionError
-from gmwm.fleets.discovery import Found, Recordings, find_units
+from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
-from gmwm.fleets.storage import TABLE, drop, keep, kept_rows, strangers, write_facts
+from gmwm.fleets.storage import TABLE, finished_rows, foreign_units, remove_unit, write_facts, write_unit
 from gmwm.fleets.table import as_table, write_table
-from gmwm.fleets.unit_job import Asked, Job, Outcome
-from gmwm.fleets.workers import here, patient, spread
+from gmwm.fleets.unit_job import Job, Outcome, UnitOptions
+from gmwm.fleets.workers import allowing_lost_workers, in_process, on_cluster
 from gmwm.processes.model import ModelLike, as_model
 from gmwm.readers import find_reader, read
 from gmwm.readers.axis_units import checked_units
 from gmwm.readers.scale_factors import checked_increments, checked_scale
-from gmwm.signals import AXES
+from gmwm.signals import AXES, sensor_of
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -123,18 +123,18 @@ def fleet(
     settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
     check_settings(settings)
     arguments, plain = _checked_reading(reading)
-    asked = Asked(general, settings, _checked_axes(axes), arguments, plain)
+    options = UnitOptions(general, settings, _checked_axes(axes), arguments, plain)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
     found = find_units(recordings, folder, pattern)
     if folder.exists() and not folder.is_dir():
         raise OptionError(f"output must be a folder, {folder} is a file; name another one")
     run = _Run(folder, found, progress)
-    jobs = run.jobs(asked)
+    jobs = run.jobs(options)
     # Nothing is written before there is somebody to do the work.
     with _outcomes(jobs, scheduler, workers, retries) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
-        if others := strangers(folder, found.paths):
+        if others := foreign_units(folder, found.paths):
             warnings.warn(
                 f"{counted(len(others), 'result')} of units that are not of this fleet "
                 f"{'stays' if len(others) == 1 else 'stay'} in {folder / 'units'}: {', '.join(others[:3])}"
@@ -142,7 +142,7 @@ def fleet(
                 GmwmWarning,
                 stacklevel=2,
             )
-        write_facts(folder, found, asked)
+        write_facts(folder, found, options)
         with run.telling():
             for outcome in outcomes:
                 run.take(outcome)
@@ -153,18 +153,18 @@ def fleet(
 class _Run:
     """One run of a fleet: what is kept of earlier ones, and what comes."""
 
-    def __init__(self, folder: Path, found: Found, progress: Progress | None) -> None:
+    def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
         self.folder, self.paths, self.progress = folder, found.paths, progress
         self.rows: dict[str, list[Row]] = {}
         self.kept = self.done = 0
 
-    def jobs(self, asked: Asked) -> list[Job]:
+    def jobs(self, options: UnitOptions) -> list[Job]:
         """What is to be done; the rest is kept."""
         jobs = []
         for unit, path in self.paths.items():
-            rows = kept_rows(self.folder, unit, path, asked)
+            rows = finished_rows(self.folder, unit, path, options)
             if rows is None:
-                jobs.append(Job(unit, str(path), asked))
+                jobs.append(Job(unit, str(path), options))
             else:
                 self.rows[unit] = rows
                 self.kept += 1
@@ -175,10 +175,10 @@ class _Run:
         """Keep what became of a unit."""
         unit = outcome.unit
         if outcome.document is None:
-            drop(self.folder, unit)
+            remove_unit(self.folder, unit)
             self.rows[unit] = [failed_row(unit, str(self.paths[unit]), outcome.reason)]
         else:
-            keep(self.folder, unit, outcome.document)
+            write_unit(self.folder, unit, outcome.document)
             self.rows[unit] = list(outcome.rows)
             self.done += 1
         self._tell(unit if outcome.document is not None else f"{unit}: failed")
@@ -214,16 +214,16 @@ def _outcomes(
         scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
     )
     if not jobs or workers == 0 or alone:
-        yield here(jobs, retries)
+        yield in_process(jobs, retries)
         return
     from gmwm.streaming.scheduling import connected, library
 
     library()
     with ExitStack() as stack:
-        stack.enter_context(patient(retries))
+        stack.enter_context(allowing_lost_workers(retries))
         client = stack.enter_context(connected(scheduler, workers))
         # A worker has one job for each of its threads: the axes of a unit follow one another there.
-        outcomes = spread([Job(job.unit, job.path, job.asked, threads=1) for job in jobs], client, retries)
+        outcomes = on_cluster([Job(job.unit, job.path, job.options, threads=1) for job in jobs], client, retries)
         # Closed first, whatever happens: what has not begun is cancelled while there is a client.
         stack.callback(outcomes.close)
         yield outcomes
@@ -265,7 +265,7 @@ def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
     if axes is None:
         return None
     names = (axes,) if isinstance(axes, str) else tuple(axes)
-    known = (*AXES, *dict.fromkeys(axis.rpartition("_")[0] for axis in AXES))
+    known = (*AXES, *dict.fromkeys(sensor_of(axis) for axis in AXES))
     unknown = [name for name in names if name not in known]
     if unknown or not names:
         raise OptionError(f"axes must be some of {', '.join(known)}; got {repr(unknown[0]) if unknown else 'none'}")

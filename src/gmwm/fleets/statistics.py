@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.calibration.tables import in_order, sensor_of
+from gmwm.calibration.tables import in_order
 from gmwm.errors import OptionError
 from gmwm.fleets.advice import LEAST
 from gmwm.fleets.axes import differences
@@ -18,6 +18,7 @@ from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     import polars

@@ -30,8 +30,8 @@ _WARNINGS = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked of every unit: how its recording is read, and how it is calibrated."""
+class UnitOptions:
+    """Options of every unit: how its recording is read, and how it is calibrated."""
 
     within: Model
     settings: Settings
@@ -52,13 +52,13 @@ class Job:
 
     unit: str
     path: str
-    asked: Asked
+    options: UnitOptions
     threads: int | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a unit: the text of its document and its rows of the table, or why there is none.
+    """The outcome of a unit: the text of its document and its rows of the table, or the reason of the failure.
 
     `passing` is whether another try may go better.
     """
@@ -89,26 +89,26 @@ def calibrate_unit(job: Job) -> Outcome:
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and what it was made of and how."""
-    path, asked, settings = Path(job.path), job.asked, job.asked.settings
+    path, options, settings = Path(job.path), job.options, job.options.settings
     stamp = stamp_of(path)  # before it is read: what changes from here on is seen next time
-    recording, warned = _read(path, asked.reading)
+    recording, warned = _read(path, options.reading)
     found = calibrate(
-        recording, asked.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
+        recording, options.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
         confidence=settings.confidence, efficiency=settings.efficiency, draws=settings.draws, seed=settings.seed,
-        axes=asked.axes, threads=job.threads,
+        axes=options.axes, threads=job.threads,
     ).of_file(path)  # fmt: skip
     known = {*found.cautions, *(found.recording.notes if found.recording else ())}
     found = replace(found, cautions=(*found.cautions, *(text for text in warned if text not in known)))
-    return found, {**stamp, **asked.to_dict()}
+    return found, {**stamp, **options.to_dict()}
 
 
 def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[str]]:
-    """The recording, a large one in pieces, and what reading it warned of, without the file's name."""
+    """The recording, a large one in chunks, and what reading it warned of, without the file's name."""
     kept = {name: value for name, value in reading.items() if name != "gaps"}
-    in_pieces = is_large(path) and reading.get("gaps", "keep") == "keep"
+    chunked = is_large(path) and reading.get("gaps", "keep") == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
-        recording = stream(path, **kept) if in_pieces else read(path, **reading)
+        recording = stream(path, **kept) if chunked else read(path, **reading)
     said = [one for one in caught if issubclass(one.category, GmwmWarning)]
     return recording, list(dict.fromkeys(str(one.message).removeprefix(f"{path}: ") for one in said))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
 from gmwm._late import LateMethod
+from gmwm._tables import aligned
 from gmwm._text import Named, Summarised, counted, rounded
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
@@ -154,17 +155,12 @@ class Plan(Summarised):
             value = self.model.parameters[name]
             need = length_text(seconds) if math.isfinite(seconds) else f"> {length_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
-        width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
             f"Relative standard errors of {self.model.structure} by length of the recording",
             f"{self.rate:g} Hz, weighting {self.weighting}; last column: the length that gives {100 * accuracy:g} %",
             "",
         ]
-        for row in rows:
-            texts = [
-                text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, width, strict=True))
-            ]
-            lines.append("  ".join(["", *texts]).rstrip())
+        lines += aligned(rows, right=range(2, len(rows[0])))
         notes = self.notes()
         return "\n".join([*lines, "", *notes] if notes else lines)
 

@@ -1,4 +1,4 @@
-"""What a look at a recording found."""
+"""The result of an inspection."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class AxisInspection:
     lsb : float or None
         Quantisation step; None where none shows.
     wander : float
-        Largest difference between the means of equal pieces of the recording, a 64th each.
+        Largest difference between the means of equal windows of the recording, a 64th each.
     """
 
     unit: str
@@ -51,7 +51,7 @@ class Inspection(Summarised):
     duration : float
         Length without gaps (s).
     samples, segments : int
-        Number of samples, and of stretches without a gap.
+        Number of samples, and of segments without a gap.
     time_base : TimeBase
         Jitter, gaps, duplicates of the time stamps, and how much was cut off before the first sample.
     axes : mapping of axis to AxisInspection

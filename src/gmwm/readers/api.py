@@ -75,7 +75,7 @@ def read(
     start, stop : float, optional
         Leave out what comes before and after these times, in seconds from the first sample: warm-up, handling.
     skip : sequence of (from, to)
-        Leave out these stretches of time too, in seconds from the first sample; each leaves a gap.
+        Leave out these ranges of time too, in seconds from the first sample; each leaves a gap.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Text that is still being written: a file that grows, or standard input, as a stream of pieces."""
+"""Text that is still being written: a file that grows, or standard input, as a stream."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def growing_stream(
     increments: bool | Sequence[str] = (),
     patience: float = 5.0,
 ) -> Stream:
-    """A text that grows as a stream of pieces, to be iterated over once; waits for the first lines.
+    """A growing text as a stream, to be iterated over once; waits for the first lines.
 
     Parameters
     ----------

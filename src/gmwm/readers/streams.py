@@ -1,4 +1,4 @@
-"""`stream`: a recording as pieces in SI units, for files larger than memory.
+"""`stream`: a recording in chunks of samples in SI units, for files larger than memory.
 
 What the first rows say of units and rate holds for all; values, segments and their times are those that `read` gives.
 """
@@ -26,28 +26,28 @@ from gmwm.readers.api import (
     require_time,
     timing_of,
 )
-from gmwm.readers.assembly import Assembly, Understood
-from gmwm.readers.assembly import Piece as Piece
 from gmwm.readers.axis_units import checked_units, resolve, time_unit
-from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
+from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.chunks import Chunk as Chunk
+from gmwm.readers.chunks import ChunkBuilder, Interpretation
 from gmwm.readers.columns import Choice, Columns, choose
 from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
 from gmwm.readers.time_stamps import as_stamps, troubles_of
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.signals import TimeBase
-from gmwm.time_ranges import CUT, kept_stretches, stretch_words
+from gmwm.time_ranges import CUT, kept_ranges, range_words
 
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
 
 
 LARGE = 300_000_000
-"""Bytes of a file from which on commands and fleets read it in pieces."""
+"""Bytes of a file from which on commands and fleets read it in chunks."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is better read in pieces."""
+    """Whether a file is better read in chunks."""
     return path.is_file() and path.stat().st_size >= LARGE
 
 
@@ -61,13 +61,13 @@ class Origin:
     wanted: tuple[int, ...]
     topic: str | None
 
-    def chunks(self) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[Rows]:
         """All rows."""
         return self.reader.chunks(self.path, self.layout, self.wanted)
 
 
 class Stream:
-    """A recording in a file, piece by piece; made by `gmwm.stream`. Each iteration reads the file anew.
+    """A recording in a file, chunk by chunk; made by `gmwm.stream`. Each iteration reads the file anew.
 
     Attributes
     ----------
@@ -96,8 +96,8 @@ class Stream:
     def __init__(
         self,
         source: str,
-        found: Understood,
-        chunks: Callable[[], Iterator[Chunk]],
+        found: Interpretation,
+        chunks: Callable[[], Iterator[Rows]],
         size: int,
         origin: Origin | None = None,
         kept: Kept | None = None,
@@ -106,10 +106,10 @@ class Stream:
         self.time_base = found.timing.base
         self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
         if kept is not None:
-            self.notes = (*self.notes, f"{CUT}kept {stretch_words(kept)}")
+            self.notes = (*self.notes, f"{CUT}kept {range_words(kept)}")
 
-    def __iter__(self) -> Iterator[Piece]:
-        everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+    def __iter__(self) -> Iterator[Chunk]:
+        everything = build_chunks(self._found, self._chunks(), self._size, self.source, self._ended)
         if self._kept is None:
             return everything
         return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
@@ -143,7 +143,7 @@ def stream(
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
 ) -> Stream:
-    """A static recording from a file, in rad/s and m/s², a piece at a time: for files larger than memory.
+    """Read a static recording in chunks, in rad/s and m/s²: for files larger than memory.
 
     Units, rate and the unit of time stamps are understood from the first rows, 2¹⁸ of them or more; after that memory
     does not grow with the file, if it is text, Parquet, .npy, HDF5 or .imu. What is packed as a whole (.npz, zip,
@@ -156,12 +156,12 @@ def stream(
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip
         As of `read`; behind `stop` nothing is read.
     chunk : int
-        Samples in a piece, at the most.
+        Samples in a chunk, at the most.
 
     Returns
     -------
     Stream
-        Iterate over it for its pieces, as often as wanted.
+        Iterate over it for its chunks, as often as wanted.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def stream(
     >>> path = pathlib.Path(folder.name, "static.csv")
     >>> rows = "".join(f"{k / 100 + (k > 5):.2f},{(-1) ** k * 0.1}\\n" for k in range(16))
     >>> _ = path.write_text("time,gyro_x [rad/s]\\n" + rows)
-    >>> sorted({(piece.segment, piece.values["gyro_x"].size <= 4) for piece in stream(path, chunk=4)})
+    >>> sorted({(chunk.segment, chunk.values["gyro_x"].size <= 4) for chunk in stream(path, chunk=4)})
     [(0, True), (1, True)]
     >>> folder.cleanup()
     """
@@ -191,7 +191,7 @@ def stream(
     declared_rate = None if rate is None else as_rate(rate)
     declared_units = checked_units(units)
     factors, integrals = checked_scale(scale), checked_increments(increments)
-    kept = kept_stretches(start, stop, skip) if start is not None or stop is not None or skip else None
+    kept = kept_ranges(start, stop, skip) if start is not None or stop is not None or skip else None
     file = existing_file(path)
     reader = find_reader(file, format)
     layout = one_layout(reader, file, topic)
@@ -205,7 +205,7 @@ def stream(
     return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
 
 
-def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
+def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
     """A stream as it was made elsewhere; all there is to warn of was told there."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
@@ -216,16 +216,16 @@ def _again(path: Path, format: str, topic: str | None, found: Understood, size: 
 
 
 def streamed(choice: Choice) -> Choice:
-    """The columns of which pieces are made: axes and time."""
+    """The columns that a stream reads: axes and time."""
     return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.notes)
 
 
-def first_rows(chunks: Iterable[Chunk], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
+def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
     """So many rows of each column or more, or all there are."""
     taken, count = [], 0
-    for chunk in chunks:
-        taken.append(chunk)
-        count += next(iter(chunk.values())).size
+    for some in chunks:
+        taken.append(some)
+        count += next(iter(some.values())).size
         if count >= rows:
             break
     return {role: np.concatenate([part[k] for part in taken] or [np.empty(0)]) for role, k in choice.columns.items()}
@@ -240,8 +240,8 @@ def understand(
     units: Mapping[str, str],
     factors: Mapping[str, float],
     integrals: Sequence[str],
-) -> Understood:
-    """What the first rows of a recording say of all of it, by the arguments of `read`, checked."""
+) -> Interpretation:
+    """Interpret the columns and time stamps of a recording by its first rows and the checked arguments of `read`."""
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
         require_samples(column.size, words[role])
@@ -264,37 +264,37 @@ def understand(
     # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
     stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
     doubts = (*scales.doubts, *sorted(stated))
-    return Understood(choice, words, found, time, pace, notes, scales.inferred, doubts)
+    return Interpretation(choice, words, found, time, pace, notes, scales.inferred, doubts)
 
 
-def tell(found: Understood, path: object) -> None:
+def tell(found: Interpretation, path: object) -> None:
     """Warn of what was only inferred."""
     for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
         for sentence in sentences:
             warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
 
 
-def pieces(
-    found: Understood,
-    chunks: Iterable[Chunk],
+def build_chunks(
+    found: Interpretation,
+    rows: Iterable[Rows],
     size: int,
     path: object,
     ended: Callable[[TimeBase], None] = lambda base: None,
-) -> Iterator[Piece]:
-    """The pieces that chunks of a file make, of `size` samples at the most; `ended` is told what all stamps say.
+) -> Iterator[Chunk]:
+    """Build chunks of at most `size` samples from the rows of a file; `ended` gets the time base of all stamps.
 
     Raises
     ------
     ReadError, DataError
         At what `read` refuses, when it is reached.
     """
-    assembly = Assembly(found, size)
-    for chunk in chunks:
-        yield from assembly.take(chunk)
-    yield from assembly.end()
-    tally = assembly.tally()
-    troubles = tally.troubles(found)
+    builder = ChunkBuilder(found, size)
+    for some in rows:
+        yield from builder.add(some)
+    yield from builder.end()
+    summary = builder.summary()
+    troubles = summary.troubles(found)
     if found.pace is not None:
-        ended(tally.time_base(found))
+        ended(summary.time_base(found))
     for sentence in troubles:
         warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm.calibration.summary_text import SIZE, advice, rejected, rows_of
-from gmwm.calibration.tables import SENSORS, by_sensor
+from gmwm.calibration.tables import SENSORS
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
 from gmwm.inference.planning import length_text
@@ -19,6 +19,7 @@ from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import axis_pictures, sensor_pictures
 from gmwm.reports.verdict import verdict
 from gmwm.selection.ranking import LISTED
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration

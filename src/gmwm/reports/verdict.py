@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm.calibration.misfit import Misfit, undescribed
 from gmwm.calibration.summary_text import rejected
-from gmwm.calibration.tables import SENSORS, by_sensor, in_order
+from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.cautions import doubts, shifts
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.inference.planning import SEEN, length_text
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -1,4 +1,4 @@
-"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next piece is read."""
+"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next chunk is read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
 from gmwm.errors import DataError, OptionError
-from gmwm.readers.assembly import Piece
+from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
@@ -33,7 +33,7 @@ class Source(Protocol):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes that are measured; pieces may have more."""
+        """Names of the axes that are measured; chunks may have more."""
         ...
 
     @property
@@ -41,7 +41,7 @@ class Source(Protocol):
         """Samples per second (Hz)."""
         ...
 
-    def __iter__(self) -> Iterator[Piece]: ...
+    def __iter__(self) -> Iterator[Chunk]: ...
 
 
 def stream_variance(
@@ -85,7 +85,7 @@ def stream_variance(
         Where others are to read the recording, a part each: a Dask scheduler, or a number of processes begun here; see
         `spread_variance`.
     done : callable, optional
-        Called with the number of samples so far after every piece, in the calling thread; in a second pass the count
+        Called with the number of samples so far after every chunk, in the calling thread; in a second pass the count
         goes on, to twice the number of samples.
 
     Returns
@@ -173,18 +173,18 @@ def _pass(
     done: Callable[[int], None] | None,
     again: int | None = None,
 ) -> int:
-    """All pieces into all axes, or again so many samples; how many there were."""
+    """All chunks into all axes, or again so many samples; how many there were."""
     pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
     running: list[Future[None]] = []
     samples = segment = 0
     try:
-        for piece in stream:
+        for chunk in stream:
             # While it was read the one before was worked on.
             _await(running)
             if done is not None and samples:
                 done(samples + (again or 0))
-            after_gap = piece.segment != segment
-            kept = piece if again is None else _until(piece, again)
+            after_gap = chunk.segment != segment
+            kept = chunk if again is None else _until(chunk, again)
             running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
             samples, segment = kept.first + len(kept), kept.segment
             if again is not None and samples >= again:
@@ -197,11 +197,11 @@ def _pass(
     return samples
 
 
-def _until(piece: Piece, end: int) -> Piece:
-    """What of a piece lies before sample `end`."""
-    if piece.first + len(piece) <= end:
-        return piece
-    return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
+def _until(chunk: Chunk, end: int) -> Chunk:
+    """What of a chunk lies before sample `end`."""
+    if chunk.first + len(chunk) <= end:
+        return chunk
+    return replace(chunk, values={axis: v[: end - chunk.first] for axis, v in chunk.values.items()})
 
 
 def whole(source: Source) -> Stream:
@@ -223,13 +223,13 @@ def accumulators(
     }
 
 
-def feed(pieces: Iterable[Piece], measured: Mapping[str, SegmentedAccumulator]) -> None:
-    """Give pieces as they come to the accumulators of some axes, one after the other."""
+def feed(chunks: Iterable[Chunk], measured: Mapping[str, SegmentedAccumulator]) -> None:
+    """Give chunks as they come to the accumulators of some axes, one after the other."""
     segment = 0
-    for piece in pieces:
+    for chunk in chunks:
         for axis, one in measured.items():
-            _take(one, piece[axis], piece.segment != segment)
-        segment = piece.segment
+            _take(one, chunk[axis], chunk.segment != segment)
+        segment = chunk.segment
 
 
 def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:

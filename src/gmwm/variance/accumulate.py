@@ -1,4 +1,4 @@
-"""The wavelet variance of a record that comes in pieces: memory is bounded, and how it is cut changes nothing."""
+"""The wavelet variance of a record in chunks, in bounded memory; the result does not depend on how it is cut."""
 
 from __future__ import annotations
 
