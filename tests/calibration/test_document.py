@@ -61,7 +61,7 @@ def test_held_values_come_back():
     found = white("GM + WN(sigma2=fixed(0.5))", 3)
     back = through_json(found)
     assert back.to_dict() == found.to_dict()
-    assert back["gyro_x"].model.fixed == found["gyro_x"].model.fixed == {"WN.sigma2"}
+    assert back["gyro_x"].model.fixed_names == found["gyro_x"].model.fixed_names == {"WN.sigma2"}
     assert [c.model for c in back.rankings["gyro_x"]] == [c.model for c in found.rankings["gyro_x"]]
 
 

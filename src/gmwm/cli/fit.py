@@ -24,7 +24,7 @@ from gmwm.cli.options import (
     confidence_level,
 )
 from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, opens
-from gmwm.processes import families, registry
+from gmwm.processes import ordered_classes, registry
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -40,7 +40,7 @@ EXAMPLES = (
 )
 _PROCESSES = ", ".join(
     [f"{name} {process.title}" for name, process in registry.items()]
-    + [f"{family.written()} {family.title}" for family in families.values()]
+    + [f"{ordered.written()} {ordered.title}" for ordered in ordered_classes.values()]
 )
 
 

@@ -99,7 +99,7 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     lines = []
     for row in rows(fit, intervals_if_known(fit, IntervalMethod())[0], IntervalMethod()):
         error, least = errors.get(row.name), needed.get(row.name)
-        if row.name in fit.model.fixed:
+        if row.name in fit.model.fixed_names:
             enough = ""
         elif error is None or not math.isfinite(error):
             enough = "not seen"
@@ -127,7 +127,7 @@ def one_line_of(
         if axis in fits:
             values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], IntervalMethod()).items())
             errors = _errors(fits[axis])
-            free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed]
+            free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed_names]
             lacking = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
             share = f"{100 * accuracy:g} %"
             parts.append(f"{axis}: {values}; {f'not yet {share}: {lacking}' if lacking else f'enough for {share}'}")

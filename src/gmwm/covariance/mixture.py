@@ -83,11 +83,11 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Every process at unit scale, one of each family, those with a search at many places; their wavelet variances."""
+    """Every process at unit scale, in one parametrisation, with a search at many places; their wavelet variances."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():
-        kinds.setdefault(kind.family or kind.name, kind)
+        kinds.setdefault(kind.parametrises or kind.name, kind)
     processes: list[Process] = []
     rows = []
     for kind in kinds.values():

@@ -72,7 +72,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     note = _bounded(model, n, last, wv.rate, curve, z)
     value = factor * math.sqrt(least)
     entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
-    if set(model.parameters) <= model.fixed:
+    if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), note
     if z is None or curve is None:
         return entry, note

@@ -62,10 +62,10 @@ class Optimum:
 class Search:
     """The search for the places of the curved processes of one problem."""
 
-    def __init__(self, problem: Problem, family: type[Process]) -> None:
+    def __init__(self, problem: Problem, curved_class: type[Process]) -> None:
         self.problem = problem
-        self.family = family
-        self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
+        self.curved_class = curved_class
+        self.grid = grid(curved_class, problem.levels, problem.samples, problem.rate, problem.filter)
         self.fixed = problem.fixed
         self.positive = problem.positive
 
@@ -79,7 +79,7 @@ class Search:
 
     def _starts(self) -> Vector:
         """Positions of the starting values the user gave, if every curved process has one."""
-        name = self.family.nonlinear_parameters()[0].name
+        name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
             value = self.problem.model.processes[place].values[name]
@@ -103,7 +103,7 @@ class Search:
                 if not places:
                     break
                 piece, ends = close_up(
-                    self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
+                    self.curved_class, places, width, problem.levels, problem.rate, problem.filter, problem.root
                 )
                 share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
                 moved, objective = _core.cone_refine(
@@ -121,7 +121,7 @@ class Search:
 
     def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
         """The same optimum to all digits, where Newton's method leads to one that is as good."""
-        places = sharpened(self.problem, self.family, best.places, best.weights, steps, reach)
+        places = sharpened(self.problem, self.curved_class, best.places, best.weights, steps, reach)
         if places is None:
             return best
         sharp = self.at(places)
@@ -134,7 +134,7 @@ class Search:
         return self.polished(places) if there is start and places else there
 
     def _rows(self, places: list[Place]) -> Matrix:
-        curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
+        curved = shapes(self.curved_class, places, self.problem.levels, self.problem.rate, self.problem.filter)
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
@@ -155,7 +155,7 @@ class Search:
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
         """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
         problem, places = self.problem, best.places
-        curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
+        curved = shapes(self.curved_class, places, problem.levels, problem.rate, problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
             Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)

@@ -171,7 +171,9 @@ class _Ahead:
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
         model = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed}
+        values = {
+            name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names
+        }
         self.logs.append({name: math.log(value) for name, value in values.items() if 0 < value < math.inf})
         if len(self.logs) < 3:
             return model

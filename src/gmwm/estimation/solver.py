@@ -61,13 +61,13 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
     if problem.free:
         return _scanned(problem)
     square = problem.unit**2
-    if problem.family is None:
+    if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
         return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, float(value)))
-    search = Search(problem, problem.family)
+    search = Search(problem, problem.curved_class)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
@@ -103,9 +103,9 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
     """
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
-    if problem.family is None:
+    if problem.curved_class is None:
         return solve(problem, certify=False)
-    search = Search(problem, problem.family)
+    search = Search(problem, problem.curved_class)
     best = search.followed(list(solution.places))
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
@@ -182,7 +182,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
 
 def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
     """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
-    for _ in range(RETURNS if problem.family is not None else 0):
+    for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
@@ -222,7 +222,7 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
-    if problem.family is not None:
+    if problem.curved_class is not None:
         search = surface.curved_alone(z)
         # A process that leaves no trace is not among the linear ones of that search.
         terms = search.terms(search.at(list(places)), ends=ends)

@@ -176,17 +176,17 @@ class Surface:
     def curved_alone(self, z: list[Vector]) -> Search:
         """The search for the curved processes with the free ones held there, but for those that leave no trace."""
         problem, found = self.problem, self.free_shapes(z)
-        assert problem.family is not None
+        assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
         held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
         rows = np.concatenate([problem.shapes, found[seen]])
-        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.family)
+        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
     def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
-        family, problem = self.problem.family, self.problem
-        assert family is not None
+        curved_class, problem = self.problem.curved_class, self.problem
+        assert curved_class is not None
         places = list(zip(branches, u.tolist(), strict=True))
-        return shapes(family, places, problem.levels, problem.rate, problem.filter)
+        return shapes(curved_class, places, problem.levels, problem.rate, problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
         """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
@@ -196,12 +196,14 @@ class Surface:
         # None where no process has a shape.
         rows = [np.empty((0, np.size(problem.levels)))]
         if branches:
-            family = problem.family
-            assert family is not None
+            curved_class = problem.curved_class
+            assert curved_class is not None
             pairs = list(zip(branches, u, strict=True))
             parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
             by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
-            rows.append(family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u)
+            rows.append(
+                curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+            )
         owner = list(range(len(branches)))
         for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
             values = free.values(part.reshape(1, -1))

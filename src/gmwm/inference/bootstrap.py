@@ -132,7 +132,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
-    free = [name for name in fit.parameters if name not in fit.model.fixed]
+    free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance has no sign of a scale, as of a slope; that of a coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])

@@ -150,7 +150,7 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
 
     wv = fit.wavelet_variance
     used = int(np.count_nonzero(usable_levels(wv)))
-    free = len(fit.model.names) - len(fit.model.fixed)
+    free = len(fit.model.names) - len(fit.model.fixed_names)
     if used < free:
         raise _too_few(fit, free, used)
     short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, shortened(wv, used))

@@ -344,7 +344,7 @@ def _free(model: Model, rate: float) -> int:
     ]
     if zero:
         raise ModelError(f"{', '.join(zero)} is zero in {model}: an error relative to it means nothing; leave it out")
-    return len(model.names) - len(model.fixed)
+    return len(model.names) - len(model.fixed_names)
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:

@@ -102,7 +102,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
             shown.append(Row(name, "undetermined", "", "", units[name]))
             continue
         interval, error = "", ""
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             interval = "held"
         elif name in intervals:
             interval = interval_text(*intervals[name])
@@ -135,7 +135,7 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
         if row.name in fit.undetermined:
             shown[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             shown[row.name] = f"≤ {high:.2e}"
         else:

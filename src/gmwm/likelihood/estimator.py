@@ -172,8 +172,10 @@ def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model |
         missing = [name for name, value in given.parameters.items() if value is None]
         if missing:
             raise ModelError(f"start must have a value for each parameter; {', '.join(missing)} has none")
-        if given.fixed != wanted.fixed or any(given.parameters[n] != wanted.parameters[n] for n in wanted.fixed):
-            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed}
+        if given.fixed_names != wanted.fixed_names or any(
+            given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
+        ):
+            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
             given = wanted.with_values(free)
     return given
 

@@ -70,7 +70,7 @@ def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method
     profile = _Profile(fit, z)
     intervals: dict[str, Interval] = {}
     for name, parameter in parameters.items():
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             continue
         value, error = fit.parameters[name], errors.get(name)
         term = name.rpartition(".")[0]
