@@ -23,7 +23,7 @@ help: ## list these commands
 demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
 	$(BIN)/gmwm demo --output demo-output
 
-test: lint cpp-test ## everything that guards main: lint, types, floors, C++ tests, Python tests
+test: lint cpp-test ## everything that guards main: lint, types, layers, C++ tests, Python tests
 	$(BIN)/python -m pytest -n logical --dist loadfile
 
 bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
@@ -43,7 +43,7 @@ pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
 	$(BIN)/python -m validation
 
-lint: $(VENV)/.dev ## ruff, mypy and the floors alone
+lint: $(VENV)/.dev ## ruff, mypy and the import layers
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
@@ -71,7 +71,7 @@ vendor: ## fetch what the HTML report carries (needs npm and the network) and ch
 	  tar -xzf "$$(npm pack --silent $(PLOTLY))" package/plotly-basic.min.js package/LICENSE package/package.json
 	cp build/vendor/package/plotly-basic.min.js $(VENDOR)/plotly-basic.min.js
 	cp build/vendor/package/LICENSE $(VENDOR)/plotly-basic.LICENSE
-	echo "$(PLOTLY), MIT, from registry.npmjs.org by make vendor" > $(VENDOR)/VERSION
+	echo "$(PLOTLY), MIT" > $(VENDOR)/VERSION
 ifeq ($(SUMS),write)
 	cd $(VENDOR) && sha256sum plotly-basic.min.js plotly-basic.LICENSE VERSION > SHA256SUMS
 endif

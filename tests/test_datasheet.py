@@ -487,7 +487,7 @@ def test_the_round_trip_through_json(text):
 
 
 def test_what_the_data_do_not_determine_survives_json():
-    entry = Entry("T_c", "correlation time", 3.0, 0.0, math.inf, "s", "GM")
+    entry = Entry(symbol="T_c", title="correlation time", value=3.0, low=0.0, high=math.inf, unit="s", term="GM")
     assert Entry.from_dict(json.loads(json.dumps(entry.to_dict(), allow_nan=False))) == entry
     assert entry.text() == "not determined"
 
@@ -561,7 +561,8 @@ def test_a_sensor_that_is_not_known():
     ],
 )
 def test_as_many_digits_as_the_interval_deserves(numbers, text):
-    assert Entry("B", "bias", *numbers, unit="u").text() == text
+    value, low, high = numbers
+    assert Entry(symbol="B", title="bias", value=value, low=low, high=high, unit="u").text() == text
 
 
 def test_words():
@@ -587,6 +588,6 @@ def test_words():
 
 @pytest.mark.parametrize("text", ["µg/√Hz", "ug/sqrt(Hz)", "µg/rtHz", "ug / √hz"])
 def test_units_are_found_however_they_are_spelt(text):
-    entry = Entry("N", "white noise density", 9.80665e-5, None, None, "m/s²/√Hz")
+    entry = Entry(symbol="N", title="white noise density", value=9.80665e-5, low=None, high=None, unit="m/s²/√Hz")
     value, _, _, name = entry.in_units(text)
     assert (round(value, 9), name) == (10.0, "µg/√Hz")

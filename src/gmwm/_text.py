@@ -31,6 +31,21 @@ def rounded(value: float, digits: int = 2) -> str:
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
+_DURATIONS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0),
+              ("min", 60.0, 120.0), ("s", 1.0, 0.0))  # fmt: skip
+"""Unit, its length (s), and the shortest duration written in it (s)."""
+
+
+def duration_text(seconds: float, digits: int = 2) -> str:
+    """A length of time in a readable unit.
+
+    >>> duration_text(0.05), duration_text(53.2), duration_text(11520.0, 3), duration_text(5e5), duration_text(1e9)
+    ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
+    """
+    unit, size = next((unit, size) for unit, size, least in _DURATIONS if seconds >= least)
+    return f"{rounded(seconds / size, digits)} {unit}"
+
+
 def moment(seconds: float) -> str:
     """A time in seconds, to the millisecond, as options take it: never with an exponent.
 

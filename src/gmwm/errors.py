@@ -1,11 +1,92 @@
-"""Every error and warning the package raises, each saying what it means for the answer.
+"""Every error and warning that gmwm raises.
 
-An error message names the argument, what was expected, what came, and the way out.
+An error carries what happened, the argument that caused it, what was expected, what was given, and what to do. Its text
+is made once for Python users, with arguments as `rate=`, and once for the shell, with options as `--rate`.
 """
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gmwm._template import Dialect, Fact, render, shell_option
+
+_NOT_GIVEN: Any = object()
 
 
 class GmwmError(Exception):
-    """Base of all errors raised on purpose; the command line prints it in one line and exits with 2."""
+    """Base of all errors that gmwm raises on purpose. The command line prints them in one line and exits with 2.
+
+    Attributes
+    ----------
+    message : str
+        What happened, as literal text; made from the other attributes if it is left out.
+    argument : str or None
+        The argument that caused the error.
+    expected : str or None
+        What the argument may be.
+    got : object
+        What was given.
+    advice : str
+        Template of what to do, see `gmwm._template.render`; options are written `{--rate}`.
+    facts : mapping of name to fact
+        What the advice is filled with.
+
+    Examples
+    --------
+    >>> error = OptionError(argument="rate", expected="a positive number (Hz)", got=-3)
+    >>> str(error), error.text(Dialect.SHELL)
+    ('rate must be a positive number (Hz); got -3', '--rate must be a positive number (Hz); got -3')
+    >>> ReadError("static.csv has no time stamps", advice="Pass the sampling rate with {--rate}.").text(Dialect.SHELL)
+    'static.csv has no time stamps. Pass the sampling rate with --rate.'
+    """
+
+    def __init__(
+        self,
+        message: str = "",
+        *,
+        argument: str | None = None,
+        expected: str | None = None,
+        got: object = _NOT_GIVEN,
+        advice: str = "",
+        **facts: Fact,
+    ) -> None:
+        super().__init__(message)
+        self.message, self.argument, self.expected = message, argument, expected
+        self.given, self.got = got is not _NOT_GIVEN, None if got is _NOT_GIVEN else got
+        self.advice, self.facts = advice, facts
+
+    def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """The error as text, for one kind of reader."""
+        message = self.message
+        if not message:
+            name = self.argument or "the value"
+            named = name if self.argument is None or dialect is Dialect.PYTHON else shell_option(name)
+            message = f"{named} must be {self.expected}"
+            if self.given:
+                message += f"; got {_shown(self.got)}"
+        advice = render(self.advice, self.facts, dialect)
+        return f"{message}. {advice}" if advice else message
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.__dict__ | {"args": self.args})
+
+
+def _again(kind: type[GmwmError], state: Mapping[str, Any]) -> GmwmError:
+    """The error that was pickled."""
+    error = kind.__new__(kind)
+    error.args = state["args"]
+    error.__dict__.update({name: value for name, value in state.items() if name != "args"})
+    return error
+
+
+def _shown(got: object) -> str:
+    """What was given, short."""
+    text = repr(got)
+    return text if len(text) <= 200 else f"{text[:200]}…"
 
 
 class DataError(GmwmError, ValueError):
@@ -13,40 +94,40 @@ class DataError(GmwmError, ValueError):
 
 
 class ReadError(GmwmError, ValueError):
-    """The file cannot be read as an inertial recording: foreign, truncated, ragged, or not understood."""
+    """The file cannot be read as an inertial recording: an unknown format, truncated, ragged, or ambiguous."""
 
 
 class UnitError(ReadError):
-    """A unit is unknown, missing, or contradicts the data."""
+    """A unit is unknown or missing, or contradicts the data."""
 
 
 class ModelError(GmwmError, ValueError):
-    """The model cannot be built or cannot be estimated: wrong parameter, repeated term, too many parameters."""
+    """The model cannot be built or estimated: a wrong parameter, a repeated term, or too many parameters."""
 
 
 class OptionError(GmwmError, ValueError):
-    """An argument is not one of the values it may take."""
+    """An argument is not one of the values that it may take."""
 
 
 class MissingTheoryError(ModelError):
-    """A process was asked for theory that it does not have (a drift has no spectral density)."""
+    """A process does not define the theory that was asked for. For example, a drift has no spectral density."""
 
 
 class MissingDependencyError(GmwmError, ImportError):
-    """An optional library is not installed; the message names the extra that brings it."""
+    """An optional library is not installed. The message names the extra that installs it."""
 
 
 class GmwmWarning(UserWarning):
-    """Base of all warnings: the answer stands, but read what it says before you use it."""
+    """Base of all warnings: the result can be used, but read the remark first."""
 
 
 class InferredUnitWarning(GmwmWarning):
-    """A unit was inferred from the data, not declared: if the inference is wrong, every number is off by a factor."""
+    """A unit was inferred from the data. If the inference is wrong, every number is wrong by a factor."""
 
 
 class TimeBaseWarning(GmwmWarning):
-    """The time stamps are irregular (jitter, duplicates, backward steps): the rate is the median's."""
+    """The time stamps are irregular: jitter, duplicates or backward steps."""
 
 
 class FitWarning(GmwmWarning):
-    """A fitted term is not supported by the data, or acts as another process: read `fit.diagnostics`."""
+    """A remark about a fitted model; see `fit.remarks`."""

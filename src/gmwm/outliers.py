@@ -39,7 +39,7 @@ _REASONS: Mapping[str, str] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Summarised):
     """Whether a recording holds more than its noise, level by level.
 
@@ -260,9 +260,21 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        pvalue <= size, pvalue, robust.levels.copy(), robust.tau.copy(), excess, critical, error, pvalues,
-        dict(sorted(left_out.items())), float(size), int(comparisons), float(tolerance), robust.efficiency, robust.axis,
-    )  # fmt: skip
+        contaminated=pvalue <= size,
+        pvalue=pvalue,
+        levels=robust.levels.copy(),
+        tau=robust.tau.copy(),
+        excess=excess,
+        critical=critical,
+        standard_errors=error,
+        pvalues=pvalues,
+        left_out=dict(sorted(left_out.items())),
+        size=float(size),
+        comparisons=int(comparisons),
+        tolerance=float(tolerance),
+        efficiency=robust.efficiency,
+        axis=robust.axis,
+    )
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:

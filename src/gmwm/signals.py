@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
-from gmwm._late import LateMethod
 from gmwm.errors import DataError, OptionError
 from gmwm.units import SI_UNIT, Quantity, parse_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 T = TypeVar("T")
 
@@ -128,7 +131,15 @@ class Signal:
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8))).reshape(-1, 2)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
-        return cls(vector[there], rate, unit, axis, starts[0], list(pairwise(ends)), starts)
+        return cls(
+            values=vector[there],
+            rate=rate,
+            unit=unit,
+            axis=axis,
+            start=starts[0],
+            segments=list(pairwise(ends)),
+            starts=starts,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy from another process is read-only as well.
@@ -184,12 +195,38 @@ class Signal:
         """
         return [self.values[first:last] for first, last in self.segments]
 
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_signal", 'The signal over time, as plot(units="si"|"datasheet", ax=…, path=…).'
-    )
+    def plot(
+        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the signal over time, with its line broken where samples are missing.
+
+        If the samples are far from zero, their mean is subtracted, and the title gives it.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the signal does not support it.
+        """
+        from gmwm.plots.series import plot_signal
+
+        return plot_signal(self, units=units, ax=ax, path=path)
 
     def longest(self) -> Signal:
-        """The longest segment, as a signal of its own."""
+        """The longest stretch without a gap, as a signal of its own."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
@@ -223,7 +260,7 @@ def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
     """A signal like `signal` with other values in one segment."""
-    return Signal(values, signal.rate, signal.unit, signal.axis, start)
+    return Signal(values, signal.rate, unit=signal.unit, axis=signal.axis, start=start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +350,7 @@ class Imu:
             factor = parse_unit((units or {}).get(quantity, si), quantity).factor
             vector = as_vector(values, axis)
             vector = vector if factor == 1 else vector * factor
-            signals[axis] = Signal(vector, rate, si, axis, start, segments)
+            signals[axis] = Signal(values=vector, rate=rate, unit=si, axis=axis, start=start, segments=segments)
         return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -355,14 +392,78 @@ class Imu:
         """Index ranges without a gap."""
         return next(iter(self.signals.values())).segments
 
-    between: ClassVar[LateMethod[..., Imu]] = LateMethod(
-        "gmwm.time_ranges:cut",
-        "The part between two times, as between(start, stop, skip=[(from, to), …]) in seconds from the first sample.",
-    )
+    def between(
+        self, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
+    ) -> Imu:
+        """Cut out the part of the recording between two times, without the stretches in `skip`; each leaves a gap.
 
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_recording", 'All axes over time, as plot(units="si"|"datasheet", path=…).'
-    )
+        Times count from the first sample on the recording's clock, gaps included. Where the clock was set back, the
+        next sample counts as one sampling interval later. The part includes a sample at `start` and excludes one at
+        `stop`.
+
+        Parameters
+        ----------
+        start, stop : float, optional
+            Times (s); by default the beginning and the end.
+        skip : sequence of (from, to)
+            Stretches to leave out (s), in any order. A stretch may extend beyond the end, but may not begin after it.
+
+        Returns
+        -------
+        Imu
+            The part, with a note of what was kept.
+
+        Raises
+        ------
+        OptionError
+            If a time is negative or not a number, or an end is not after its beginning.
+        DataError
+            If no segment of 8 samples or more is left, or a stretch to skip begins after the end.
+
+        Warns
+        -----
+        GmwmWarning
+            If `stop` is after the end of the recording.
+
+        Examples
+        --------
+        >>> imu = Imu.from_arrays({"gyro_x": np.arange(100.0)}, rate=10.0)
+        >>> imu.between(2.0, 9.0)
+        Imu(gyro_x: 70 samples at 10 Hz, 7 s)
+        >>> part = imu.between(2.0, skip=[(5.0, 6.0)])
+        >>> part.segments, part["gyro_x"].starts
+        (((0, 30), (30, 70)), (2.0, 6.0))
+        """
+        from gmwm.time_ranges import cut
+
+        return cut(self, start, stop, skip)
+
+    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
+
+        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title gives it.
+        The axes of a sensor have the same scale, unless a curve would be flat.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.plots.series import plot_recording
+
+        return plot_recording(self, units=units, path=path)
 
     def longest(self) -> Imu:
         """The longest segment, as a recording of its own; says so in its notes."""

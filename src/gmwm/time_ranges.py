@@ -25,47 +25,7 @@ CUT = "cut: "
 def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
-    """The part of a recording from `start` to `stop` without what lies in `skip`; what is left out leaves a gap.
-
-    Times count from the first sample of `imu` on its own clock, over gaps too; where that was set back, as if one
-    sample had followed the other. A sample at `start` is kept, one at `stop` is not, in `skip` the other way round.
-    A range to skip may reach beyond the end, but not lie behind it.
-
-    Parameters
-    ----------
-    imu : Imu
-        The recording, with its segments.
-    start, stop : float, optional
-        Times (s); the beginning and the end by default.
-    skip : sequence of (from, to)
-        Ranges to leave out (s), in any order.
-
-    Returns
-    -------
-    Imu
-        Its notes say what was kept.
-
-    Raises
-    ------
-    OptionError
-        If a time is negative or not a number, or an end does not come after its beginning.
-    DataError
-        If no segment of 8 samples or more is left, or a range to skip lies behind the end.
-
-    Warns
-    -----
-    GmwmWarning
-        If `stop` lies behind the end, so that nothing is cut off there.
-
-    Examples
-    --------
-    >>> imu = Imu.from_arrays({"gyro_x": np.arange(100.0)}, rate=10.0)
-    >>> imu.between(2.0, 9.0)
-    Imu(gyro_x: 70 samples at 10 Hz, 7 s)
-    >>> part = imu.between(2.0, skip=[(5.0, 6.0)])
-    >>> part.segments, part["gyro_x"].starts
-    (((0, 30), (30, 70)), (2.0, 6.0))
-    """
+    """Cut out the part of a recording between two times: see `Imu.between`."""
     kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
     ranges = _sample_ranges(first, kept)
@@ -85,7 +45,15 @@ def cut(
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     signals = {
-        axis: Signal(of(signal.values), signal.rate, signal.unit, axis, starts[0], segments, starts)
+        axis: Signal(
+            values=of(signal.values),
+            rate=signal.rate,
+            unit=signal.unit,
+            axis=axis,
+            start=starts[0],
+            segments=segments,
+            starts=starts,
+        )
         for axis, signal in imu.signals.items()
     }
     note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + range_words(kept)

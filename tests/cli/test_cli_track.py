@@ -16,12 +16,12 @@ def near(value):
     return pytest.approx(value, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["smooth", "filter"])
-def test_json_is_the_library_s(gmwm, recording, kind):
+@pytest.mark.parametrize(("kind", "method"), [("smooth", "smooth"), ("filter", "kalman_filter")])
+def test_json_is_the_library_s(gmwm, recording, kind, method):
     content = gmwm("track", recording, "-m", "WN + RW", "--axis", "gyro_z", "--kind", kind, "--json").json
     found = content["axes"]["gyro_z"]
     signal = read(recording)["gyro_z"]
-    tracks = getattr(library.fit("WN + RW", signal, certify=False), kind)(signal)
+    tracks = getattr(library.fit("WN + RW", signal, certify=False), method)(signal)
     assert (content["command"], content["confidence"]) == ("track", 0.95)
     assert (found["kind"], found["samples"], found["missing"], found["unit"]) == (kind, 20_000, 0, "rad/s")
     assert (found["first_time"], found["last_time"]) == (tracks.times[0], tracks.times[-1])

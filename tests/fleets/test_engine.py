@@ -197,7 +197,22 @@ def asked_for(within):
     from gmwm.calibration.result import Settings
 
     model = gmwm.parse_model(within)
-    return UnitOptions(model, Settings(str(model), "auto", "optimal", "asymptotic", 0.95, 0.6, 1000, 0), None, {}, {})
+    return UnitOptions(
+        model,
+        Settings(
+            within=str(model),
+            robust="auto",
+            weighting="optimal",
+            criterion="asymptotic",
+            confidence=0.95,
+            efficiency=0.6,
+            draws=1000,
+            seed=0,
+        ),
+        None,
+        {},
+        {},
+    )
 
 
 def test_worker_processes_of_its_own_find_the_same(few, tmp_path):

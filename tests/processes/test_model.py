@@ -44,6 +44,7 @@ def test_labels_count_from_one_where_a_process_is_repeated():
         (lambda: GM() + WN, "got <class .*WN.*>; write WN..$"),
         (lambda: Model(()), "at least one process"),
         (lambda: Model(("WN",)), "got 'WN'"),
+        (lambda: Model((int,)), "got <class 'int'>$"),
         (lambda: as_model(3), "model must be a sum of processes, .* got 3"),
         (lambda: as_model(GM), "write GM.."),
     ],

@@ -359,3 +359,12 @@ def test_data_that_are_refused(wv):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), RATE, "rad/s"), robust=True)])
     with pytest.raises(ModelError, match="as few parameters"):
         gmwm.select("GM", gmwm.WaveletVariance.from_values([1.0], samples=1000, rate=RATE))
+
+
+@pytest.mark.parametrize("names", [("ARMA(1,1)", "GM + WN"), ("GM + WN", "ARMA(1,1)")])
+def test_of_two_names_for_one_curve_the_first_is_recommended(names):
+    x = gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(4000, RATE, rng=2)
+    ranking = gmwm.rank(names, x, RATE, draws=100)
+    assert tuple(c.structure for c in ranking) == names
+    assert [(c.equivalent, c.recommended) for c in ranking] == [(True, True), (True, False)]
+    assert ranking[1].difference == pytest.approx(0, abs=1e-6 * ranking[0].wic.value)

@@ -102,7 +102,15 @@ def agreement(
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected, lambda found: found.failed))
-    return Agreement(names, tuple(rows), models, rejections, float(size), unmatched, failures)
+    return Agreement(
+        labels=names,
+        rows=tuple(rows),
+        models=models,
+        rejected=rejections,
+        size=float(size),
+        unmatched=unmatched,
+        failed=failures,
+    )
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
@@ -169,7 +177,17 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         reason = "interval" if len(usable) < 2 else ""
         reason = "one recording" if len(given) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
-        rows.append(SharedNumber(axis, symbol, first.title, first.unit, entries, pvalue, reason=reason))
+        rows.append(
+            SharedNumber(
+                axis=axis,
+                symbol=symbol,
+                title=first.title,
+                unit=first.unit,
+                entries=entries,
+                pvalue=pvalue,
+                reason=reason,
+            )
+        )
     return rows
 
 

@@ -12,7 +12,7 @@ from gmwm.calibration.reference import Reference
 from gmwm.datasheets import Entry
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SharedNumber:
     """One number of one axis, as several recordings give it.
 
@@ -70,7 +70,7 @@ class SharedNumber:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Agreement(Summarised, Sequence[SharedNumber]):
     """Every number of several recordings of one unit, and which of them differ by more than chance.
 

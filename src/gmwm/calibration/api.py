@@ -135,16 +135,29 @@ def calibrate(
     'WN + RW'
     """
     general = as_model(within, "within")
-    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
+    settings = Settings(
+        within=str(general),
+        robust=robust,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        efficiency=efficiency,
+        draws=draws,
+        seed=seed,
+    )
     check_settings(settings, threads)
     chosen = _chosen(data, axes)
     told = _Told(len(chosen) * len(STAGES), progress)
-    items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
+    items, looked = _looked_at(
+        data, chosen, settings=settings, threads=threads, scheduler=scheduler, workers=workers, told=told
+    )
     warned = () if looked is None else cautions(looked.warnings, robust, line_in(general))
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(axis, item, general, settings, len(items), told).calibrated()
+            return _Axis(
+                name=axis, item=item, general=general, settings=settings, together=len(items), told=told
+            ).calibrated()
         except OptionError:
             raise
         except GmwmError as error:
@@ -163,7 +176,9 @@ def calibrate(
     source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
     recording = None if looked is None else Recording.of(looked)
-    return Calibration(done, reasons, settings, source, warned, recording)
+    return Calibration(
+        axes=done, failed=reasons, settings=settings, source=source, cautions=warned, recording=recording
+    )
 
 
 def check_settings(settings: Settings, threads: int | None = None) -> None:
@@ -204,9 +219,7 @@ def _looked_at(
     return items, inspect(data) if isinstance(data, Imu) else None
 
 
-def _chosen(
-    data: Imu | Signal | Stream | Mapping[str, Measured], axes: str | Sequence[str] | None
-) -> dict[str, Measured | None]:
+def _chosen(data: object, axes: str | Sequence[str] | None) -> dict[str, Measured | None]:
     """What is to be calibrated, by axis; None of one that is still to be read."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
@@ -316,10 +329,16 @@ class _Axis:
         level = settings.confidence
         sheet = datasheet(fit, level)
         found = AxisCalibration(
-            fit, fit.confidence_intervals(level), _test(fit), sheet, ranking, verdict, needed(fit, settings.weighting),
+            fit=fit,
+            intervals=fit.confidence_intervals(level),
+            test=_test(fit),
+            datasheet=sheet,
+            ranking=ranking,
+            verdict=verdict,
+            needed=needed(fit, settings.weighting),
             # What a number counts besides its term must be known, or it is counted twice.
-            (*wv.notes(), *fit.diagnostics.notes(), *sheet.notes),
-        )  # fmt: skip
+            notes=(*wv.notes(), *fit.diagnostics.notes(), *sheet.notes),
+        )
         self.told.step(self.name, next(stages))
         return found
 

@@ -98,12 +98,12 @@ def calibration(content: Any) -> Calibration:
         raise ReadError("not a whole calibration: 'axes' of the document is empty")
     recording = parsed.get("recording")
     found = Calibration(
-        {axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
-        parsed["failed"],
-        _read("settings", lambda: Settings(**parsed["settings"])),
-        parsed["source"],
-        tuple(parsed["cautions"]),
-        None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
+        axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
+        failed=parsed["failed"],
+        settings=_read("settings", lambda: Settings(**parsed["settings"])),
+        source=parsed["source"],
+        cautions=tuple(parsed["cautions"]),
+        recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
     )
     require_kinds(found, "")
     return found
@@ -116,14 +116,14 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     test, verdict = content["goodness_of_fit"], content["contamination"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
-        fit,
-        _read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
-        None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
-        _read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
-        _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
-        None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
-        content["needed"],
-        tuple(content["notes"]),
+        fit=fit,
+        intervals=_read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
+        test=None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
+        datasheet=_read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
+        ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
+        verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
+        needed=content["needed"],
+        notes=tuple(content["notes"]),
     )
 
 
@@ -144,9 +144,13 @@ def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionT
 
 def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
     return GoodnessOfFit(
-        content["statistic"], content["df"], content["pvalue"], np.array(content["levels"], dtype=np.int64),
-        tuple(content["left_out"]), content["method"],
-    )  # fmt: skip
+        statistic=content["statistic"],
+        df=content["df"],
+        pvalue=content["pvalue"],
+        levels=np.array(content["levels"], dtype=np.int64),
+        left_out=tuple(content["left_out"]),
+        method=content["method"],
+    )
 
 
 def _read(what: str, read: Callable[[], T]) -> T:

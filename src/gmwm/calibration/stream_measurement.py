@@ -47,7 +47,16 @@ def measured_and_seen(
         Called as chunks are read, with how much was, in words.
     """
     if scheduler is not None or workers is not None:
-        return _spread(stream, axes, pairs, robust, efficiency, scheduler, workers, done)
+        return _spread(
+            stream,
+            axes,
+            pairs=pairs,
+            robust=robust,
+            efficiency=efficiency,
+            scheduler=scheduler,
+            workers=workers,
+            done=done,
+        )
     seen = InspectedStream(stream, axes, done)
     if pairs:
         both = measured_pairs(seen, efficiency=efficiency, threads=threads)

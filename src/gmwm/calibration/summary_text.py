@@ -309,7 +309,7 @@ def _about_length(found: AxisCalibration) -> str:
 def _longest_unbroken(wv: WaveletVariance) -> float:
     """The longest scale (s) that as many samples would show well without a gap."""
     levels = np.arange(1, wv.samples.bit_length())
-    whole = Design(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
+    whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(whole)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0
 

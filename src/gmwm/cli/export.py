@@ -93,7 +93,7 @@ def export(
         found = Calibration.load(file)
         if all is not None:
             made_directory(all, "--all")
-            written, left = _all(found, all, axes, inflation, time, rate)
+            written, left = _all(found, all, axes=axes, inflation=inflation, horizon=time, rate=rate)
             _tell_left(left, told)
             if json:
                 paths = list(map(str, written))

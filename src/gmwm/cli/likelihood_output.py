@@ -72,7 +72,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
         intervals, reason = intervals_if_known(fit, level)
         residuals = own_residuals(fit)
         assert residuals is not None  # fitted here, so its record is there
-        return Judged(fit, level, intervals, reason, residuals)
+        return Judged(fit, level, intervals=intervals, reason=reason, residuals=residuals)
 
     what = "intervals of the likelihood"
     with progress(what, len(fits)) as advance:
@@ -98,7 +98,7 @@ def print_likelihoods(found: Mapping[str, Judged]) -> None:
     print()
     if len(found) == 1:
         one = next(iter(found.values()))
-        print(in_words(one.fit, one.level, one.intervals, one.residuals, one.reason))
+        print(in_words(one.fit, one.level, intervals=one.intervals, residuals=one.residuals, reason=one.reason))
         return
     first = next(iter(found.values()))
     print(f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz")

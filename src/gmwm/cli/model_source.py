@@ -93,10 +93,26 @@ def model_source(
         if robust:
             raise OptionError("--robust is how a model is fitted; with --from-fits it is fitted already, leave one out")
         fitted, fits = fits_in(from_fits)
-        return ModelSource(None, fits, str(from_fits), fitted, likelihood, robust, efficiency)
+        return ModelSource(
+            model=None,
+            fits=fits,
+            fits_file=str(from_fits),
+            fitted_file=fitted,
+            likelihood=likelihood,
+            robust=robust,
+            efficiency=efficiency,
+        )
     parsed = parse_model(str(model))
     require_states(parsed, "--model")
-    return ModelSource(parsed, {}, "", None, likelihood, robust, efficiency)
+    return ModelSource(
+        model=parsed,
+        fits={},
+        fits_file="",
+        fitted_file=None,
+        likelihood=likelihood,
+        robust=robust,
+        efficiency=efficiency,
+    )
 
 
 def axis_models(

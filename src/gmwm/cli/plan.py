@@ -105,7 +105,7 @@ def plan(
             rate = pilot_rate
         elif axis is not None:
             raise OptionError("--axis belongs to --from-fits; leave it out, or pass the file too")
-        made, needed = _planned(str(model), seconds, rate, wanted, weighting, unit)
+        made, needed = _planned(str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit)
         if plot is not None:
             with progress("drawing"):
                 made.plot(accuracy=wanted, path=plot)
@@ -190,7 +190,11 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
     processes = {term: process for term, process in processes.items() if term not in zero}
     levels, rate, filter, matrix = _measured(found)
     for term, name in found["acts_as"].items():
-        like = likeness(processes[term], name, levels, rate, filter, matrix) if term in processes else None
+        like = (
+            likeness(processes[term], name, levels=levels, rate=rate, filter=filter, matrix=matrix)
+            if term in processes
+            else None
+        )
         if like is None:
             notes.append(f"{term} acts as {name} in the pilot recording: its values, and their errors, mean nothing")
             continue

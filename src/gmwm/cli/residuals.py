@@ -63,7 +63,9 @@ def residuals(
     """
     from gmwm.cli.output import print_json, print_written, progress, tell_cautions, told_warnings
 
-    source = model_source(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    source = model_source(
+        model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
+    )
     with told_warnings() as told:
         imu = load(file, opening)
         signals = axes_of(source, chosen_axes(imu, axis), bool(axis))

@@ -110,7 +110,9 @@ def track(
     from gmwm.cli.track_output import as_dict, print_tracks
     from gmwm.writers import table_path
 
-    source = model_source(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
+    source = model_source(
+        model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
+    )
     length = None if predict is None else _length(predict, kind)
     if output is not None:
         table_path(output)
@@ -133,7 +135,7 @@ def track(
         if output is not None:
             written.append(_write(tracks, label, output))
         if plot is not None:
-            written.append(_draw(next(iter(tracks.values())), label, confidence, datasheet, plot))
+            written.append(_draw(next(iter(tracks.values())), label, level=confidence, datasheet=datasheet, path=plot))
         if json:
             axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
             content = {"file": str(file), "confidence": confidence, "axes": axes, "written": list(map(str, written))}
@@ -142,7 +144,7 @@ def track(
         for k, (name, found) in enumerate(tracks.items()):
             if k:
                 print()
-            print_tracks(name, models[name], found, confidence, datasheet)
+            print_tracks(name, models[name], found=found, level=confidence, datasheet=datasheet)
         print_written(written)
 
 

@@ -99,13 +99,20 @@ def watch(
     if seconds <= 0:
         raise OptionError(f"--every takes a length of time above 0, got {every!r}")
     with told_warnings() as told, _source(file) as (take, name), _interruptible() as stopped:
-        view = _View(seconds, patience, stopped, parsed, wanted, datasheet, json)
+        view = _View(
+            every=seconds, idle=patience, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json
+        )
         lines = Lines(view.noting(take), view.breathe)
         source = growing_stream(
-            lines, name, rate, parse_columns(columns), parse_units(units), scale=parse_scale(scale),
+            lines,
+            name,
+            rate=rate,
+            columns=parse_columns(columns),
+            units=parse_units(units),
+            scale=parse_scale(scale),
             increments=[part.strip() for part in (increments or "").split(",") if part.strip()],
             patience=min(seconds, 5.0),
-        )  # fmt: skip
+        )
         measured = accumulators(chosen_names(source.axes, axis), source.rate)
         failure: GmwmError | None = None
         with view.shown(measured):
@@ -128,7 +135,7 @@ def watch(
         if json:
             print_json("watch", {"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)}, told)
         else:
-            print(whole_text(curves, fits, failed, wanted, datasheet))
+            print(whole_text(curves, fits, failed=failed, accuracy=wanted, datasheet=datasheet))
         if failure is not None:
             raise failure
 
@@ -199,9 +206,10 @@ class _View:
         fits, failed = fitted(self._model, curves)
         live = self._out.isatty()
         self._update(
-            whole_text(curves, fits, failed, self._accuracy, self._datasheet, live=True) if live
-            else one_line_of(curves, fits, failed, self._accuracy, self._datasheet)
-        )  # fmt: skip
+            whole_text(curves, fits, failed=failed, accuracy=self._accuracy, datasheet=self._datasheet, live=True)
+            if live
+            else one_line_of(curves, fits, failed=failed, accuracy=self._accuracy, datasheet=self._datasheet)
+        )
 
 
 def _unwrapped(text: Text) -> Text:

@@ -133,7 +133,9 @@ def wavelet_covariance(
     array([[0.000751]])
     """
     require_robust(robust, efficiency)
-    design = as_design(samples, rate, levels, filter, transform, efficiency if robust else None)
+    design = as_design(
+        samples, rate, levels=levels, filter=filter, transform=transform, efficiency=efficiency if robust else None
+    )
     return covariance(as_model(model), design)
 
 
@@ -163,4 +165,12 @@ def as_design(
         needed = wavelet.width(int(wanted[-1]))
         raise OptionError(f"level {wanted[-1]} needs {needed} samples, got samples={samples}; take fewer levels")
     segments = tuple(map(int, lengths)) if len(lengths) > 1 else ()
-    return Design(wanted, sum(map(int, lengths)), rate, wavelet, transform, efficiency, segments)
+    return Design(
+        levels=wanted,
+        samples=sum(map(int, lengths)),
+        rate=rate,
+        filter=wavelet,
+        transform=transform,
+        efficiency=efficiency,
+        segments=segments,
+    )

@@ -61,7 +61,14 @@ class Design:
     def of(cls, wv: WaveletVariance) -> Design:
         """The design of `wv`."""
         return cls(
-            wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments, wv.strides
+            levels=wv.levels,
+            samples=wv.samples,
+            rate=wv.rate,
+            filter=find_filter(wv.filter),
+            transform=wv.transform,
+            efficiency=wv.efficiency,
+            segments=wv.segments,
+            strides=wv.strides,
         )
 
     @property

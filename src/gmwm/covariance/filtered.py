@@ -101,7 +101,7 @@ class Lags:
         """V_jk of the level j at place a with those from there up to `end`, from lags 2^stage apart."""
         design = self.design
         sums = [
-            weighed(self._terms(values, a, b), first, stage, design, a, b)
+            weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
             for b, first, values in self.covariances(a, stage, end)
         ]
         total = np.array(sums) + self._excess(a, end)

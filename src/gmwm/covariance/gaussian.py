@@ -109,7 +109,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     counts[place:] = within.counts
     pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, design.levels - 1), counts)
     begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    return _over_lags(model, design, pairs, grid, weight[kept], begins, stride)
+    return _over_lags(model, design, pairs=pairs, at=grid, weight=weight[kept], starts=begins, stride=stride)
 
 
 def _over_lags(
@@ -131,7 +131,7 @@ def _over_lags(
         total += slope**2 * pairs.outer(pairs.half) / scale * np.add.reduceat(weight * covariance, starts)
     squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
     if design.efficiency is not None:
-        robust = _robust_sum(present, pairs, design, covariance, weight, starts)
+        robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         squares = np.where(design.few[pairs.finer] | design.few[pairs.coarser], squares, robust)
     elif cumulant := sum(process.error_cumulant for process in present):
         # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.

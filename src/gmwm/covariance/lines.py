@@ -152,7 +152,11 @@ def _with_noise(noise: Model, line: Line, design: Design, *, diagonal: bool) -> 
             u = np.arange(first, first + values.size)
             turn = np.exp(2j * np.pi * np.fmod(math.ldexp(line.cycles, stage) * u, 1.0))
             shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
-            total[a, b] = 4.0 * filtered.weighed(values * shared, first, stage, design, a, b) / (counts[a] * counts[b])
+            total[a, b] = (
+                4.0
+                * filtered.weighed(values * shared, first, stage=stage, design=design, a=a, b=b)
+                / (counts[a] * counts[b])
+            )
             total[b, a] = total[a, b]
     return total
 

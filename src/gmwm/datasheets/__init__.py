@@ -157,7 +157,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
     if not numbers:
         return [], f"{label} says nothing of itself in the terms of datasheets: no numbers of it"
     weak = judged.weak(term, process)
-    return [_entry(judged, term, label, process, number, weak) for number in numbers], None
+    return [_entry(judged, term, label=label, process=process, number=number, weak=weak) for number in numbers], None
 
 
 def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
@@ -183,7 +183,15 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
         low, high = _interval(judged, process, number, slopes)
     low, high = (None if end is None else factor * end for end in (low, high))
     return Entry(
-        number.symbol + bracket + place, number.title, factor * value, low, high, unit, label, upper_only, held
+        symbol=number.symbol + bracket + place,
+        title=number.title,
+        value=factor * value,
+        low=low,
+        high=high,
+        unit=unit,
+        term=label,
+        upper_only=upper_only,
+        held=held,
     )
 
 
@@ -235,6 +243,14 @@ def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, notes: tuple[str,
     # Twice the Haar wavelet variance, whatever the filter of the fit.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
-        entries, wv.axis, unit, fit.model.structure, wv.samples, wv.rate, level,
-        np.ldexp(1.0, wv.levels - 1) / wv.rate, deviation, notes,
-    )  # fmt: skip
+        entries=entries,
+        axis=wv.axis,
+        unit=unit,
+        model=fit.model.structure,
+        samples=wv.samples,
+        rate=wv.rate,
+        level=level,
+        averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate,
+        allan_deviation=deviation,
+        notes=notes,
+    )

@@ -69,9 +69,19 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, str | Non
     if least == 0:
         return None, "no bias instability: the model is zero"
     curve = None if z is None else Curve.of(fit).without_lines()
-    note = _bounded(model, n, last, wv.rate, curve, z)
+    note = _bounded(model, n, last=last, rate=wv.rate, curve=curve, z=z)
     value = factor * math.sqrt(least)
-    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, note is not None, tau=n / wv.rate)
+    entry = Entry(
+        symbol=SYMBOL,
+        title=LAWS[SYMBOL].name,
+        value=value,
+        low=None,
+        high=None,
+        unit=unit,
+        term=None,
+        upper_only=note is not None,
+        tau=n / wv.rate,
+    )
     if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), note
     if z is None or curve is None:
@@ -125,8 +135,9 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
     """Why the minimum is only a bound, or None."""
     end = f"the longest averaging time, {last / rate:.4g} s"
-    ends = model.allan_variance([1, last], rate)
-    if abs(ends[1] - ends[0]) <= _LEVEL * ends[0] and n in (1, last):
+    ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
+    # Of a flat curve n is wherever rounding has its least value.
+    if ends.max() <= (1 + _LEVEL) * least:
         return None
     if n == last:
         return f"{SYMBOL}: the model's Allan deviation still falls at {end}"
@@ -135,7 +146,7 @@ def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, 
     if z is None or curve is None:
         return None
     later = [2**k for k in range(n.bit_length(), last.bit_length())]
-    rises = model.allan_variance(later, rate) - model.allan_variance([n], rate)
+    rises = model.allan_variance(later, rate) - least
     here = curve.slopes(n)
     if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
         return f"{SYMBOL}: whether the model's Allan deviation rises again before {end}, is not sure"

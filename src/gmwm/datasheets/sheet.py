@@ -14,7 +14,7 @@ from gmwm._tables import aligned
 from gmwm.datasheets.entry import Entry, significant
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Datasheet(Mapping[str, Entry]):
     """The noise of one axis in the terms of datasheets: a mapping of symbol to `Entry`, in SI with other units to hand.
 

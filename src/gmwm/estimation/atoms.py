@@ -96,14 +96,19 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
         slopes.append(slope)
         middles += [value[1::2], value[:1]]
     return Grid(
-        branches, np.concatenate(owner), np.concatenate(nodes), np.concatenate(spacing[:-1]),
-        np.concatenate(values), np.concatenate(slopes), np.concatenate(middles[:-1]),
-    )  # fmt: skip
+        branches=branches,
+        owner=np.concatenate(owner),
+        nodes=np.concatenate(nodes),
+        spacing=np.concatenate(spacing[:-1]),
+        values=np.concatenate(values),
+        slopes=np.concatenate(slopes),
+        middle_values=np.concatenate(middles[:-1]),
+    )
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
     """Tabulate `process` over the domain that a record of `samples` can tell apart; the table is cached."""
-    return _grid(process, tuple(int(j) for j in levels), samples, rate, filter)
+    return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:

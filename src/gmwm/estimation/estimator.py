@@ -193,12 +193,12 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
     found = {label[id(processes[place])]: term for place, term in zip(problem.shaped, solution.terms, strict=True)}
     free = (*problem.linear, *problem.shaped)
     diagnostics = Diagnostics(
-        {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None},
-        tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
-        solution.nodes,
-        settled.notes,
-        solution.start,
-        tuple(
+        acts_as={name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None},
+        not_supported=tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0)),
+        nodes=solution.nodes,
+        weights=settled.notes,
+        start=solution.start,
+        remarks=tuple(
             f"{term}: {remark}"
             for term, process in zip(model.terms, model.processes, strict=True)
             if process.scale > 0 and (term not in found or found[term].acts_as is None)
@@ -206,9 +206,15 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         ),
     )
     return Fit(
-        wv, model, {name: v for name, v in model.parameters.items() if v is not None},
-        solution.objective, solution.lower_bound, solution.relaxed_bound,
-        model.wavelet_variance(wv.levels, wv.rate, wv.filter),
-        model.decomposition(wv.levels, wv.rate, wv.filter),
-        weighting, problem.matrix, diagnostics,
-    )  # fmt: skip
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: v for name, v in model.parameters.items() if v is not None},
+        objective=solution.objective,
+        lower_bound=solution.lower_bound,
+        relaxed_bound=solution.relaxed_bound,
+        implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting=weighting,
+        weighting_matrix=problem.matrix,
+        diagnostics=diagnostics,
+    )

@@ -38,7 +38,7 @@ def sharpened(
         if length is None:
             length = np.linalg.norm(value, axis=1, keepdims=True)
         value, slope, bend = value / length, slope / length, bend / length
-        step = _step(problem.target, fixed, value, slope, bend, x, moving)
+        step = _step(problem.target, fixed, value=value, slope=slope, bend=bend, x=x, moving=moving)
         if step is None:
             return None
         x = x + step[: x.size]

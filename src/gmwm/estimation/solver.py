@@ -66,21 +66,30 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
-        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, float(value)))
+        return Solution(
+            objective=value,
+            lower_bound=value if certify else None,
+            relaxed_bound=value,
+            scales=scales,
+            terms=(),
+            places=(),
+            nodes=0,
+            start=Start(how="convex", tried=1, objective=float(value)),
+        )
     search = Search(problem, problem.curved_class)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
     best = search.settled(min((search.polished(search.located(p)) for p in near), key=lambda found: found.objective))
     return Solution(
-        best.objective * square,
-        min(bound, best.objective) * square if certify else None,
-        min(relaxed, best.objective) * square,
-        problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
-        search.terms(best),
-        tuple(best.places),
-        nodes,
-        Start("convex", nodes or 1, float(candidates[0][0] * square)),
+        objective=best.objective * square,
+        lower_bound=min(bound, best.objective) * square if certify else None,
+        relaxed_bound=min(relaxed, best.objective) * square,
+        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
+        terms=search.terms(best),
+        places=tuple(best.places),
+        nodes=nodes,
+        start=Start(how="convex", tried=nodes or 1, objective=float(candidates[0][0] * square)),
     )
 
 
@@ -93,7 +102,12 @@ def solve_near(problem: Problem) -> Solution:
     found = None if point is None else surface.downhill(point)
     if point is None or found is None:
         return solve(problem, certify=False)
-    return _solution(problem, surface, surface.sharpened(found), Start("given", 1, _value(surface.at(point), problem)))
+    return _solution(
+        problem,
+        surface,
+        surface.sharpened(found),
+        Start(how="given", tried=1, objective=_value(surface.at(point), problem)),
+    )
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
@@ -121,7 +135,7 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     before, found = surface.at(point), surface.downhill(point)
     if before is None or found is None:
         raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
-    start = Start("sampled", sampled.draws, _value(before, problem))
+    start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
     return _solution(problem, surface, surface.sharpened(found), start)
 
 
@@ -155,13 +169,13 @@ def _scanned(problem: Problem) -> Solution:
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone)
     best: Projection | None = None
-    start = Start("scan", tried, np.inf)
+    start = Start(how="scan", tried=tried, objective=np.inf)
     for how, point in points:
         before, found = surface.at(point), surface.downhill(point)
         if before is None or found is None:
             continue
-        if best is None or found.objective < (1 - NOISE) * best.objective:
-            best, start = found, Start(how, tried, _value(before, problem))
+        if best is None or not problem.as_low(best.objective, found.objective, NOISE):
+            best, start = found, Start(how=how, tried=tried, objective=_value(before, problem))
     if best is None:
         raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
     if alone is not None:
@@ -174,7 +188,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
         better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
-        if not better.objective < (1 - NOISE) * best.objective:
+        if problem.as_low(best.objective, better.objective, NOISE):
             break
         best = better
     return best
@@ -189,7 +203,7 @@ def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projecti
         places = search.located(candidates[0][1])
         there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         found = surface.downhill(there)
-        if found is None or not found.objective < (1 - NOISE) * best.objective:
+        if found is None or problem.as_low(best.objective, found.objective, NOISE):
             break
         best = found
     return best
@@ -233,7 +247,17 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
         terms = (*terms, Term(values, float(scale)))
     linear_scales = problem.scales(problem.shapes, found.weights[:linear])
     value = float(found.objective * problem.unit**2)
-    return Solution(value, None, 0.0, linear_scales, terms, places, 0, start, found.point)
+    return Solution(
+        objective=value,
+        lower_bound=None,
+        relaxed_bound=0.0,
+        scales=linear_scales,
+        terms=terms,
+        places=places,
+        nodes=0,
+        start=start,
+        point=found.point,
+    )
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:

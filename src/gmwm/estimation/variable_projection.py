@@ -162,7 +162,14 @@ class Surface:
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
-        return Projection(objective, point, weights, every, lengths, self.problem.target - weights @ every)
+        return Projection(
+            objective=objective,
+            point=point,
+            weights=weights,
+            units=every,
+            lengths=lengths,
+            residual=self.problem.target - weights @ every,
+        )
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Wavelet variances (n, J) of the free processes at unit scale."""
@@ -186,7 +193,7 @@ class Surface:
         curved_class, problem = self.problem.curved_class, self.problem
         assert curved_class is not None
         places = list(zip(branches, u.tolist(), strict=True))
-        return shapes(curved_class, places, problem.levels, problem.rate, problem.filter)
+        return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
         """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
@@ -290,7 +297,7 @@ class Surface:
             if not np.all(np.abs(step) < NEAR):
                 break
             there = self.at(self.moved(best.point, step))
-            if there is None or not there.objective <= (1 + NOISE) * best.objective:
+            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
                 break
             best = there
             if np.all(np.abs(step) < SHARP):

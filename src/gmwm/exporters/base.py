@@ -235,7 +235,8 @@ class TwoNumbers(Exporter):
         times = {axis: walk_time(calibration[axis], options.horizon) for axis in axes}
         uses = {axis: Use(options.horizon, self.time_of(axis, times, options), self.flicker) for axis in axes}
         gyro, accel = (
-            sensor_noise(calibration, quantity, options.axes, options.inflation, uses) for quantity in QUANTITIES
+            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, uses=uses)
+            for quantity in QUANTITIES
         )
         missing = [_SENSORS[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):

@@ -78,7 +78,7 @@ def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict
         return {"none_because": "the unit of the signal is not known"}
     try:
         use, level = Use(options.horizon), calibration.settings.confidence
-        noise = axis_noise(axis, calibration.axes[axis], unit.quantity, use, level)
+        noise = axis_noise(axis, calibration.axes[axis], quantity=unit.quantity, use=use, level=level)
     except DataError as error:
         return {"none_because": str(error)}
     return {

@@ -101,13 +101,15 @@ def sensor_noise(
     if not names:
         return None
     level = calibration.settings.confidence
-    axes = tuple(axis_noise(axis, calibration.axes[axis], quantity, uses[axis], level) for axis in names)
+    axes = tuple(
+        axis_noise(axis, calibration.axes[axis], quantity=quantity, use=uses[axis], level=level) for axis in names
+    )
     return SensorNoise(
         quantity,
         axes,
-        ruled([(one.axis, one.N) for one in axes], rule, inflation),
-        ruled([(one.axis, one.K) for one in axes], rule, inflation),
-        ruled([(one.axis, one.B) for one in axes], rule, inflation),
+        N=ruled([(one.axis, one.N) for one in axes], rule, inflation),
+        K=ruled([(one.axis, one.K) for one in axes], rule, inflation),
+        B=ruled([(one.axis, one.B) for one in axes], rule, inflation),
     )
 
 
@@ -142,7 +144,7 @@ def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, 
                                                      for p in translated(fit)[0].model.processes):  # fmt: skip
         # The wandering is in the flicker noise: a walk that the data do not show is not added to it.
         walk = Number(0.0, False)
-    return AxisNoise(axis, fit, white, walk, flicker, use)
+    return AxisNoise(axis=axis, fit=fit, N=white, K=walk, B=flicker, use=use)
 
 
 def _flicker(found: AxisCalibration) -> Number:

@@ -120,10 +120,19 @@ def fleet(
     >>> folder.cleanup()
     """
     general = as_model(within, "within")
-    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
+    settings = Settings(
+        within=str(general),
+        robust=robust,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        efficiency=efficiency,
+        draws=draws,
+        seed=seed,
+    )
     check_settings(settings)
     arguments, plain = _checked_reading(reading)
-    options = UnitOptions(general, settings, _checked_axes(axes), arguments, plain)
+    options = UnitOptions(general, settings, axes=_checked_axes(axes), reading=arguments, plain_reading=plain)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
     found = find_units(recordings, folder, pattern)
@@ -147,7 +156,16 @@ def fleet(
             for outcome in outcomes:
                 run.take(outcome)
     paths = {unit: str(path) for unit, path in found.paths.items()}
-    return Fleet(folder, paths, run.table(), settings, found.left_out, run.kept, run.done, plain)
+    return Fleet(
+        folder=folder,
+        paths=paths,
+        table=run.table(),
+        settings=settings,
+        left_out=found.left_out,
+        kept=run.kept,
+        done=run.done,
+        reading=plain,
+    )
 
 
 class _Run:

@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.calibration.result import Calibration, Settings
 from gmwm.errors import DataError, OptionError, ReadError
@@ -17,13 +16,13 @@ from gmwm.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.fleets.table import read_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.fleets.statistics_result import FleetStatistics
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fleet(Summarised):
     """Many units, each calibrated; `fleet["unit"]` is the Calibration of one, read when it is asked for.
 
@@ -57,10 +56,6 @@ class Fleet(Summarised):
     kept: int = 0
     done: int = 0
     reading: Mapping[str, Any] = field(default_factory=dict)
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.fleet:plot_fleet", "Draw every unit's numbers with their spread, and the outliers: plot(path=…)."
-    )
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -108,6 +103,32 @@ class Fleet(Summarised):
 
         return summary(self)
 
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the datasheet numbers of all units, axis by axis, in ascending order.
+
+        Up to 40 units are dots with their confidence intervals; more units are a curve. The shaded region holds the
+        true number of a further unit, and the line across it is the typical unit. Outlying units are stars with their
+        names. Upper limits are triangles.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If there is nothing to draw, or the picture cannot be written to `path`.
+        """
+        from gmwm.plots.fleet import plot_fleet
+
+        return plot_fleet(self, path=path)
+
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
         """The fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
@@ -130,7 +151,14 @@ class Fleet(Summarised):
                 f"{where}: its last run was cut short before its table was written; run it again, what is done is not "
                 "done twice"
             )
-        found = cls(where, paths, table, settings, tuple(facts["left_out"]), reading=facts.get("reading", {}))
+        found = cls(
+            folder=where,
+            paths=paths,
+            table=table,
+            settings=settings,
+            left_out=tuple(facts["left_out"]),
+            reading=facts.get("reading", {}),
+        )
         return replace(found, kept=len(found))
 
     def __repr__(self) -> str:

@@ -94,12 +94,14 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     samples = read.samples()
     units = len(read.units)
     if not samples:
-        return FleetStatistics((), (), (), float(confidence), float(size), units)
+        return FleetStatistics(
+            rows=(), outliers=(), differences=(), confidence=float(confidence), size=float(size), units=units
+        )
     x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
     kept = x.copy()
-    outliers, searched = _outliers(read, samples, x, s2, kept, size)
-    rows = _rows(read, samples, x, kept, s2, searched)
-    together = _together(read, samples, x, kept, s2)
+    outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=kept, size=size)
+    rows = _rows(read, samples, x=x, kept=kept, s2=s2, searched=searched)
+    together = _together(read, samples, x=x, kept=kept, s2=s2)
     axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
     found = differences(axes, kept, size)
     order = {row.symbol: k for k, row in enumerate(rows)}
@@ -110,7 +112,14 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
         key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
                          symbols.index(row.symbol), row.axis not in sensors),
     )  # fmt: skip
-    return FleetStatistics(tuple(whole), outliers, found, float(confidence), float(size), units)
+    return FleetStatistics(
+        rows=tuple(whole),
+        outliers=outliers,
+        differences=found,
+        confidence=float(confidence),
+        size=float(size),
+        units=units,
+    )
 
 
 # --- outliers ---------------------------------------------------------------------------------------
@@ -141,9 +150,20 @@ def _outliers(
         typical = sample.back(float(centre[row])) or 0.0
         times = None if sample.symbol == SIGNED else value / typical
         outliers.append(
-            OutlierUnit(read.units[place], sample.axis, sample.symbol, value, low, high, typical, sample.unit, times,
-                        distance, p)
-        )  # fmt: skip
+            OutlierUnit(
+                unit=read.units[place],
+                axis=sample.axis,
+                symbol=sample.symbol,
+                value=value,
+                low=low,
+                high=high,
+                typical=typical,
+                si=sample.unit,
+                times=times,
+                distance=distance,
+                pvalue=p,
+            )
+        )
     return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
 
 
@@ -154,7 +174,7 @@ def _rows(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
 ) -> list[FleetNumber]:
     """A row for each number of each axis."""
-    rows = _described(read, samples, x, kept, s2)
+    rows = _described(read, samples, x=x, kept=kept, s2=s2)
     made = []
     for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
         below: tuple[str, ...] = ()
@@ -204,7 +224,7 @@ def _described(
     with np.errstate(invalid="ignore", divide="ignore"):
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
-    ahead = predicted(kept, s2, read.confidence, freedom, widened)
+    ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
     reach = t.ppf((1 + read.confidence) / 2, np.maximum(freedom, 1.0)) * error
     made = []
     for k, sample in enumerate(samples):
@@ -217,12 +237,28 @@ def _described(
         low, high, soon, late = (sample.back(end) if told else None for end in ends)
         made.append(
             FleetNumber(
-                sample.axis, sample.symbol, sample.unit, int(all_.size), int(np.sum(sample.limited)), sample.left_out,
-                sample.model, back[1], back[0], back[2], sample.back(float(at.mean[k])), low, high, tau,
-                float(np.sqrt(limits[0][k])) if told else None, float(np.sqrt(limits[1][k])) if told else None, s,
-                None if tau is None or s is None else s * s / (tau * tau + s * s), soon, late,
+                axis=sample.axis,
+                symbol=sample.symbol,
+                unit=sample.unit,
+                units=int(all_.size),
+                limited=int(np.sum(sample.limited)),
+                left_out=sample.left_out,
+                model=sample.model,
+                median=back[1],
+                quantile_05=back[0],
+                quantile_95=back[2],
+                typical=sample.back(float(at.mean[k])),
+                typical_low=low,
+                typical_high=high,
+                spread=tau,
+                spread_low=float(np.sqrt(limits[0][k])) if told else None,
+                spread_high=float(np.sqrt(limits[1][k])) if told else None,
+                error=s,
+                error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
+                predicted_low=soon,
+                predicted_high=late,
             )
-        )  # fmt: skip
+        )
     return made
 
 

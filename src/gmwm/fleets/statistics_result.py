@@ -16,7 +16,7 @@ SIGNED = "R"
 """The ramp has a sign, and is compared as it is; all others by their logarithms."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FleetNumber:
     """One number of one axis, or of all axes of a sensor, over the units of a fleet.
 
@@ -90,7 +90,7 @@ class FleetNumber:
         return self.symbol == SIGNED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OutlierUnit:
     """A unit that is not like the others.
 
@@ -123,7 +123,7 @@ class OutlierUnit:
     pvalue: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AxisDifference:
     """Whether the axes of a sensor differ in one number, unit by unit.
 
@@ -151,7 +151,7 @@ class AxisDifference:
     differs: bool
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FleetStatistics(Summarised):
     """What the units of a fleet say together.
 

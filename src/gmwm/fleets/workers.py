@@ -45,8 +45,10 @@ def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outc
         suspects.append(job)
         return None
 
-    yield from _through(client, jobs, retries, on_lost, lambda: WINDOW * sum(client.nthreads().values()))
-    yield from _through(client, suspects, retries, _lost, lambda: 1)
+    yield from _through(
+        client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
+    )
+    yield from _through(client, suspects, retries=retries, on_lost=_lost, window=lambda: 1)
 
 
 def _lost(job: Job, error: Exception) -> Outcome:

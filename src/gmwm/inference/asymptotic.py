@@ -29,7 +29,7 @@ NO_COEFFICIENT = 1e-8
 """What stands for a coefficient φ = 0, a pure number, where errors are relative to values."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sandwich:
     """Covariance of the estimates that are neither held, nor zero, nor at an end of their domain.
 
@@ -70,20 +70,12 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """The covariance of a fit's estimates.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level: its estimates would be exact, which those of no recording are.
-    MissingTheoryError
-        If the covariance of a process is not known.
-    """
+    """Covariance of the estimates: see `Fit.sandwich`."""
     design = Design.of(fit.wavelet_variance)
     wavelet = covariance(fit.model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(fit.model)
-    return sandwich_of(fit.model, design, fit.weighting_matrix, wavelet, fit.diagnostics.acts_as)
+    return sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
 
 
 def no_noise(model: Model) -> ModelError:
@@ -108,7 +100,12 @@ def sandwich_of(
     slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     kept = [k for k, name in enumerate(columns) if name in reported]
-    return Sandwich(tuple(columns[k] for k in kept), values[kept], relative[np.ix_(kept, kept)], wavelet)
+    return Sandwich(
+        names=tuple(columns[k] for k in kept),
+        values=values[kept],
+        relative=relative[np.ix_(kept, kept)],
+        wavelet=wavelet,
+    )
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:
@@ -173,13 +170,8 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     return (result + result.T) / 2
 
 
-def parameter_covariance(fit: Fit) -> Matrix:
-    """Cov θ̂ of a fit (p, p)."""
-    return fit.sandwich.covariance
-
-
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard error of each parameter of a fit."""
+    """Standard errors by name: see `Fit.standard_errors`."""
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

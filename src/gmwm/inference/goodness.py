@@ -29,7 +29,7 @@ LEAST_FREEDOM = 3.0
 It leaves out the two coarsest levels of a full set."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GoodnessOfFit(Summarised):
     """A test of the hypothesis that the data come from the fitted model.
 
@@ -89,46 +89,7 @@ class GoodnessOfFit(Summarised):
 
 
 def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> GoodnessOfFit:
-    """Test whether the data could come from the fitted model; under any weighting Ω.
-
-    With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
-
-        T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
-
-    ν̂² of the coarsest levels is skewed, however long the record: with them a test of 5 % would reject some 8 %. They
-    are left out of the test and of a fit that is made for it: with the weighting of this fit if that is "diagonal" or
-    "optimal", else with "diagonal", as estimates under other weights may be too far off for the law to hold.
-    Parameters that are zero or at an end of their domain are not counted.
-
-    Parameters
-    ----------
-    method : "asymptotic" or "bootstrap"
-        The chi-square law, or the criteria of `draws` records simulated from the fitted model, with all levels.
-    draws, seed : int
-        Of the bootstrap; at least 19 records, as p is at least 1 / (draws + 1).
-
-    Returns
-    -------
-    GoodnessOfFit
-
-    Raises
-    ------
-    OptionError
-        If an option is not one of those it may be.
-    ModelError
-        If no degree of freedom is left.
-    MissingTheoryError
-        If the covariance of a process is not known.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
-    >>> fit(WN() + RW(), x, rate=100.0).goodness_of_fit().pvalue > 0.05
-    True
-    >>> fit(WN(), x, rate=100.0).goodness_of_fit().pvalue < 1e-6
-    True
-    """
+    """Test whether the data could come from the fitted model: see `Fit.goodness_of_fit`."""
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     wv = fit.wavelet_variance
@@ -136,7 +97,14 @@ def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRA
         as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
         drawn = bootstrap(fit, draws, seed).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
-        return GoodnessOfFit(fit.objective, None, (1 + larger) / (1 + drawn.size), wv.levels.copy(), (), method)
+        return GoodnessOfFit(
+            statistic=fit.objective,
+            df=None,
+            pvalue=(1 + larger) / (1 + drawn.size),
+            levels=wv.levels.copy(),
+            left_out=(),
+            method=method,
+        )
     # It takes a fit, and a summary, a file and a table ask for the same test.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
@@ -157,9 +125,13 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
     statistic, count = _statistic(short)
     df = used - count
     return GoodnessOfFit(
-        statistic, df, float(gammaincc(df / 2, statistic / 2)),
-        wv.levels[:used].copy(), tuple(int(j) for j in wv.levels[used:]), "asymptotic",
-    )  # fmt: skip
+        statistic=statistic,
+        df=df,
+        pvalue=float(gammaincc(df / 2, statistic / 2)),
+        levels=wv.levels[:used].copy(),
+        left_out=tuple(int(j) for j in wv.levels[used:]),
+        method="asymptotic",
+    )
 
 
 def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:

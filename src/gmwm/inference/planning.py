@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
-from gmwm._late import LateMethod
 from gmwm._tables import aligned
 from gmwm._text import Named, Summarised, counted, rounded
 from gmwm.covariance import Design, covariance
@@ -24,7 +24,8 @@ from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
 """Above this relative standard error a parameter is not seen: the error says no more than that it may be anything."""
@@ -48,7 +49,7 @@ _LENGTHS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.
 """Unit, its length and the shortest duration told in it (s)."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan(Summarised):
     """Relative standard errors of the estimates of a model, by length of the recording.
 
@@ -84,10 +85,6 @@ class Plan(Summarised):
     errors: Mapping[str, Vector]
     unit: str = ""
 
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.plan:plot_plan", "Draw the errors over the length of the recording."
-    )
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
         for array in (self.durations, *self.errors.values()):
@@ -95,7 +92,46 @@ class Plan(Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict, and is read-only as well.
-        return Plan, (self.model, self.rate, self.weighting, self.durations, dict(self.errors), self.unit)
+        made = partial(
+            Plan,
+            model=self.model,
+            rate=self.rate,
+            weighting=self.weighting,
+            durations=self.durations,
+            errors=dict(self.errors),
+            unit=self.unit,
+        )
+        return made, ()
+
+    def plot(
+        self, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the relative standard error of each parameter over the length of the recording.
+
+        The curves continue beyond the planned duration, which is marked.
+
+        Parameters
+        ----------
+        accuracy : float
+            Wanted relative standard error: a horizontal line, with a ring where each parameter reaches it.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn on `ax` or written to `path`.
+        """
+        from gmwm.plots.plan import plot_plan
+
+        return plot_plan(self, accuracy=accuracy, ax=ax, path=path)
 
     @property
     def duration(self) -> float:
@@ -299,7 +335,7 @@ def plan(
     found = [relative_errors(whole, n, rate, weighting) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
-    return Plan(whole, rate, weighting, samples / rate, errors, unit)
+    return Plan(model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit)
 
 
 def relative_errors(

@@ -80,7 +80,7 @@ def simulated_variances(
 
     def work(batch: int) -> int:
         part = rows[batch * together : (batch + 1) * together]
-        _measure(model, design, together, _stream(seed, batch), part)
+        _measure(model, design, together=together, rng=_stream(seed, batch), rows=part)
         return len(part)
 
     _keep_memory(together * design.samples)
@@ -107,7 +107,9 @@ def _measure(model: Model, design: Design, together: int, rng: np.random.Generat
     deepest, wanted = int(design.levels[-1]), design.levels - 1
     segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
     for row, *path in zip(rows, *segments, strict=False):
-        row[:] = variances_alone(path, design.filter, design.transform, deepest, design.efficiency)[wanted]
+        row[:] = variances_alone(
+            path, design.filter, transform=design.transform, levels=deepest, efficiency=design.efficiency
+        )[wanted]
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:

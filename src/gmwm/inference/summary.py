@@ -99,7 +99,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
     shown = []
     for name, value in fit.parameters.items():
         if name in fit.undetermined:
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -108,7 +108,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 
@@ -117,7 +117,9 @@ def notes(fit: Fit, reason: str | None = None) -> list[str]:
     wv, words, acting = fit.wavelet_variance, fit.diagnostics.notes(), fit.diagnostics.acts_as
     for place, (term, name) in enumerate(acting.items()):
         process = fit.model.processes[fit.model.terms.index(term)]
-        like = likeness(process, name, wv.levels, wv.rate, find_filter(wv.filter), fit.weighting_matrix)
+        like = likeness(
+            process, name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=fit.weighting_matrix
+        )
         if like is not None:
             parameter = like.scale_parameter()
             amount = f"{like.name}.{parameter.name} = {like.value(parameter.name):.3e} {parameter.unit(wv.unit)}"
@@ -161,23 +163,7 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "asymptotic" or "bootstrap"
-        Intervals and test from theory, or from `draws` simulated records.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    str
-        Model, N, rate, levels and weighting; the criterion with its bounds; the test; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `Fit.summary`."""
     how = IntervalMethod(level, method, draws, seed)
     intervals, reason = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
@@ -188,7 +174,7 @@ def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, dra
 
 def table_text(table: list[Row], level: float) -> list[str]:
     """Parameters in columns, under their heads."""
-    heads = Row("parameter", "estimate", f"{100 * level:g} % interval", "error", "unit")
+    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
@@ -216,7 +202,7 @@ def head(fit: Fit, how: IntervalMethod) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     how = IntervalMethod()
     intervals, reason = intervals_if_known(fit, how)
     return table_html(head(fit, how), rows(fit, intervals, how), notes(fit, reason))

@@ -84,11 +84,14 @@ def inspect(recording: Imu | Stream) -> Inspection:
     first = recording[recording.axes[0]]
     base = recording.time_base or TimeBase(recording.rate, start=first.start)
     statistics = RecordingStatistics(
-        recording.source, recording.notes, base, Extent.of(first, base.left),
-        {axis: recording[axis].unit for axis in recording},
-        {axis: lsb(recording[axis].values) for axis in recording},
-        lambda axis, first, last: recording[axis].values[first:last],
-    )  # fmt: skip
+        source=recording.source,
+        notes=recording.notes,
+        base=base,
+        extent=Extent.of(first, base.left),
+        units={axis: recording[axis].unit for axis in recording},
+        resolutions={axis: lsb(recording[axis].values) for axis in recording},
+        values=lambda axis, first, last: recording[axis].values[first:last],
+    )
     statistics.update(Chunk({axis: recording[axis].values for axis in recording}, 0, 0, 0.0))
     return statistics.result(recording.temperature)
 
@@ -133,10 +136,14 @@ class FirstPass:
         segments = list(zip(self._firsts, stops, strict=True))
         extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
         return RecordingStatistics(
-            stream.source, stream.notes, stream.time_base, extent,
-            {axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
-            {axis: step_of(sample.values()) for axis, sample in self._samples.items()}, self._values,
-        )  # fmt: skip
+            source=stream.source,
+            notes=stream.notes,
+            base=stream.time_base,
+            extent=extent,
+            units={axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
+            resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
+            values=self._values,
+        )
 
     def _values(self, axis: str, first: int, last: int) -> Vector:
         """Some samples, read anew: only where a level has changed for good."""
@@ -195,8 +202,8 @@ class RecordingStatistics:
                 step
                 for axis, one in statistics.items()
                 for step in steps_of(
-                    axis, one.levels(), extent, self._resolutions[axis] or 0.0,
-                    partial(self._values, axis),
+                    axis, one.levels(), extent=extent, resolution=self._resolutions[axis] or 0.0,
+                    values=partial(self._values, axis),
                 )
             ),
             key=lambda step: (step.time, step.axis),
@@ -218,16 +225,31 @@ class RecordingStatistics:
         )
         segments = len(extent.segments)
         return Inspection(
-            self._source, extent.rate, extent.samples / extent.rate, extent.samples, segments, self._base, axes,
-            gravity, tilt, not (moved or restless), knocks, tuple(steps), warm_ups, _range(temperature), self._notes,
-            warnings,
-        )  # fmt: skip
+            source=self._source,
+            rate=extent.rate,
+            duration=extent.samples / extent.rate,
+            samples=extent.samples,
+            segments=segments,
+            time_base=self._base,
+            axes=axes,
+            gravity=gravity,
+            tilt=tilt,
+            static=not (moved or restless),
+            knocks=knocks,
+            steps=tuple(steps),
+            warm_ups=warm_ups,
+            temperature=_range(temperature),
+            notes=self._notes,
+            warnings=warnings,
+        )
 
     def _axis(self, axis: str, one: AxisStatistics) -> AxisInspection:
         noise = float(np.sqrt(one.differences.means[0] / 2))
         wander = float(np.ptp(one.windows.means))
         mean, sd = float(one.all.means[0]), float(np.sqrt(one.all.variances()[0]))
-        return AxisInspection(self._units[axis], mean, sd, noise, self._resolutions[axis], wander)
+        return AxisInspection(
+            unit=self._units[axis], mean=mean, sd=sd, noise=noise, lsb=self._resolutions[axis], wander=wander
+        )
 
     def _densities(self) -> dict[str, float]:
         """Noise densities of the gyroscopes (rad/s/√Hz): the median over the windows, which knocks do not move."""

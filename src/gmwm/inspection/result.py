@@ -12,7 +12,7 @@ from gmwm.inspection.warm_up import WarmUp
 from gmwm.signals import TimeBase
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AxisInspection:
     """One axis of a recording, in `unit`.
 
@@ -38,7 +38,7 @@ class AxisInspection:
     wander: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Inspection(Summarised):
     """What a recording looks like; `warnings` says in plain words what should be known before it is used.
 

@@ -95,7 +95,14 @@ class Search:
             for k, side in ((k, self._side(z, k)) for k in range(z.size))
             if side and self.problem.coordinates[k].term not in self.gone and k not in self.held
         }
-        return Maximum(z, tuple(k for k in active if k not in ends), ends, found, self.count, converged)
+        return Maximum(
+            z=z,
+            active=tuple(k for k in active if k not in ends),
+            at_end=ends,
+            evaluation=found,
+            evaluations=self.count,
+            converged=converged,
+        )
 
     # --- inside ---------------------------------------------------------------------------------------
 
@@ -161,7 +168,7 @@ class Search:
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
-        step = boxed(now.information, now.gradient, low, high, damping)
+        step = boxed(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:

@@ -18,23 +18,9 @@ if TYPE_CHECKING:
 
 
 def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "wald" or "profile"
-        How they are made.
-
-    Returns
-    -------
-    str
-        Model, N, rate; log-likelihood and criteria; the checks of the residuals; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `LikelihoodFit.summary`."""
     intervals, reason = intervals_if_known(fit, level, method)
-    return in_words(fit, level, intervals, own_residuals(fit), reason)
+    return in_words(fit, level, intervals=intervals, residuals=own_residuals(fit), reason=reason)
 
 
 def in_words(
@@ -51,7 +37,7 @@ def in_words(
 
 
 def as_html(fit: LikelihoodFit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     intervals, reason = intervals_if_known(fit, 0.95)
     words = [*fit.diagnostics.notes(), *([reason] if reason else [])]
     return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
@@ -135,7 +121,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
     shown = []
     for name, value in fit.parameters.items():
         if _undetermined(fit, intervals, name):
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
         if name in fit.model.fixed_names:
@@ -145,7 +131,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
             share = errors.get(name, math.inf) / abs(value) if value else math.inf
             if math.isfinite(share):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 

@@ -113,13 +113,17 @@ def assemble(model: Model, rate: float) -> System:
         space = process.state_space(rate)
         if _certain(space) and is_ramp(process, rate):
             continue
-        blocks.append(TermBlock(label, process, space, at, at + space.states))
+        blocks.append(TermBlock(label, process, space=space, first=at, last=at + space.states))
         at += space.states
     joined = StateSpace.sum(block.space for block in blocks)
     return System(
-        tuple(blocks), np.ascontiguousarray(joined.F), np.ascontiguousarray(joined.Q),
-        np.ascontiguousarray(joined.H[0]), float(joined.R[0, 0]), _start(joined),
-    )  # fmt: skip
+        blocks=tuple(blocks),
+        F=np.ascontiguousarray(joined.F),
+        Q=np.ascontiguousarray(joined.Q),
+        H=np.ascontiguousarray(joined.H[0]),
+        R=float(joined.R[0, 0]),
+        P0=_start(joined),
+    )
 
 
 def _start(space: StateSpace) -> Matrix:
@@ -186,7 +190,7 @@ class Coordinate:
 def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
     """Derivatives of the system by the coordinates of its model's terms."""
     p, q = system.H.size, len(coordinates)
-    out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), np.zeros((q, p)), np.zeros(q), np.zeros((q, p, p)))
+    out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
     by_label = {block.label: block for block in system.blocks}
     for k, coordinate in enumerate(coordinates):
         block = by_label[model.terms[coordinate.term]]

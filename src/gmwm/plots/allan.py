@@ -104,7 +104,10 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     # Where there are many values, symbols would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % confidence"
-    return [Line(x, y, shown, label, FRONT), Band(x, lower, upper, stroke.colour, opacity, limits, BAND)]
+    return [
+        Line(x, y, stroke=shown, label=label, layer=FRONT),
+        Band(x=x, lower=lower, upper=upper, colour=stroke.colour, opacity=opacity, label=limits, layer=BAND),
+    ]
 
 
 def with_guides(panel: Panel) -> Panel:
@@ -123,7 +126,7 @@ def with_guides(panel: Panel) -> Panel:
         y = np.array([middle, middle + slope * steepest])
         position = panel.x.limits[0] * 10 ** (x * wide)
         height = panel.y.limits[0] * 10 ** (y * high)
-        marks.append(Line(position, height, Stroke(GREY, 0.7, DASHED), "", BEHIND))
+        marks.append(Line(position, height, stroke=Stroke(GREY, 0.7, DASHED), label="", layer=BEHIND))
         texts.append(Text(label, float(x[1]) + 0.034, float(y[1])))
     return replace(panel, marks=(*panel.marks, *marks), texts=(*panel.texts, *texts))
 
@@ -167,14 +170,14 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
         stroke = replace(term_stroke(k), width=1.1)
         tau = np.array([min(line.first, line.reading_time) / REACH, max(line.last, line.reading_time) * REACH])
-        marks.append(Line(tau, view.factor * line.deviation(tau), stroke, "", MIDDLE))
+        marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
         at = np.array([line.reading_time])
         symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
         height = view.factor * line.deviation(at)
         where = "at the minimum" if line.slope == 0 else f"at τ = {line.reading_time:.3g} s"
         inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
         where += "" if inside else " (outside the axes)"
-        marks.append(Line(at, height, symbol, f"{text}, {where}", FRONT + 1))
+        marks.append(Line(at, height, stroke=symbol, label=f"{text}, {where}", layer=FRONT + 1))
     panel = replace(bare, y=y, marks=tuple(marks))
     return with_guides(panel) if guides else panel
 
@@ -221,36 +224,7 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times, with its confidence band, on logarithmic axes.
-
-    Parameters
-    ----------
-    result : ClusterVariance
-        What was measured; variances of zero are marked at the foot of the axis.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    guides : bool
-        Whether to show the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1 (ramp).
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-
-    >>> from gmwm.variance.allan import allan_variance
-    >>> result = allan_variance([0.0, 1.0, 0.0, 2.0, 1.0, 0.0, 1.0, 3.0], rate=1.0)
-    >>> plot_allan(result).axes[0].get_ylabel()
-    'Overlapping Allan deviation (unit of the data)'
-    """
+    """Draw a deviation over its averaging times: see `ClusterVariance.plot`."""
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -263,20 +237,7 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with the lines fitted to its slopes, and where Q, N, B, K and R are read.
-
-    Parameters
-    ----------
-    regression : AllanRegression
-        What was fitted.
-    units, guides, ax, path
-        As for `plot_allan`; datasheet units of coefficients are deg/√h, deg/h and their like.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw an Allan deviation with its fitted lines: see `AllanRegression.plot`."""
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 

@@ -99,7 +99,7 @@ def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
     used = getattr(item, "used", None)
     dots = observed_marks(wv, view, stroke=replace(stroke, width=0.0), label=name, used=used)
     curve = drawable(view.height(np.asarray(implied)))
-    model = Line(view.time(wv.tau), curve, replace(stroke, symbol=None), f"{name}, model", MIDDLE)
+    model = Line(view.time(wv.tau), curve, stroke=replace(stroke, symbol=None), label=f"{name}, model", layer=MIDDLE)
     return [*(_faint(mark) for mark in dots), model]
 
 

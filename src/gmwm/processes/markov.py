@@ -252,7 +252,7 @@ class AR1(_Markov):
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """σ² and φ, see `_drawn`."""
-        drawn = _drawn(occasion, rng, draws, before[-1][:, 0] if before else None, len(before))
+        drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
@@ -344,7 +344,7 @@ class GM(_Markov):
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """σ² and β of the φ = e^(−βΔt) that is drawn, see `_drawn`."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
-        drawn = _drawn(occasion, rng, draws, phi, len(before))
+        drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
         # A φ of zero is white noise, for which β is infinite.
         decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])

@@ -220,7 +220,7 @@ class Ordered(Process, abstract=True):
         except ModelError:
             # All coefficients together have the better words, if they are numbers.
             numbers = [value for value in self.values.values() if value is not None]
-            if all(isinstance(value, Real) and math.isfinite(value) for value in numbers):
+            if all(isinstance(value, float | Real) and math.isfinite(value) for value in numbers):
                 self.check_values()
             raise
         self.check_values()

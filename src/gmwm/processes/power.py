@@ -113,7 +113,7 @@ class PowerLaw(Process, abstract=True):
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
-        return _simulated(epsilon, first, n, as_rng(rng), count).reshape(shape_of_paths(n, paths))
+        return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def missing(self, theory: str) -> MissingTheoryError:
         """The error that says what the process lacks, and for a state space what to take in its place."""

@@ -120,15 +120,15 @@ def read(
     choice = choose(layout, columns, file)
     require_time(layout, choice, declared_rate, file)
     raw = _numbers(reader, file, layout, choice)
-    time, time_notes = timing_of(layout, choice, declared_units, raw, declared_rate)
+    time, time_notes = timing_of(layout, choice, units=declared_units, raw=raw, rate=declared_rate)
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
-    scale_notes = multiply(layout, choice, factors, integrals, raw, time.base.rate)
-    scales = resolve(layout, choice, declared_units, raw, time.base.rate, integrals)
+    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=raw, rate=time.base.rate)
+    scales = resolve(layout, choice, declared=declared_units, values=raw, rate=time.base.rate, increments=integrals)
     imu = Imu(
-        _signals(layout, choice, raw, scales, time),
+        _signals(layout, choice, raw=raw, scales=scales, time=time),
         str(path),
-        (
+        notes=(
             *layout.notes,
             *choice.notes,
             *scale_notes,
@@ -138,8 +138,8 @@ def read(
             *time.notes,
             *time.troubles,
         ),
-        time.base,
-        temperature,
+        time_base=time.base,
+        temperature=temperature,
     )
     for category, sentences in (
         (InferredUnitWarning, scales.inferred),
@@ -309,5 +309,13 @@ def _signals(
         if factor != 1:
             values *= factor
         unit = SI_UNIT[axis_quantity(axis)]
-        signals[axis] = Signal(values, time.base.rate, unit, axis, 0.0, time.segments, time.starts)
+        signals[axis] = Signal(
+            values=values,
+            rate=time.base.rate,
+            unit=unit,
+            axis=axis,
+            start=0.0,
+            segments=time.segments,
+            starts=time.starts,
+        )
     return signals

@@ -135,7 +135,7 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     note = (f"arrays left out: {listed(left)}",) if left else ()
     topics = _topics(chosen)
     return tuple(
-        _layout(part, _rate(usable, part), topic, (*notes, *note), _stray_time(part, split))
+        _layout(part, _rate(usable, part), topic=topic, notes=(*notes, *note), stray=_stray_time(part, split))
         for part, topic in zip(chosen, topics, strict=True)
     )
 
@@ -180,12 +180,12 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
 def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: RowReader, unit: str = "") -> list[Array]:
     """An array, or one for each field where its elements are records."""
     if dtype.names is None:
-        return [Array(name, shape, dtype, rows, unit or _date_unit(dtype))]
+        return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
     found = []
     for field in dtype.names:
         base, inner = dtype[field].subdtype or (dtype[field], ())
         path = f"{name}/{field}" if name else field
-        found.append(Array(path, (*shape, *inner), base, _Field(rows, field), unit or _date_unit(base)))
+        found.append(Array(path, (*shape, *inner), dtype=base, rows=_Field(rows, field), unit=unit or _date_unit(base)))
     return found
 
 

@@ -125,7 +125,10 @@ def resolve(
         if not axes:
             continue
         known = {
-            axis: _known(layout, choice, declared, axis, axis in increments or quantity in increments) for axis in axes
+            axis: _known(
+                layout, choice, declared=declared, axis=axis, integral=axis in increments or quantity in increments
+            )
+            for axis in axes
         }
         names = {name for name, _ in known.values() if name}
         reason = next((why for name, why in known.values() if name), "")

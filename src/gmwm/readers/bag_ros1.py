@@ -144,7 +144,15 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     package, _, name = fields["type"].decode().partition("/")
     kind = f"{package}/{name}" if name.startswith("msg/") else f"{package}/msg/{name}"
     text = fields["message_definition"].decode("utf-8", "replace")
-    return Topic(info["topic"].decode(), kind, "ros1", text, "ros1msg", (number,), counts.get(number, 0))
+    return Topic(
+        name=info["topic"].decode(),
+        type=kind,
+        encoding="ros1",
+        text=text,
+        language="ros1msg",
+        ids=(number,),
+        count=counts.get(number, 0),
+    )
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:

@@ -44,7 +44,7 @@ class SqliteStorage(Storage):
                 or len(text) > TEXT_LIMIT
             ):
                 raise ReadError(f"{self.path} is damaged: its table of topics does not hold texts")
-            found.append(Topic(name, kind, encoding, text, language, (number,)))
+            found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import gzip
 import io
+import sys
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import IO, TYPE_CHECKING, BinaryIO, cast
 
 from gmwm.errors import ReadError
@@ -77,7 +79,7 @@ class CompressedSource(FileSource):
         packed = self.path.stat().st_size
         if magic.startswith(GZIP):
             return _bounded(cast("IO[bytes]", gzip.open(self.path, "rb")), str(self), packed)
-        return _bounded(_Frames(super().open()), str(self), packed)
+        return _bounded(zstd_library().open(self.path, "rb"), str(self), packed)
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,15 @@ class MemberSource(FileSource):
         except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
             archive.close()
             raise PackedError(f"{self} cannot be unpacked ({error}); unpack it and pass the file in it") from error
+
+
+def zstd_library() -> ModuleType:
+    """The Zstandard module: part of the standard library from Python 3.14, a backport before."""
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return zstd
 
 
 def open_archive(path: Path) -> zipfile.ZipFile:
@@ -136,52 +147,14 @@ def require_ratio(unpacked: int, packed: int, name: object) -> None:
         )
 
 
-def _bounded(stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
+def _bounded(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
     return io.BufferedReader(_Counted(stream, name, packed, owner), 1 << 18)
-
-
-class _Frames:
-    """The content of a Zstandard file: of all its frames, each whole (the library's own stream ends in silence)."""
-
-    _PIECE = 1 << 11  # packed bytes at a time: they may unpack to 64 MB, not to more
-
-    def __init__(self, file: BinaryIO) -> None:
-        import zstandard
-
-        self._decompressor = zstandard.ZstdDecompressor()
-        self._error = zstandard.ZstdError
-        self._file = file
-        self._frame = self._decompressor.decompressobj()
-        self._begun = False
-        self._ready = b""
-
-    def read(self, size: int) -> bytes:
-        """At most `size` bytes; none at the end."""
-        while not self._ready:
-            piece = self._frame.unused_data or self._file.read(self._PIECE)
-            if not piece:
-                if self._begun and not self._frame.eof:
-                    raise EOFError("the last frame has no end")
-                return b""
-            if self._frame.eof:
-                self._frame = self._decompressor.decompressobj()
-            self._begun = True
-            try:
-                self._ready = self._frame.decompress(piece)
-            except self._error as error:
-                raise OSError(str(error)) from error
-        out, self._ready = self._ready[:size], self._ready[size:]
-        return out
-
-    def close(self) -> None:
-        """Close the file beneath."""
-        self._file.close()
 
 
 class _Counted(io.RawIOBase):
     """Unpacked bytes, counted; what goes wrong in unpacking is one error of ours."""
 
-    def __init__(self, stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
+    def __init__(self, stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
         self._stream, self._name, self._packed, self._owner = stream, name, packed, owner
         self._count = 0
 
@@ -198,7 +171,7 @@ class _Counted(io.RawIOBase):
         view = memoryview(buffer).cast("B")
         try:
             data = self._stream.read(len(view))
-        except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             raise PackedError(
                 f"{self._name} is damaged or cut off behind {self._count} unpacked bytes ({error}); was it copied "
                 "whole?"

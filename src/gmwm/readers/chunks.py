@@ -107,7 +107,7 @@ class RowSummary:
         """Of these rows and those that follow."""
         alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
         counted = self.counted.followed_by(later.counted)
-        return RowSummary(self.first, later.stop, self.parted, alike, counted)
+        return RowSummary(self.first, later.stop, parted=self.parted, alike=alike, counted=counted)
 
     def time_base(self, found: Interpretation) -> TimeBase:
         """What the time stamps of all rows say."""
@@ -183,7 +183,7 @@ class ChunkBuilder:
         """The summary of all rows so far."""
         counted = Counted() if self._clock is None else self._clock.counted
         alike = {axis: value for axis, value in self._alike.items() if value is not None}
-        return RowSummary(self._first, self._came, self._parted, alike, counted)
+        return RowSummary(self._first, self._came, parted=self._parted, alike=alike, counted=counted)
 
     def _settled(self, settled: Settled) -> Iterator[Chunk]:
         ready = self._waiting

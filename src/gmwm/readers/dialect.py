@@ -120,28 +120,28 @@ def detect(lines: list[str], path: object) -> Dialect:
     header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
     comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
     where = (path, first_line)
-    names, units = _parted(header, body, comments, data[0][:columns], delimiter, where) or _header(
-        header, body, comments, columns, delimiter, where
-    )
+    names, units = _parted(
+        header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
+    ) or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     integers = tuple(all(re.fullmatch(r"[+-]?\d+", row[c]) for row in data) for c in range(columns))
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
     return Dialect(
-        delimiter,
-        decimal_comma,
-        fields,
-        columns,
-        first_line,
-        names,
-        units,
-        stated,
-        sign,
-        first_row,
-        integers,
-        _stated_rate(comments),
-        stamps,
+        delimiter=delimiter,
+        decimal_comma=decimal_comma,
+        fields=fields,
+        columns=columns,
+        first_line=first_line,
+        names=names,
+        column_units=units,
+        units=stated,
+        comment=sign,
+        first_row=first_row,
+        integers=integers,
+        rate=_stated_rate(comments),
+        stamps=stamps,
     )
 
 
@@ -206,7 +206,7 @@ def _parted(
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None
     try:
-        names, units = _header(header, body, comments, len(row) - 1, delimiter, where)
+        names, units = _header(header, body, comments=comments, columns=len(row) - 1, delimiter=delimiter, where=where)
     except ReadError:
         return None
     if not names:

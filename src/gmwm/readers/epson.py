@@ -51,7 +51,9 @@ class EpsonReader(TextReader):
             kind, scale, unit = _KINDS[match[1]][1], 1.0, _UNITS.get(match[3], "")
             if match[3] == "dec" and kind in factors:
                 scale, unit = counted[kind] = factors[kind]
-            channels.append(Channel(channel.name, unit, _axis(match), match[1].startswith("D"), scale))
+            channels.append(
+                Channel(channel.name, unit, axis=_axis(match), increments=match[1].startswith("D"), scale=scale)
+            )
         told = ", ".join(f"{kind} {scale:.6g} {unit}" for kind, (scale, unit) in counted.items())
         notes = (f"raw counts times the factors above the columns: {told}",) if told else ()
         # The line of factors would pass for a comment that states units.

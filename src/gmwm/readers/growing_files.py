@@ -243,7 +243,16 @@ def growing_stream(
     require_time(layout, choice, declared_rate, path)
     wanted = list(choice.columns.values())
     first = first_rows(reader.rows(_Head(path, head), layout, wanted), choice)
-    found = understand(layout, choice, first, path, declared_rate, declared_units, factors, integrals)
+    found = understand(
+        layout,
+        choice,
+        head=first,
+        path=path,
+        rate=declared_rate,
+        units=declared_units,
+        factors=factors,
+        integrals=integrals,
+    )
     tell(found, path)
     return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
 

@@ -78,7 +78,7 @@ def arrays_in(path: Path) -> list[Array]:
     found: list[Array] = []
     try:
         with library.File(path, "r") as file:
-            _collect(library, file, "", path, found, 0)
+            _collect(library, file, where="", path=path, found=found, depth=0)
     except GmwmError:
         raise
     except Exception as error:  # the library raises whatever a damaged file makes it stumble over
@@ -107,7 +107,7 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
         if len(found) > MAX_ARRAYS or depth > _DEPTH:
             raise ReadError(f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}")
         if isinstance(node, library.Group):
-            _collect(library, node, name, path, found, depth + 1)
+            _collect(library, node, where=name, path=path, found=found, depth=depth + 1)
         elif isinstance(node, library.Dataset):
             found += _dataset(node, name, path)
 
@@ -119,7 +119,9 @@ def _dataset(node: Any, name: str, path: Path) -> list[Array]:
         return []
     packed = min(node.id.get_storage_size(), path.stat().st_size)  # a damaged file may claim more than there is
     require_ratio(int(np.prod(node.shape, dtype=object)) * node.dtype.itemsize, packed, f"{path}:{name}")
-    found = fields_of(name, node.shape, node.dtype, _Rows(path, node.name, len(node.shape)), _unit(node))
+    found = fields_of(
+        name, node.shape, dtype=node.dtype, rows=_Rows(path, node.name, len(node.shape)), unit=_unit(node)
+    )
     return found + _stated_rates(node, split_path(name)[0])
 
 

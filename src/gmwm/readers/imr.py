@@ -71,7 +71,9 @@ class ImrReader(Reader):
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
-        return record_chunks(path, record("i4", layout.state.order), _HEADER_BYTES, wanted, mark.row)
+        return record_chunks(
+            path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
+        )
 
 
 def _header(path: Path) -> _Header:
@@ -99,7 +101,7 @@ def _header(path: Path) -> _Header:
     notes = [f"{kinds}; increments times the rate" if angle or velocity else kinds]
     notes += [f"sensor {sensor!r}"] if sensor else []
     notes += [f"times are seconds of the {_CLOCKS[clock]} week"] if clock in _CLOCKS else []
-    return _Header(order, (bool(angle), bool(velocity)), rate, (gyro, accel), tuple(notes))
+    return _Header(order, (bool(angle), bool(velocity)), rate=rate, scales=(gyro, accel), notes=tuple(notes))
 
 
 def _pace(path: Path, header: _Header) -> tuple[str, ...]:

@@ -45,7 +45,7 @@ class ParquetReader(Reader):
             reason = str(error).splitlines()[0]
             raise ReadError(f"{path} is no complete Parquet file ({reason}); was it copied whole?") from error
         channels = tuple(
-            Channel(name, dtype.time_unit or "", "time") if isinstance(dtype, pl.Datetime) else Channel(name)
+            Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
         )
         if first.is_empty():

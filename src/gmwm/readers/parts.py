@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -149,40 +149,7 @@ class PartReader:
 
 
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
-    """The recording as parts that follow one another, of about the same length.
-
-    Rows can be begun with anywhere in Parquet, .npy, HDF5, .imu and .imr; in text too, whose lines are counted first,
-    in a pass over the file that parses no numbers. Any other format is one part. Parts begin where the reader's chunks
-    do (2¹⁸ or 2²⁰ rows, 8 MB of text), so that a short recording makes fewer of them.
-
-    Parameters
-    ----------
-    stream : Stream
-        Of `gmwm.stream`.
-    count : int
-        How many parts, at the most.
-
-    Returns
-    -------
-    tuple of Part
-        In order. A part can be pickled; where it is read the file must be under the same path.
-
-    Raises
-    ------
-    OptionError
-        If the count is none, or the stream comes from no file.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, gmwm
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "static.imu.npy")
-    >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
-    >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
-    >>> [(part.first, part.stop) for part in source.parts(2)]
-    [(0, 1048576), (1048576, 3000000)]
-    >>> folder.cleanup()
-    """
+    """Split a recording into consecutive parts: see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise OptionError(f"count must be a whole number of parts, 1 or more; got {count!r}")
     origin = stream._origin
@@ -194,14 +161,34 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         )
     marks = origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
-    common = (origin.path, origin.path.stat().st_size, origin.reader.name, origin.topic, stream._found, stream._size)
+    whole = Part(
+        path=origin.path,
+        bytes=origin.path.stat().st_size,
+        format=origin.reader.name,
+        topic=origin.topic,
+        found=stream._found,
+        size=stream._size,
+        back=Mark(0),
+        begin=Mark(0),
+        end=Mark(0),
+        last=True,
+        whole=True,
+    )
     if not cuts:
-        return (Part(*common, Mark(0), Mark(0), Mark(0), True, whole=True),)
+        return (whole,)
     edges = [0, *cuts, len(marks) - 1]
     pace = stream._found.pace
     reach = 0 if pace is None else pace.before
     return tuple(
-        Part(*common, _back(marks, a, reach), marks[a], marks[b], b == len(marks) - 1) for a, b in pairwise(edges)
+        replace(
+            whole,
+            back=_back(marks, a, reach),
+            begin=marks[a],
+            end=marks[b],
+            last=b == len(marks) - 1,
+            whole=False,
+        )
+        for a, b in pairwise(edges)
     )
 
 

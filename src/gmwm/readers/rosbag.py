@@ -24,9 +24,9 @@ from gmwm.readers.bag_mcap import McapStorage
 from gmwm.readers.bag_ros1 import Ros1Storage
 from gmwm.readers.bag_sqlite import SqliteStorage
 from gmwm.readers.bag_types import IMU, definition
-from gmwm.readers.bagfiles import ZSTD, Batch, Storage, Topic, merged, unpacked_messages
+from gmwm.readers.bagfiles import Batch, Storage, Topic, merged, unpacked_messages
 from gmwm.readers.base import Channel, Layout, Reader, Rows, register
-from gmwm.readers.byte_sources import CompressedSource
+from gmwm.readers.byte_sources import ZSTD, CompressedSource
 from gmwm.readers.cdr import Decoder, Definition
 from gmwm.readers.column_names import recognise
 from gmwm.signals import AXES
@@ -202,7 +202,16 @@ def _layout(topic: Topic, storages: Sequence[Storage]) -> Layout | None:
     channels.append(Channel(LOG_TIME, "ns", "" if timed else "time"))
     if len(channels) == 1:
         return None
-    return Layout(tuple(channels), (), topic.name, None, {}, notes, _Stream(topic, kind), inertial)
+    return Layout(
+        channels=tuple(channels),
+        first_row=(),
+        topic=topic.name,
+        rate=None,
+        units={},
+        notes=notes,
+        state=_Stream(topic, kind),
+        inertial=inertial,
+    )
 
 
 def _imu_leaves() -> set[str]:
@@ -234,7 +243,16 @@ def _imu_layout(topic: Topic, kind: Definition, leaves: Sequence[str], storages:
             channels.append(Channel(name, axis=f"{_SENSORS[sensor]}_{axis}"))
     channels.append(Channel(LOG_TIME, "ns", "" if stamped else "time"))
     state = _Stream(topic, kind)
-    return Layout(tuple(channels), (), topic.name, None, {}, tuple(notes), state, bool(first[STAMP].size))
+    return Layout(
+        channels=tuple(channels),
+        first_row=(),
+        topic=topic.name,
+        rate=None,
+        units={},
+        notes=tuple(notes),
+        state=state,
+        inertial=bool(first[STAMP].size),
+    )
 
 
 def _stamped(topic: Topic, kind: Definition, storages: Sequence[Storage]) -> bool:

@@ -57,7 +57,15 @@ class Pace:
         ticks: Vector = (head - head[0]).astype(np.float64) * seconds
         nominal = nominal_interval(ticks, per_second / rate)
         burst = burst_of(np.diff(ticks), nominal)
-        return cls(head[0].item(), head.size, rate, seconds, per_second, nominal, burst)
+        return cls(
+            first=head[0].item(),
+            rows=head.size,
+            rate=rate,
+            seconds=seconds,
+            per_second=per_second,
+            nominal=nominal,
+            burst=burst,
+        )
 
     @property
     def origin(self) -> float:
@@ -88,8 +96,14 @@ class Pace:
         jitter = np.sqrt(counted.squares / counted.inside) / self.per_second if counted.inside else 0.0
         start = self.origin / self.per_second
         return TimeBase(
-            self.rate, True, start, float(jitter), counted.gaps, counted.duplicates, counted.backward
-        )  # fmt: skip
+            rate=self.rate,
+            stamped=True,
+            start=start,
+            jitter=float(jitter),
+            gaps=counted.gaps,
+            duplicates=counted.duplicates,
+            backward=counted.backward,
+        )
 
     def troubles(self, counted: Counted, rows: int) -> Iterator[str]:
         """What is wrong with the stamps of so many rows, in plain words."""
@@ -129,12 +143,12 @@ class Counted:
     def followed_by(self, later: Counted) -> Counted:
         """These and those that follow."""
         return Counted(
-            self.inside + later.inside,
-            self.span + later.span,
-            self.squares + later.squares,
-            self.duplicates + later.duplicates,
-            self.backward + later.backward,
-            self.gaps + later.gaps,
+            inside=self.inside + later.inside,
+            span=self.span + later.span,
+            squares=self.squares + later.squares,
+            duplicates=self.duplicates + later.duplicates,
+            backward=self.backward + later.backward,
+            gaps=self.gaps + later.gaps,
         )
 
 
@@ -246,5 +260,5 @@ class RunningClock:
         kept = steps[inside]
         squares = float(np.sum((kept - self._interval) ** 2))
         duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
-        found = Counted(kept.size, float(kept.sum()), squares, duplicates, backward)
+        found = Counted(kept.size, float(kept.sum()), squares=squares, duplicates=duplicates, backward=backward)
         self._counted = self._counted.followed_by(found)

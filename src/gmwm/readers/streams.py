@@ -10,13 +10,12 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import as_rate
-from gmwm._late import LateMethod
 from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
 from gmwm.readers.api import (
     column_words,
@@ -37,6 +36,12 @@ from gmwm.readers.time_stamps import as_stamps, troubles_of
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.signals import TimeBase
 from gmwm.time_ranges import CUT, kept_ranges, range_words
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from gmwm.readers.parts import Part
+    from gmwm.variance.result import WaveletVariance
 
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
@@ -83,16 +88,6 @@ class Stream:
         What was understood, in plain words.
     """
 
-    wavelet_variance: ClassVar[LateMethod[..., Any]] = LateMethod(
-        "gmwm.streaming.passes:stream_variance",
-        "The wavelet variance of each axis, as wavelet_variance(levels=…, exact=…, robust=…, confidence=…).",
-    )
-
-    parts: ClassVar[LateMethod[..., Any]] = LateMethod(
-        "gmwm.readers.parts:parts_of",
-        "The recording as parts(count) that follow one another, each to be read by itself, on another machine too.",
-    )
-
     def __init__(
         self,
         source: str,
@@ -108,11 +103,130 @@ class Stream:
         if kept is not None:
             self.notes = (*self.notes, f"{CUT}kept {range_words(kept)}")
 
+    def wavelet_variance(
+        self,
+        *,
+        levels: int | None = None,
+        exact: int = 14,
+        robust: bool = False,
+        efficiency: float = 0.6,
+        passes: int = 2,
+        confidence: float = 0.95,
+        threads: int | None = None,
+        scheduler: str | Client | None = None,
+        workers: int | None = None,
+        parts: int | None = None,
+        done: Callable[[int], None] | None = None,
+    ) -> dict[str, WaveletVariance]:
+        """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
+
+        Up to level `exact` the result is that of `gmwm.wavelet_variance`. Each further level takes the coefficients at
+        every τ/64-th sample, see `WaveletAccumulator`. Segments between gaps are measured together; no coefficient
+        spans a gap.
+
+        Parameters
+        ----------
+        levels : int, optional
+            Number of levels J; by default all that have a coefficient.
+        exact : int
+            Number of levels that take every coefficient, 6 to 24.
+        robust, efficiency : bool, float
+            As for `gmwm.wavelet_variance`.
+        passes : 2 or 1
+            Number of times that a robust estimate reads the recording. Two passes are exact and give the slope, see
+            `SecondPass`. One pass agrees to 1e-4 with the estimate from all coefficients, and to 5e-3 at a level with
+            so many outliers that only the median is left.
+        confidence : float
+            Confidence level of the limits, between 0 and 1.
+        threads : int, optional
+            Number of axes to process in parallel; by default the number of processors.
+        scheduler, workers, parts : optional
+            To read parts of the recording in other processes: a Dask scheduler, or a number of processes to start here,
+            and the number of parts; see `spread_variance`.
+        done : callable, optional
+            Called in this thread with the number of samples so far after every piece. A second pass continues the
+            count, up to twice the number of samples.
+
+        Returns
+        -------
+        dict of axis name to WaveletVariance
+
+        Raises
+        ------
+        ReadError, DataError
+            If `read` would refuse the data, when the data are reached; or if the recording changed between two passes.
+        OptionError
+            If an option is unknown or out of range.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib, gmwm
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "static.parquet")
+        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
+        >>> gmwm.stream(path).wavelet_variance()
+        {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
+        >>> folder.cleanup()
+        """
+        from gmwm.streaming.passes import stream_variance
+
+        return stream_variance(
+            self,
+            levels=levels,
+            exact=exact,
+            robust=robust,
+            efficiency=efficiency,
+            passes=passes,
+            confidence=confidence,
+            threads=threads,
+            scheduler=scheduler,
+            workers=workers,
+            parts=parts,
+            done=done,
+        )
+
+    def parts(self, count: int) -> tuple[Part, ...]:
+        """Split the recording into consecutive parts of about the same length, to be read in other processes.
+
+        Parquet, .npy, HDF5, .imu and .imr can be read from any row. So can text, whose lines are counted first in a
+        pass that parses no numbers. Any other format is one part. Parts begin where the chunks of the reader do (2¹⁸ or
+        2²⁰ rows, 8 MB of text), so a short recording has fewer parts.
+
+        Parameters
+        ----------
+        count : int
+            Largest number of parts.
+
+        Returns
+        -------
+        tuple of Part
+            In order. A part can be pickled; where it is read, the file must have the same path.
+
+        Raises
+        ------
+        OptionError
+            If the count is not a positive integer, or the stream does not come from a file.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib, gmwm
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "static.imu.npy")
+        >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
+        >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
+        >>> [(part.first, part.stop) for part in source.parts(2)]
+        [(0, 1048576), (1048576, 3000000)]
+        >>> folder.cleanup()
+        """
+        from gmwm.readers.parts import parts_of
+
+        return parts_of(self, count)
+
     def __iter__(self) -> Iterator[Chunk]:
-        everything = build_chunks(self._found, self._chunks(), self._size, self.source, self._ended)
+        everything = build_chunks(self._found, self._chunks(), size=self._size, path=self.source, ended=self._ended)
         if self._kept is None:
             return everything
-        return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
+        return trimmed(everything, self._kept, rate=self.rate, base=lambda: self.time_base, ended=self._ended)
 
     def _ended(self, base: TimeBase) -> None:
         self.time_base = base
@@ -199,10 +313,19 @@ def stream(
     require_time(layout, choice, declared_rate, file)
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
-    found = understand(layout, choice, head, file, declared_rate, declared_units, factors, integrals)
+    found = understand(
+        layout,
+        choice,
+        head=head,
+        path=file,
+        rate=declared_rate,
+        units=declared_units,
+        factors=factors,
+        integrals=integrals,
+    )
     tell(found, file)
-    origin = Origin(file, reader, layout, tuple(wanted), topic)
-    return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
+    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=topic)
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=int(chunk), origin=origin, kept=kept)
 
 
 def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
@@ -211,8 +334,8 @@ def _again(path: Path, format: str, topic: str | None, found: Interpretation, si
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         layout = one_layout(reader, path, topic)
-    origin = Origin(path, reader, layout, tuple(found.choice.columns.values()), topic)
-    return Stream(str(path), found, origin.chunks, size, origin, kept)
+    origin = Origin(path, reader, layout=layout, wanted=tuple(found.choice.columns.values()), topic=topic)
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
 
 
 def streamed(choice: Choice) -> Choice:
@@ -246,15 +369,15 @@ def understand(
     for role, column in head.items():
         require_samples(column.size, words[role])
         require_finite_rows(column, words[role])
-    time, time_notes = timing_of(layout, choice, units, head, rate)
+    time, time_notes = timing_of(layout, choice, units=units, raw=head, rate=rate)
     stamps, pace = head.get("time"), None
     if stamps is not None:
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors, integrals, ones, time.base.rate)
+    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
-    scales = resolve(layout, choice, units, numbers, time.base.rate, integrals)
+    scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
         axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
     }
@@ -264,7 +387,16 @@ def understand(
     # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
     stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
     doubts = (*scales.doubts, *sorted(stated))
-    return Interpretation(choice, words, found, time, pace, notes, scales.inferred, doubts)
+    return Interpretation(
+        choice=choice,
+        words=words,
+        factors=found,
+        timing=time,
+        pace=pace,
+        notes=notes,
+        inferred=scales.inferred,
+        doubts=doubts,
+    )
 
 
 def tell(found: Interpretation, path: object) -> None:

@@ -77,7 +77,7 @@ class Timing:
 
 def unstamped(rate: float, samples: int) -> Timing:
     """The time base of a recording without stamps: one segment at the declared rate."""
-    return Timing(TimeBase(rate), ((0, samples),), (0.0,), (), ())
+    return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), notes=(), troubles=())
 
 
 def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, str]:
@@ -175,8 +175,18 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
         (troubles if grave else notes).extend(said)
     gaps = tuple((int(b) + 1, float(steps[b]) / per_second) for b in breaks if steps[b] > 0)
     duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
-    base = TimeBase(found, True, starts[0], jitter / per_second, gaps, duplicates, backward)
-    return Timing(base, segments, starts, tuple(notes), (*troubles, *troubles_of(base, ticks.size)))
+    base = TimeBase(
+        rate=found,
+        stamped=True,
+        start=starts[0],
+        jitter=jitter / per_second,
+        gaps=gaps,
+        duplicates=duplicates,
+        backward=backward,
+    )
+    return Timing(
+        base, segments, starts=starts, notes=tuple(notes), troubles=(*troubles, *troubles_of(base, ticks.size))
+    )
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:
@@ -277,7 +287,7 @@ def segments_of(ticks: Vector, steps: Vector, nominal: float, burst: float) -> t
     if ahead.size:
         ahead = ahead[steps[ahead] > GAP * burst * nominal]
         walls = np.concatenate(([-1], backward, [steps.size]))
-        ahead = ahead[_stays_ahead(ticks, ahead, nominal, walls, burst)]
+        ahead = ahead[_stays_ahead(ticks, ahead, nominal=nominal, walls=walls, burst=burst)]
     cuts = np.union1d(backward, ahead) + 1
     edges = [0, *(int(c) for c in cuts), ticks.size]
     return tuple(pairwise(edges))

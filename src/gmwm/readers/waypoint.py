@@ -53,7 +53,7 @@ class RecordReader(Reader):
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
-        return record_chunks(path, self.kind.dtype, 0, wanted, mark.row)
+        return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
 @register
@@ -100,7 +100,7 @@ class ImuReader(Reader):
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
-        return record_chunks(path, layout.state.dtype, 0, wanted, mark.row)
+        return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
 def _register(of: RecordType) -> None:
@@ -122,7 +122,9 @@ def record_channels(
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
     found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
-        Channel(axis, unit, axis, flag, scale) for axis in AXES for unit, flag, scale in (found[axis_quantity(axis)],)
+        Channel(axis, unit, axis=axis, increments=flag, scale=scale)
+        for axis in AXES
+        for unit, flag, scale in (found[axis_quantity(axis)],)
     )
     return (Channel("time", "s", "time"), *axes)
 

@@ -59,7 +59,9 @@ class XsensReader(TextReader):
                 channels.append(Channel(channel.name, "us" if time == "SampleTimeFine" else "s", "time"))
             elif axis and not (increments and any(a == axis and n in names for n, (_, a) in _SIGNALS.items())):
                 half_angle = channel.name.startswith("OriInc")
-                channels.append(Channel(channel.name, unit, axis, increments, 2.0 if half_angle else 1.0))
+                channels.append(
+                    Channel(channel.name, unit, axis=axis, increments=increments, scale=2.0 if half_angle else 1.0)
+                )
             else:
                 channels.append(Channel(channel.name))
         used = [c.name for c in channels if c.increments]

@@ -223,7 +223,9 @@ def _runs(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int
 
 
 def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
-    said: list[dict[str, Any]] = [_text(text.text, "x domain", text.x, "y domain", text.y) for text in panel.texts]
+    said: list[dict[str, Any]] = [
+        _text(text.text, "x domain", x=text.x, yref="y domain", y=text.y) for text in panel.texts
+    ]
     said += [_opposite(tick, across) for tick in panel.x.opposite]
     title = {"title": {"text": safe(panel.title)}} if panel.title else {}
     return title | {
@@ -253,6 +255,6 @@ def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]
 
 def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
     """A second reading of the horizontal scale, over the panel."""
-    return _text(tick.label, "x", across.at(tick.value), "y domain", 1.0) | {
+    return _text(tick.label, "x", x=across.at(tick.value), yref="y domain", y=1.0) | {
         "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
     }  # fmt: skip

@@ -23,7 +23,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.equivalence import SURELY, as_good
-from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.selection.ranking import SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
@@ -116,7 +116,17 @@ def select(
             f"no model within {wanted.structure} has as few parameters as the wavelet variance has levels, "
             f"{len(recordings[0])}; record longer"
         )
-    return _ranked(wanted, candidates, recordings, weighting, criterion, confidence, draws, seed, progress)
+    return _ranked(
+        wanted,
+        candidates,
+        recordings=recordings,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        draws=draws,
+        seed=seed,
+        progress=progress,
+    )
 
 
 def rank(
@@ -173,7 +183,17 @@ def rank(
                 f"{len(recordings[0])} levels; record longer, or leave it out"
             )
     unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
-    return _ranked(_union(unique), unique, recordings, weighting, criterion, confidence, draws, seed, progress)
+    return _ranked(
+        _union(unique),
+        unique,
+        recordings=recordings,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        draws=draws,
+        seed=seed,
+        progress=progress,
+    )
 
 
 def _union(models: Sequence[Model]) -> Model:
@@ -247,24 +267,45 @@ def _ranked(
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
             raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
     explored = [explore(general, candidates, wv, weighting, progress=progress) for wv in recordings]
-    criteria = _criteria(explored, len(candidates), criterion, draws, seed)
+    criteria = _criteria(explored, len(candidates), method=criterion, draws=draws, seed=seed)
     made = [_candidate(model, k, explored, criteria[k]) for k, model in enumerate(candidates)]
     made = _related(made)
     made = _sorted(made)
     made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
-    chosen = _equivalent(made, explored, confidence, draws, seed)
-    simplest = min(chosen, key=lambda c: (c.parameters, _score(c)))
-    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is simplest) for c in made]
+    chosen = _equivalent(made, explored, confidence=confidence, draws=draws, seed=seed)
+    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
     first = explored[0]
-    return Ranking(tuple(made), general, first.general, weighting, first.matrix, first.wavelet, confidence)
+    return Ranking(
+        candidates=tuple(made),
+        within=general,
+        general=first.general,
+        weighting=weighting,
+        weighting_matrix=first.matrix,
+        wavelet=first.wavelet,
+        confidence=confidence,
+    )
+
+
+def _levels(made: Sequence[Candidate]) -> dict[str, float]:
+    """The criterion of each structure, the same for those that differ by no more than the numerical error.
+
+    ARMA(1,1) and GM + WN have one curve; the last digits of their criteria must not choose between them.
+    """
+    level: dict[str, float] = {}
+    least = -np.inf
+    for c in sorted(made, key=_score):
+        if not _score(c) - least <= SAME * abs(_score(c)):
+            least = _score(c)
+        level[c.structure] = least
+    return level
 
 
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
     """By the criterion; one that comes down to a smaller one stands behind it, though it fit a little better."""
-    score = {c.structure: _score(c) for c in made}
+    level = _levels(made)
     return sorted(
         made,
-        key=lambda c: (score[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
+        key=lambda c: (level[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
     )
 
 
@@ -275,7 +316,17 @@ def _score(candidate: Candidate) -> float:
 def _candidate(model: Model, place: int, explored: Sequence[Explored], wic: Criterion) -> Candidate:
     fits = tuple(e.fits[place] for e in explored)
     parameters = max(len(columns_of(fit.model, fit.diagnostics.acts_as)[0]) for fit in fits)
-    return Candidate(model, fits, wic, _out_of_sample(fits), 0.0, parameters, False, False, None)
+    return Candidate(
+        model=model,
+        fits=fits,
+        wic=wic,
+        out_of_sample=_out_of_sample(fits),
+        difference=0.0,
+        parameters=parameters,
+        equivalent=False,
+        recommended=False,
+        same_as=None,
+    )
 
 
 def _out_of_sample(fits: Sequence[Fit]) -> float | None:
@@ -308,9 +359,9 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
                     known[id(fit)] = covariance_trace(variances, implied, e.matrix)
     return [
         Criterion(
-            float(np.mean([e.fits[k].objective for e in explored])),
-            float(np.mean([known[id(e.fits[k])] for e in explored])),
-            method,
+            loss=float(np.mean([e.fits[k].objective for e in explored])),
+            optimism=float(np.mean([known[id(e.fits[k])] for e in explored])),
+            method=method,
         )
         for k in range(count)
     ]
@@ -351,17 +402,18 @@ def _shown(candidate: Candidate) -> Counter[str] | None:
 def _equivalent(
     made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """The candidates as good as the best, without those that contain another of them."""
-    best = made[0]
+    """The candidates as good as the best, without those that contain another of them; the simplest first."""
+    best, level = made[0], _levels(made)
     kept: list[Candidate] = []
-    for candidate in sorted((c for c in made if c.same_as is None), key=lambda c: (c.parameters, _score(c))):
+    own = (c for c in made if c.same_as is None)
+    for candidate in sorted(own, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in kept):
             continue
-        if candidate is not best:
+        if level[candidate.structure] != level[best.structure]:
             if candidate.wic.value - best.wic.value > SURELY:
                 continue
-            if not as_good(explored, candidate.fits, best.fits, 1 - confidence, draws, seed):
+            if not as_good(explored, candidate.fits, rivals=best.fits, size=1 - confidence, draws=draws, seed=seed):
                 continue
         kept.append(candidate)
     return kept

@@ -101,7 +101,7 @@ class _Exploration:
         """Keep a solution, and that of its shown part, which is the same."""
         structure = structure_of(model)
         shown = _shown(model, problem, solution)
-        found = _Solved(model, structure, shown, problem, solution)
+        found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
         self.solved[_key(structure)] = found
         if shown != structure and shown and _key(shown) not in self.solved:
             self.solved[_key(shown)] = self._part(found)
@@ -128,7 +128,9 @@ class _Exploration:
                 if p.structure != found.structure and of_lower_order(p.structure, found.structure)
             ]
             best = min(parts, key=lambda p: p.solution.objective, default=found)
-            if best.solution.objective < found.solution.objective * (1 - NOT_LOWER):
+            square = found.problem.unit**2
+            least, reached = best.solution.objective / square, found.solution.objective / square
+            if not found.problem.as_low(reached, least, NOT_LOWER):
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
@@ -150,7 +152,7 @@ class _Exploration:
         scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
         terms = tuple(t for t in found.solution.terms if t.scale > 0)
         solution = replace(found.solution, scales=scales, terms=terms)
-        return _Solved(model, found.shown, found.shown, problem, solution)
+        return _Solved(model, found.shown, shown=found.shown, problem=problem, solution=solution)
 
 
 def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
@@ -176,7 +178,11 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
     rows = [problem.shapes, *_ways(explored.general, problem)]
     if problem.curved_class is not None:
-        rows.append(grid(problem.curved_class, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
+        rows.append(
+            grid(problem.curved_class, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[
+                ::EVERY
+            ]
+        )
     return np.concatenate(rows), len(problem.shapes)
 
 

@@ -29,4 +29,4 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
     variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
     variance /= len(first.fits)
     difference = first.wic.value - second.wic.value
-    return Comparison(first, second, difference, float(np.sqrt(max(variance, 0.0))))
+    return Comparison(first=first, second=second, difference=difference, error=float(np.sqrt(max(variance, 0.0))))

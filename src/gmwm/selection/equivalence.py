@@ -71,7 +71,7 @@ class Hypothesis:
             return None
         if fit.weighting != "optimal":
             matrix = np.diag(1 / np.diag(wavelet))
-        return cls(explored, fit, matrix, wavelet, draws, seed)
+        return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
         """Whether the loss exceeds that of the rival by far more than chance can do, without fitting either again."""

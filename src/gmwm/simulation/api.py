@@ -135,7 +135,7 @@ def simulate(
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
     notes = [f"{axis} is simulated: {truth[axis]}" for axis in imu.axes]
     imu = replace(imu, notes=(*notes, f"seed {seed}; an axis draws from its own stream of it"))
-    return SimulatedImu(imu, made) if components else imu
+    return SimulatedImu(imu=imu, axes=made) if components else imu
 
 
 def simulate_signal(
@@ -285,7 +285,7 @@ def _simulated(
         total += drawn[term]
         parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
     signal = Signal(_finished(total, offset, step), rate, unit, axis)
-    return SimulatedSignal(signal, parts, model, offset, step)
+    return SimulatedSignal(signal=signal, components=parts, model=model, offset=offset, resolution=step)
 
 
 def _finished(path: Vector, offset: float, step: float | None) -> Vector:

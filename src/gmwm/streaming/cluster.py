@@ -110,7 +110,7 @@ def spread_variance(
         return {axis: pair[1] for axis, pair in pairs.items()}
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts, done, retries)
+        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
         first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
     _tell(stream, crew.summary)
     return {axis: one.result(confidence) for axis, one in first.items()}
@@ -139,7 +139,7 @@ def spread_pairs(
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts, done, retries)
+        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
         first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
         classical = {axis: one.result(confidence) for axis, one in first.items()}
         if passes == 1:

@@ -59,56 +59,7 @@ def stream_variance(
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis of a recording of any length; a robust one reads it twice, unless told not to.
-
-    Levels up to `exact` are those of `wavelet_variance`; each further one takes the coefficients at every τ/64-th
-    sample, see `WaveletAccumulator`. Segments between gaps are measured together, no coefficient lies across a gap.
-
-    Parameters
-    ----------
-    stream : Stream
-        Of `gmwm.stream`.
-    levels : int, optional
-        Number of levels J; all that have a coefficient by default.
-    exact : int
-        Levels of which every coefficient is taken, 6 to 24.
-    robust, efficiency : bool, float
-        As for `wavelet_variance`.
-    passes : 2 or 1
-        How often a robust one reads the recording: twice it is exact and knows the slope, see `SecondPass`; once it is
-        that of all coefficients to 1e-4 (5e-3 at a level with so many outliers that only the median is left).
-    confidence : float
-        Level of the limits, between 0 and 1.
-    threads : int, optional
-        Axes that are worked on at once; as many as there are processors by default.
-    scheduler, workers, parts : optional
-        Where others are to read the recording, a part each: a Dask scheduler, or a number of processes begun here; see
-        `spread_variance`.
-    done : callable, optional
-        Called with the number of samples so far after every chunk, in the calling thread; in a second pass the count
-        goes on, to twice the number of samples.
-
-    Returns
-    -------
-    dict of axis name to WaveletVariance
-
-    Raises
-    ------
-    ReadError, DataError
-        At what `read` refuses, when it is reached; or if the recording has changed when it is read again.
-    OptionError
-        If an option is not one of those it may be.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, gmwm
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "static.parquet")
-    >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
-    >>> gmwm.stream(path).wavelet_variance()
-    {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
-    >>> folder.cleanup()
-    """
+    """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
     require_robust(robust, efficiency)
     if scheduler is not None or workers is not None:
         from gmwm.streaming.cluster import spread_variance

@@ -170,7 +170,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         sketched = kept._sketched()
         request = sum_request(sketched, robust_variances(sketched, efficiency), efficiency)
         winsorised = kept._thinned.winsorised_rise(self.start, kept.lengths)
-        return SecondPass(kept, request, winsorised, self.start if start is None else start, efficiency)
+        return SecondPass(
+            kept, request, winsorised=winsorised, start=self.start if start is None else start, efficiency=efficiency
+        )
 
     def _sketched(self) -> SketchCoefficients:
         """The coefficients so far, as far as their sketches know them.
@@ -205,13 +207,23 @@ class WaveletAccumulator(SegmentedAccumulator):
         if found is not None:
             variance = found.variance
         wv = WaveletVariance(
-            np.arange(1, counts.size + 1, dtype=np.int64), variance, variance, variance, counts, self.rate,
-            sum(lengths), self.unit, self.axis, confidence=confidence,
+            levels=np.arange(1, counts.size + 1, dtype=np.int64),
+            variance=variance,
+            lower=variance,
+            upper=variance,
+            counts=counts,
+            rate=self.rate,
+            samples=sum(lengths),
+            unit=self.unit,
+            axis=self.axis,
+            confidence=confidence,
             slope=self._slope() if found is None else slope,
-            segments=lengths if len(lengths) > 1 else (), strides=_strides(self.exact, counts.size),
-            robust=found is not None, efficiency=efficiency,
+            segments=lengths if len(lengths) > 1 else (),
+            strides=_strides(self.exact, counts.size),
+            robust=found is not None,
+            efficiency=efficiency,
             diagnostics={} if found is None else {"robust": found.diagnostics},
-        )  # fmt: skip
+        )
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 

@@ -112,11 +112,24 @@ def allan_variance(
     freedom = degrees_of_freedom(
         exponents(noise), sizes, p.size, order=2, overlapping=kind != "nonoverlapping", modified=modified
     )
-    limits = chi_square_limits(variance, freedom, confidence)
+    lower, upper = chi_square_limits(variance, freedom, confidence)
     return ClusterVariance(
-        "allan", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="allan",
+        kind=kind,
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:

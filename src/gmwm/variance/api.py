@@ -143,7 +143,7 @@ def wavelet_variance(
     counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
     if robust:
-        found = _robust(segments, wavelet, transform, levels, efficiency)
+        found = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = found.variance, found.diagnostics
         slope = _slope([_clipped(segment) for segment in segments])
         eta = eta * efficiency
@@ -153,13 +153,24 @@ def wavelet_variance(
         raise DataError("x is too large to be squared in double precision; scale it down")
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(
-        numbers, variance, lower, upper, counts, rate, sum(lengths),
+        levels=numbers,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        rate=rate,
+        samples=sum(lengths),
         unit="" if signal is None else signal.unit,
         axis="" if signal is None else signal.axis,
-        confidence=confidence, filter=wavelet.name, transform=transform,
-        robust=robust, efficiency=efficiency if robust else None, slope=slope,
-        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (),
-    )  # fmt: skip
+        confidence=confidence,
+        filter=wavelet.name,
+        transform=transform,
+        robust=robust,
+        efficiency=efficiency if robust else None,
+        slope=slope,
+        diagnostics=diagnostics,
+        segments=lengths if len(lengths) > 1 else (),
+    )
 
 
 def variances_alone(
@@ -168,7 +179,7 @@ def variances_alone(
     """ν̂_j² of levels 1 … J of segments of samples that are known to be good, robust where an efficiency is given."""
     if efficiency is None:
         return _classical(segments, filter, transform, levels)
-    return _robust(segments, filter, transform, levels, efficiency).variance
+    return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
 
 
 def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:

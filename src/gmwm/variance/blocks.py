@@ -81,13 +81,23 @@ class Blocks:
         if tails.size < _KEPT:
             tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
         return Blocks(
-            self.step, self.first, later.last, self.before, later.after, heads, tails,
-            self.squares + later.squares + squares, self.count + later.count + count,
-            self.total + sum(middle) + later.total,
-            self.moment + sum(middle) * (self.last - self.first) + later.moment
+            step=self.step,
+            first=self.first,
+            last=later.last,
+            before=self.before,
+            after=later.after,
+            heads=heads,
+            tails=tails,
+            squares=self.squares + later.squares + squares,
+            count=self.count + later.count + count,
+            total=self.total + sum(middle) + later.total,
+            moment=self.moment
+            + sum(middle) * (self.last - self.first)
+            + later.moment
             + later.total * (later.first - self.first),
-            part, max(self.resolution, later.resolution, resolution),
-        )  # fmt: skip
+            part=part,
+            resolution=max(self.resolution, later.resolution, resolution),
+        )
 
     @property
     def rise(self) -> float | None:
@@ -110,7 +120,17 @@ class Blocks:
         """What was stored."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
-            step, int(first), int(last), before, after, heads.copy(), tails.copy(), squares, int(count), total, moment
+            step=step,
+            first=int(first),
+            last=int(last),
+            before=before,
+            after=after,
+            heads=heads.copy(),
+            tails=tails.copy(),
+            squares=squares,
+            count=int(count),
+            total=total,
+            moment=moment,
         )
 
     def raised(self, offset: float, start: int, stop: int) -> Blocks:
@@ -169,7 +189,17 @@ def blocks_of(
     # Sum of all samples before each multiple of the first step.
     sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
     total = float(sums[-1]) + float(values[end:].sum())
-    return [_of(step, start, stop, sums[(-first) % (step // base) :: step // base], total, collector) for step in steps]
+    return [
+        _of(
+            step,
+            start,
+            stop=stop,
+            marks=sums[(-first) % (step // base) :: step // base],
+            total=total,
+            collector=collector,
+        )
+        for step in steps
+    ]
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
@@ -180,7 +210,17 @@ def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector
     blocks = np.diff(marks)
     squares, count, part, resolution = measured(blocks, step, collector)
     return Blocks(
-        step, first, last, float(marks[0]), total - float(marks[-1]), blocks[:_KEPT].copy(), blocks[-_KEPT:].copy(),
-        squares, count, float(blocks.sum()), float(np.arange(blocks.size) @ blocks),
-        part, resolution,
-    )  # fmt: skip
+        step=step,
+        first=first,
+        last=last,
+        before=float(marks[0]),
+        after=total - float(marks[-1]),
+        heads=blocks[:_KEPT].copy(),
+        tails=blocks[-_KEPT:].copy(),
+        squares=squares,
+        count=count,
+        total=float(blocks.sum()),
+        moment=float(np.arange(blocks.size) @ blocks),
+        part=part,
+        resolution=resolution,
+    )

@@ -82,8 +82,21 @@ def hadamard_variance(
     variance = squares / (6.0 * sizes * sizes)
     noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
     freedom = degrees_of_freedom(exponents(noise), sizes, p.size, order=3, overlapping=overlapping)
-    limits = chi_square_limits(variance, freedom, confidence)
+    lower, upper = chi_square_limits(variance, freedom, confidence)
     return ClusterVariance(
-        "hadamard", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="hadamard",
+        kind=kind,
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )

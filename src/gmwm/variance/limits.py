@@ -18,7 +18,7 @@ def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> t
     """
     from scipy.special import gammaincinv
 
-    if not isinstance(confidence, Real) or not 0 < confidence < 1:
+    if not isinstance(confidence, float | Real) or not 0 < confidence < 1:
         raise OptionError(f"confidence must lie between 0 and 1, got {confidence!r}; 95 % is 0.95")
     half = freedom / 2
     tail = (1 - float(confidence)) / 2

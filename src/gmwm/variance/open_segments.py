@@ -170,7 +170,9 @@ class SegmentedAccumulator:
         for k in range(0, x.size, 4 * FOLD):
             part = x[k : k + 4 * FOLD]
             if self._last is None:
-                self._last = SegmentState.of(part, self.stop, self.exact, self.levels, self._collector)
+                self._last = SegmentState.of(
+                    part, self.stop, exact=self.exact, levels=self.levels, collector=self._collector
+                )
             else:
                 self._last = self._last.grown(part, self._collector)
 

@@ -54,7 +54,9 @@ class SecondPass(SegmentedAccumulator):
 
     def part(self, start: int) -> SecondPass:
         """An empty one for the part of the record that begins with sample `start`."""
-        return SecondPass(self._seen, self._request, self._winsorised, start, self.efficiency)
+        return SecondPass(
+            self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
+        )
 
     def merge(self, following: SecondPass) -> SecondPass:
         """A new one of this part and the one that follows it at once.

@@ -106,9 +106,12 @@ class LevelSums:
         """The sums of the coefficients of both."""
         sizes = np.concatenate([self.sizes, other.sizes]) if other.sizes.size else self.sizes
         return LevelSums(
-            self.cubed + other.cubed, self.fourth + other.fourth, self.below + other.below,
-            self.inside.merge(other.inside), sizes,
-        )  # fmt: skip
+            self.cubed + other.cubed,
+            self.fourth + other.fourth,
+            below=self.below + other.below,
+            inside=self.inside.merge(other.inside),
+            sizes=sizes,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +186,7 @@ class SumRequest:
         if self.high[k] > 0:
             below = int(np.count_nonzero(sizes <= self.low[k]))
             inside = MedianCells.of(sizes[(sizes > self.low[k]) & (sizes <= self.high[k])])
-        return LevelSums(cubed, fourth, below, inside, sizes if self.kept[k] else np.empty(0))
+        return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
         """The sums of one level alone; the resolution is known from the first pass."""

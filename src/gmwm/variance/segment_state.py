@@ -63,9 +63,16 @@ class SegmentState:
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
         squares, statistics = _measured(values, exact, 0, collector)
         return cls(
-            exact, start, x.size, reference, values[:reach].copy(), values[-reach:].copy(),
-            squares, tuple(blocks_of(values, start, steps, collector)), statistics,
-        )  # fmt: skip
+            exact=exact,
+            start=start,
+            count=x.size,
+            reference=reference,
+            head=values[:reach].copy(),
+            tail=values[-reach:].copy(),
+            squares=squares,
+            blocks=tuple(blocks_of(values, start, steps, collector)),
+            statistics=statistics,
+        )
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """These samples and those that follow."""
@@ -75,10 +82,16 @@ class SegmentState:
         fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], collector)
         squares, statistics = _measured(joint, self.exact, self.tail.size, collector)
         return SegmentState(
-            self.exact, self.start, self.count + x.size, self.reference, head, joint[-reach:].copy(),
-            self.squares + squares, tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
-            _merged(self.statistics, statistics),
-        )  # fmt: skip
+            exact=self.exact,
+            start=self.start,
+            count=self.count + x.size,
+            reference=self.reference,
+            head=head,
+            tail=joint[-reach:].copy(),
+            squares=self.squares + squares,
+            blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
+            statistics=_merged(self.statistics, statistics),
+        )
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
         """These samples and a segment that follows them."""
@@ -96,16 +109,19 @@ class SegmentState:
                 if collector is not None:
                     statistics = _merged(statistics, collector.across(total, level))
         return SegmentState(
-            self.exact, self.start, self.count + later.count, self.reference,
-            self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
-            tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
-            squares,
-            tuple(
+            exact=self.exact,
+            start=self.start,
+            count=self.count + later.count,
+            reference=self.reference,
+            head=self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
+            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
+            squares=squares,
+            blocks=tuple(
                 a.followed_by(b.raised(offset, later.start, later.stop), collector)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
-            statistics,
-        )  # fmt: skip
+            statistics=statistics,
+        )
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
         """Σ W² and the number of coefficients of levels 1 … J (J,), those that are taken."""
@@ -181,7 +197,15 @@ class SegmentState:
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = int(values[f"{prefix}start"]), int(values[f"{prefix}count"])
         return cls(
-            exact, start, count, float(values[f"{prefix}reference"]), head, tail, squares, tuple(blocks), statistics
+            exact=exact,
+            start=start,
+            count=count,
+            reference=float(values[f"{prefix}reference"]),
+            head=head,
+            tail=tail,
+            squares=squares,
+            blocks=tuple(blocks),
+            statistics=statistics,
         )
 
 

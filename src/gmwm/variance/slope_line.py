@@ -54,7 +54,7 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     return name, size * factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SlopeLine:
     """One line of fixed slope through a range of an Allan deviation.
 

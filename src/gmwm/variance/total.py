@@ -89,11 +89,24 @@ def total_variance(
     noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
     freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
     expected = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
-    limits = chi_square_limits(variance / expected, freedom, confidence)
+    lower, upper = chi_square_limits(variance / expected, freedom, confidence)
     return ClusterVariance(
-        "total", "overlapping", sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="total",
+        kind="overlapping",
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:

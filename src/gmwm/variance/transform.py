@@ -185,7 +185,7 @@ def modwt(
     smooth, details = _continued(values, boundary), {}
     for j in range(1, count + 1):
         smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
-    return Modwt(wavelet_filter, details, smooth, values.size, boundary)
+    return Modwt(wavelet_filter, details, smooth=smooth, samples=values.size, boundary=boundary)
 
 
 def dwt(
@@ -243,7 +243,9 @@ def dwt(
             extras[j] = float(smooth[-1])
             smooth = smooth[:-1]
         smooth, details[j] = _decimated(smooth, wavelet_filter)
-    return Dwt(wavelet_filter, details, smooth, extras, values.size, boundary)
+    return Dwt(
+        filter=wavelet_filter, details=details, smooth=smooth, extras=extras, samples=values.size, boundary=boundary
+    )
 
 
 def _checked(

@@ -1,0 +1,22 @@
+"""What a user should know about a result: remarks as data, and the one place where they become sentences."""
+
+from gmwm._template import Dialect, Fact, Quantity
+from gmwm.remarks.registry import Message, messages
+from gmwm.remarks.remark import Remark, sorted_remarks
+from gmwm.remarks.rendering import brief, gravest, merged, texts
+from gmwm.remarks.severity import Severity
+
+__all__ = [
+    "Dialect",
+    "Fact",
+    "Message",
+    "Quantity",
+    "Remark",
+    "Severity",
+    "brief",
+    "gravest",
+    "merged",
+    "messages",
+    "sorted_remarks",
+    "texts",
+]

@@ -1,0 +1,157 @@
+"""The registry of remarks: for each code its severity, its sentence and its advice, from `messages.toml`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from string import Formatter
+from typing import Any
+
+from gmwm._template import Fact, Quantity
+from gmwm.remarks.severity import Severity
+
+SECTIONS: Mapping[str, str] = {
+    "reading": "Reading a file",
+    "recording": "The recording",
+    "curve": "The wavelet variance",
+    "fit": "A fitted model",
+    "numbers": "Numbers of a datasheet",
+    "calibration": "A calibration",
+    "agreement": "Several calibrations of one unit",
+    "fleet": "A fleet of units",
+    "plan": "A planned recording",
+    "files": "Files for other programs",
+}
+"""Where a remark belongs, in the order of the documentation."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several templates, by the value of a fact.
+
+    Attributes
+    ----------
+    by : str
+        Name of the fact.
+    templates : mapping of value to template
+    """
+
+    by: str
+    templates: Mapping[str, str]
+
+    def of(self, facts: Mapping[str, Fact]) -> str:
+        """The template for these facts."""
+        return self.templates[str(facts[self.by]).lower()]
+
+
+Text = str | Choice
+
+
+@dataclass(frozen=True)
+class Message:
+    """What the registry says about one code.
+
+    Attributes
+    ----------
+    code : str
+    section : str
+        One of `SECTIONS`.
+    severity : Severity
+    sentence, advice : str or Choice
+        Templates of what happened, and of what to do. `{subjects}` stands for what the remark is about; a sentence
+        without it is headed by the subjects.
+    detail : str
+        Template of what is said of each subject by itself, in parentheses behind its name.
+    meaning : str
+        What it means for each number, for the documentation, in Markdown.
+    example : mapping of name to fact
+        Facts and subject with which the documentation shows the message.
+    """
+
+    code: str
+    section: str
+    severity: Severity
+    sentence: Text
+    advice: Text = ""
+    detail: str = ""
+    meaning: str = ""
+    example: Mapping[str, Fact] = field(default_factory=dict)
+
+    def sentence_for(self, facts: Mapping[str, Fact]) -> str:
+        """The template of the sentence for these facts."""
+        return self.sentence.of(facts) if isinstance(self.sentence, Choice) else self.sentence
+
+    def advice_for(self, facts: Mapping[str, Fact]) -> str:
+        """The template of the advice for these facts."""
+        return self.advice.of(facts) if isinstance(self.advice, Choice) else self.advice
+
+    def needs(self, facts: Mapping[str, Fact]) -> set[str]:
+        """Names of the facts that the message needs, those given included."""
+        named = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
+        if named - facts.keys():
+            return named
+        return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
+
+    def shared(self, facts: Mapping[str, Fact]) -> set[str]:
+        """Names of the facts that are said of all subjects together."""
+        return set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
+
+
+def _fields(*templates: str) -> Iterator[str]:
+    for template in templates:
+        for _, name, _, _ in Formatter().parse(template):
+            if name is None or name.startswith("gmwm "):
+                continue
+            if not name.startswith("--"):
+                yield name
+            elif (value := name.partition("=")[2]).startswith("@"):
+                yield value[1:]
+
+
+def message(code: str) -> Message:
+    """What the registry says about a code.
+
+    Raises
+    ------
+    KeyError
+        If the code is not registered.
+    """
+    return messages()[code]
+
+
+@cache
+def messages() -> Mapping[str, Message]:
+    """All messages by code, in the order of the file."""
+    content = tomllib.loads(files("gmwm.remarks").joinpath("messages.toml").read_text(encoding="utf-8"))
+    return {code: _message(code, entry) for code, entry in content.items()}
+
+
+def _message(code: str, entry: Mapping[str, Any]) -> Message:
+    return Message(
+        code=code,
+        section=entry["section"],
+        severity=Severity[entry["severity"].upper()],
+        sentence=_text(entry["sentence"]),
+        advice=_text(entry.get("advice", "")),
+        detail=entry.get("detail", ""),
+        meaning=entry.get("meaning", "").strip(),
+        example={name: as_fact(value) for name, value in entry.get("example", {}).items()},
+    )
+
+
+def _text(value: str | Mapping[str, str]) -> Text:
+    if isinstance(value, str):
+        return value
+    return Choice(value["by"], {name: text for name, text in value.items() if name != "by"})
+
+
+def as_fact(value: Any) -> Fact:
+    """A fact from a plain value: `{value, unit}` is a number with a unit, a list is a sequence."""
+    if isinstance(value, Mapping):
+        return Quantity(float("nan") if value["value"] is None else float(value["value"]), str(value["unit"]))
+    if isinstance(value, list | tuple):
+        return tuple(as_fact(item) for item in value)
+    return value if isinstance(value, str | bool | int | float) or value is None else str(value)

@@ -1,0 +1,109 @@
+"""A remark: something that a user should know about a result, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gmwm._template import Dialect, Fact, Quantity
+from gmwm.remarks.registry import Message, as_fact, message
+from gmwm.remarks.severity import Severity
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something to know before using a result.
+
+    Attributes
+    ----------
+    code : str
+        One of the registry, `gmwm.remarks.messages()`.
+    subject : str
+        The axis, term, scale or file that it is about; "" for the whole.
+    facts : mapping of name to fact
+        The numbers, with their units, and names that the sentence needs.
+    severity : Severity
+    advice : str
+        Template of what to do.
+
+    Examples
+    --------
+    >>> remark = Remark.of("stamps-repeated", "imu.csv", count=3)
+    >>> remark.severity.label, remark.facts["count"]
+    ('info', 3)
+    """
+
+    code: str
+    severity: Severity
+    subject: str = ""
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    advice: str = ""
+
+    @classmethod
+    def of(cls, code: str, subject: str = "", /, **facts: Fact) -> Remark:
+        """Make the remark of a registered code, with the severity and advice of the registry.
+
+        Raises
+        ------
+        KeyError
+            If the code is not registered, or its sentence needs a fact that is missing.
+        """
+        known = message(code)
+        if missing := known.needs(facts) - facts.keys():
+            raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
+        return cls(code, known.severity, subject=subject, facts=facts, advice=known.advice_for(facts))
+
+    @property
+    def message(self) -> Message:
+        """What the registry says about its code."""
+        return message(self.code)
+
+    def about(self, subject: str) -> Remark:
+        """The same remark about another subject."""
+        return replace(self, subject=subject)
+
+    def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
+        """The sentence and what to do, for one kind of reader."""
+        from gmwm.remarks.rendering import one_text
+
+        return one_text(self, dialect)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The remark as plain values, ready for JSON; `text` is what the shell prints."""
+        return {
+            "code": self.code,
+            "severity": self.severity.label,
+            "subject": self.subject,
+            "facts": {name: _plain(fact) for name, fact in self.facts.items()},
+            "text": self.text(Dialect.SHELL),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Remark:
+        """The remark whose `to_dict` gave `values`.
+
+        Raises
+        ------
+        KeyError
+            If its code is not registered, or a fact is missing.
+        """
+        facts = {str(name): as_fact(value) for name, value in values["facts"].items()}
+        return cls.of(str(values["code"]), str(values["subject"]), **facts)
+
+    def __hash__(self) -> int:
+        return hash((self.code, self.subject, repr(sorted(self.facts.items(), key=lambda item: item[0]))))
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+def sorted_remarks(remarks: Iterable[Remark]) -> list[Remark]:
+    """Each remark once, the gravest first; remarks of one severity keep their order."""
+    return sorted(dict.fromkeys(remarks), key=lambda remark: remark.severity)
+
+
+def _plain(fact: Fact) -> Any:
+    if isinstance(fact, Quantity):
+        return {"value": fact.value, "unit": fact.unit}
+    return [_plain(item) for item in fact] if isinstance(fact, tuple) else fact

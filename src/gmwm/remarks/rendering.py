@@ -1,0 +1,95 @@
+"""Remarks as text: the only place where their sentences are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+from gmwm._template import Dialect, joined, render
+from gmwm.remarks.remark import Remark, sorted_remarks
+from gmwm.remarks.severity import Severity
+
+MOST = 5
+"""How many remarks a terminal shows: more are not read (CONTRIBUTING.md, "Few words")."""
+
+
+def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
+    """One remark as text: what happened, where, what it means, and what to do."""
+    return _group_text([remark], dialect)
+
+
+def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
+    """Remarks in groups that are said together: the same code about several subjects. The gravest group comes first.
+
+    Remarks of one code stay apart where they differ in a fact that the sentence says of all subjects together.
+    """
+    groups: dict[tuple[object, ...], list[Remark]] = {}
+    for remark in sorted_remarks(remarks):
+        shared = remark.message.shared(remark.facts)
+        key = (remark.code, remark.severity, remark.advice, *(repr(remark.facts.get(name)) for name in sorted(shared)))
+        groups.setdefault(key, []).append(remark)
+    return list(groups.values())
+
+
+def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False) -> list[str]:
+    """All remarks as text, the same ones about several subjects merged, the gravest first.
+
+    Parameters
+    ----------
+    remarks : iterable of Remark
+    dialect : Dialect
+    codes : bool
+        Put each code, for which the documentation can be searched, behind its text.
+    """
+    return [_group_text(group, dialect) + (_code(group[0].code, dialect) if codes else "") for group in merged(remarks)]
+
+
+def brief(
+    remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True, most: int = MOST
+) -> list[str]:
+    """The gravest remarks, and a line that counts the others.
+
+    Parameters
+    ----------
+    remarks : iterable of Remark
+    dialect : Dialect
+    rest : str
+        Where the others can be read.
+    codes : bool
+        As for `texts`.
+    most : int
+        How many texts at most.
+    """
+    every = texts(remarks, dialect, codes=codes)
+    if len(every) <= most + 1:
+        return every
+    return [*every[:most], f"and {len(every) - most} more{f' in {rest}' if rest else ''}"]
+
+
+def gravest(remarks: Iterable[Remark]) -> Severity | None:
+    """The highest severity among the remarks; None if there are none."""
+    return min((remark.severity for remark in remarks), default=None)
+
+
+def _code(code: str, dialect: Dialect) -> str:
+    if dialect is Dialect.HTML:
+        return f' <span class="code">[{escape(code)}]</span>'
+    return f" [{code}]"
+
+
+def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
+    """Remarks of one code as one text."""
+    first, message = group[0], group[0].message
+    facts = dict(first.facts)
+    details = [
+        f"{remark.subject} ({render(message.detail, remark.facts)})" if message.detail else remark.subject
+        for remark in group
+    ]
+    subjects = joined(list(filter(None, dict.fromkeys(details))), most=8)
+    sentence = message.sentence_for(facts)
+    text = render(sentence, {**facts, "subjects": subjects}, dialect)
+    if "{subjects}" not in sentence and subjects:
+        head = escape(subjects, quote=False) if dialect is Dialect.HTML else subjects
+        text = f"{head}: {text}"
+    advice = render(first.advice, {**facts, "subjects": subjects}, dialect)
+    return f"{text} {advice}".rstrip()

@@ -1,0 +1,85 @@
+"""Remarks: every message renders, merges and survives JSON; one snapshot per renderer holds the prose."""
+
+import json
+import re
+
+import pytest
+
+from gmwm.remarks import Dialect, Quantity, Remark, Severity, brief, gravest, merged, messages, sorted_remarks, texts
+from gmwm.remarks.registry import SECTIONS, Choice
+from tests.remarks.snapshot import examples, file_of, rendered
+
+ALL = [pytest.param(message, id=message.code) for message in messages().values()]
+
+
+@pytest.mark.parametrize("dialect", Dialect)
+def test_every_sentence_is_the_one_in_the_snapshot(dialect):
+    # After a deliberate change of wording: python -m tests.remarks.snapshot
+    assert rendered(dialect).splitlines() == file_of(dialect).read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_a_message_is_complete(message):
+    assert message.section in SECTIONS
+    assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", message.code)
+    assert message.meaning, "the documentation needs to say what it means for the numbers"
+    for text in (message.sentence, message.advice):
+        assert not isinstance(text, Choice) or len(text.templates) > 1
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_a_message_survives_json(message):
+    for remark in examples(message):
+        assert Remark.from_dict(json.loads(json.dumps(remark.to_dict()))) == remark
+
+
+@pytest.mark.parametrize("message", ALL)
+def test_sentences_are_short_and_end(message):
+    for remark in examples(message):
+        text = remark.text(Dialect.SHELL)
+        assert text.endswith((".", "?"))
+        assert "  " not in text
+        for sentence in re.split(r"(?<=[.?]) (?=[A-Z])", text):
+            assert len(sentence.split()) <= 45, sentence
+
+
+def test_the_registry_says_which_fact_is_missing():
+    with pytest.raises(KeyError, match="count"):
+        Remark.of("stamps-repeated")
+    with pytest.raises(KeyError, match="no-such-code"):
+        Remark.of("no-such-code")
+
+
+def test_severities_order_from_the_gravest():
+    low, high = Remark.of("stamps-repeated", count=1), Remark.of("not-calibrated", "gyro_x", reason="it is constant")
+    assert sorted_remarks([low, high, low]) == [high, low]
+    assert gravest([low, high]) is Severity.UNUSABLE
+    assert gravest([]) is None
+
+
+def test_the_same_remark_about_several_axes_is_one_text():
+    remarks = [
+        Remark.of("outliers-left-out", axis, excess=f"by {k} %", tau=Quantity(0.04, "s"))
+        for k, axis in enumerate(["gyro_x", "gyro_y", "accel_z"], 1)
+    ]
+    (text,) = texts(remarks)
+    assert all(f"{axis} (by {k} % at 0.04 s)" in text for k, axis in enumerate(["gyro_x", "gyro_y", "accel_z"], 1))
+
+
+def test_remarks_that_differ_in_what_is_said_of_all_stay_apart():
+    remarks = [Remark.of("term-zero", axis, term=term) for axis, term in (("gyro_x", "QN"), ("gyro_y", "RW"))]
+    assert [len(group) for group in merged(remarks)] == [1, 1]
+    assert [len(group) for group in merged([remarks[0], remarks[0].about("gyro_z")])] == [2]
+
+
+def test_a_terminal_shows_five_remarks_and_counts_the_others():
+    remarks = [Remark.of("stamps-repeated", f"file {k}.csv", count=k) for k in range(1, 10)]
+    lines = brief(remarks, rest="report.html")
+    assert len(lines) == 6
+    assert lines[-1] == "and 4 more in report.html"
+    assert lines[0].endswith("[stamps-repeated]")
+
+
+def test_names_from_files_are_escaped_in_html():
+    remark = Remark.of("not-calibrated", "<b>", reason="a < b")
+    assert remark.text(Dialect.HTML) == "&lt;b&gt; could not be calibrated: a &lt; b."

@@ -1,0 +1,32 @@
+"""Errors carry what is wrong as data, and are made text once for each kind of reader."""
+
+import pickle
+
+import pytest
+
+from gmwm._template import Dialect
+from gmwm.errors import OptionError, ReadError
+
+
+def test_an_argument_is_named_as_an_option_in_the_shell():
+    error = OptionError(argument="gaps", expected="'keep' or 'longest'", got="all", advice="Pass {--gaps=longest}.")
+    assert str(error) == "gaps must be 'keep' or 'longest'; got 'all'. Pass gaps='longest'."
+    assert error.text(Dialect.SHELL) == "--gaps must be 'keep' or 'longest'; got 'all'. Pass --gaps longest."
+    assert (error.argument, error.got, error.given) == ("gaps", "all", True)
+
+
+def test_names_that_look_like_options_stay_as_they_are():
+    error = ReadError("rate=100/{none}.csv does not exist", advice="Pass {--rate}.")
+    assert error.text(Dialect.SHELL) == "rate=100/{none}.csv does not exist. Pass --rate."
+
+
+def test_an_error_survives_pickling():
+    error = OptionError(argument="rate", expected="positive", got=-1, advice="Use {limit}.", limit=3)
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.argument, again.got, again.facts) == (str(error), "rate", -1, {"limit": 3})
+
+
+def test_what_was_given_is_shown_short():
+    with pytest.raises(OptionError) as caught:
+        raise OptionError(argument="x", expected="short", got="a" * 10_000)
+    assert len(str(caught.value)) < 250
