@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.calibration.api import WITHIN
+from gmwm.calibration.options import WITHIN
 from gmwm.cli.export import written_for_kalibr
 from gmwm.cli.measuring import InPieces, Scheduler, Workers, opened
 from gmwm.cli.options import (

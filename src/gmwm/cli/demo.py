@@ -36,7 +36,7 @@ def demo(
 
     The file goes the way of your own: read, inspect, calibrate, pictures.
     """
-    from gmwm.calibration.api import WITHIN
+    from gmwm.calibration.options import WITHIN
     from gmwm.cli.calibrate import calibrated, write_all
     from gmwm.cli.output import made_directory, print_json, progress, tell, told_warnings
     from gmwm.inspection import inspect

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.api import WITHIN
+from gmwm.calibration.options import WITHIN
 from gmwm.cli.calibrate import ROBUST, Outliers
 from gmwm.cli.measuring import MACHINES
 from gmwm.cli.options import (

@@ -104,9 +104,9 @@ CriterionName = Annotated[
 
 def confidence_level(given: float) -> float:
     """A level as it is computed with; an error that names the option where it is none."""
-    if not 0 < given < 1:
-        hint = f"; {given:g} % is {given / 100:g}" if 1 < given < 100 else "; 95 % is 0.95"
-        raise OptionError(f"--confidence must be between 0 and 1, got {given:g}{hint}")
+    from gmwm.options import as_confidence
+
+    as_confidence(given, "--confidence")
     return given
 
 

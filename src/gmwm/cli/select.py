@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.api import WITHIN
+from gmwm.calibration.options import WITHIN
 from gmwm.cli.measuring import InPieces, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,

@@ -90,6 +90,7 @@ def watch(
     from gmwm import parse_model
     from gmwm.cli.output import print_json, tell, told_warnings
     from gmwm.inference.planning import as_accuracy
+    from gmwm.options import ReadOptions
     from gmwm.readers.growing_files import Lines, growing_stream
     from gmwm.streaming.passes import accumulators, feed
 
@@ -103,16 +104,11 @@ def watch(
             every=seconds, idle=patience, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json
         )
         lines = Lines(view.noting(take), view.breathe)
-        source = growing_stream(
-            lines,
-            name,
-            rate=rate,
-            columns=parse_columns(columns),
-            units=parse_units(units),
-            scale=parse_scale(scale),
+        reading = ReadOptions(
+            rate=rate, columns=parse_columns(columns), units=parse_units(units) or {}, scale=parse_scale(scale) or {},
             increments=[part.strip() for part in (increments or "").split(",") if part.strip()],
-            patience=min(seconds, 5.0),
-        )
+        )  # fmt: skip
+        source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(chosen_names(source.axes, axis), source.rate)
         failure: GmwmError | None = None
         with view.shown(measured):
