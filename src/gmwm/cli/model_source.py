@@ -115,7 +115,7 @@ def as_way(
     )
 
 
-def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str]) -> dict[str, Followed]:
+def followed(way: Way, signals: Mapping[str, Signal], file: Path) -> dict[str, Followed]:
     """The model of each axis with its values; those that are fitted say what to be warned of."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
@@ -132,7 +132,7 @@ def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str
         fits, source = likelihood_fits(fits, signals, way.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
     for axis, fit in fits.items():
         for note in fit.diagnostics.notes():
-            tell(told, f"{axis}: {note}")
+            tell(f"{axis}: {note}")
     return {axis: Followed(fit, source, True) for axis, fit in fits.items()}
 
 
