@@ -109,9 +109,10 @@ def as_confidence(value: float, name: str = "confidence") -> float:
     0.95
     """
     if not isinstance(value, Real) or isinstance(value, bool) or not 0.5 <= value < 1:
-        percent = isinstance(value, Real) and 50 <= value < 100
-        hint = f"{value:g} % is {float(value) / 100:g}" if percent else "95 % is 0.95"
-        raise OptionError(f"{name} must be at least 0.5 and less than 1, got {value!r}; {hint}")
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+        hint = f"{number:g} % is {number / 100:g}" if 50 <= number < 100 else "95 % is 0.95"
+        came = repr(value) if math.isnan(number) else f"{number:g}"
+        raise OptionError(f"{name} must be at least 0.5 and less than 1, got {came}; {hint}")
     return float(value)
 
 
