@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -100,7 +99,7 @@ def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
         raise OptionError(f"{name} must be {', '.join(others)} or {last}, got {value!r}")
 
 
-def as_confidence(value: float, name: str = "confidence") -> float:
+def as_confidence(value: object, name: str = "confidence") -> float:
     """A confidence level: a number from 0.5 to below 1, the same for intervals, limits and the choice of models.
 
     Below 0.5 an interval more often misses the true value than it contains it.
@@ -108,12 +107,13 @@ def as_confidence(value: float, name: str = "confidence") -> float:
     >>> as_confidence(0.95)
     0.95
     """
-    if not isinstance(value, Real) or isinstance(value, bool) or not 0.5 <= value < 1:
-        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else math.nan
+    known = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
+    number = float(value) if known else math.nan  # type: ignore[arg-type]
+    if not 0.5 <= number < 1:
         hint = f"{number:g} % is {number / 100:g}" if 50 <= number < 100 else "95 % is 0.95"
         came = repr(value) if math.isnan(number) else f"{number:g}"
         raise OptionError(f"{name} must be at least 0.5 and less than 1, got {came}; {hint}")
-    return float(value)
+    return number
 
 
 def as_whole_number(value: int, name: str, least: int) -> int:
