@@ -184,7 +184,7 @@ def test_bands_are_normal_intervals():
     np.testing.assert_allclose(low + high, 2 * tracks.mean["bias"], rtol=1e-10)
     with pytest.raises(OptionError, match="label must be one of GM, WN, level, bias"):
         tracks.band("RW")
-    with pytest.raises(OptionError, match="level must be between 0 and 1"):
+    with pytest.raises(OptionError, match=r"level must be at least 0\.5 and less than 1"):
         tracks.band(level=95)
     with pytest.raises(ValueError, match="read-only"):
         tracks.mean["bias"][0] = 0

@@ -9,6 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, ReadError, UnitError
+from gmwm.options import ReadOptions
 from gmwm.readers import growing_files
 from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
 
@@ -34,7 +35,7 @@ def served(data, cuts):
 
 def followed(data, cuts, **options):
     lines = Lines(served(data, cuts), lambda: True)
-    source = growing_stream(lines, "bench.csv", patience=0.0, **options)
+    source = growing_stream(lines, "bench.csv", ReadOptions(**options), patience=0.0)
     return source, list(source), lines
 
 

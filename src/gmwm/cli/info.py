@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened
-from gmwm.cli.options import RESULT, Json
-from gmwm.cli.read_options import File, Opening, opens
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.read_options import File
+from gmwm.options import ReadOptions
+from gmwm.signals import Imu
 
 EXAMPLES = (
     "gmwm info static.csv",
@@ -18,17 +23,16 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def info(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Say what a recording holds and whether it can be used.
 
     Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
@@ -39,21 +43,22 @@ def info(
     where one shows; wander, the largest difference between the means of 64 equal windows of the recording.
     """
     from gmwm.cli.errors import as_options
-    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
     from gmwm.inspection import inspect
-    from gmwm.signals import Imu
 
-    with told_warnings() as told:
-        recording = opened(file, opening, chunked, whole="" if plot is None else "--plot")
-        with progress("inspecting"):
-            inspection = inspect(recording)
-        if plot is not None and isinstance(recording, Imu):
-            with progress(f"drawing {plot.name}"):
-                recording.plot(path=plot)
-        if json:
-            for warning in inspection.warnings:
-                tell(told, warning)
-            print_json("info", {"file": str(file), **inspection.to_dict()}, told)
-        else:
-            print(as_options(inspection.summary()))
-            print_written([plot] if plot is not None else [])
+    recording = opened(file, reading, chunked, whole="" if plot is None else "--plot")
+    with progress("inspecting"):
+        inspection = inspect(recording)
+    files = []
+    if plot is not None and isinstance(recording, Imu):
+        files.append(NewFile(plot, partial(_draw, recording), f"drawing {plot.name}"))
+    return Outcome(
+        command="info",
+        document={"file": str(file), **inspection.to_dict()},
+        text=as_options(inspection.summary()),
+        files=tuple(files),
+        in_text=tuple(inspection.warnings),
+    )
+
+
+def _draw(recording: Imu, path: Path) -> None:
+    recording.plot(path=path)

@@ -90,33 +90,31 @@ def as_dict(found: Judged) -> dict[str, Any]:
     }
 
 
-def print_likelihoods(found: Mapping[str, Judged]) -> None:
+def likelihoods_text(found: Mapping[str, Judged]) -> str:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.likelihood.summary import in_words
     from gmwm.signals import by_sensor
 
-    print()
     if len(found) == 1:
         one = next(iter(found.values()))
-        print(in_words(one.fit, one.level, intervals=one.intervals, residuals=one.residuals, reason=one.reason))
-        return
+        return in_words(one.fit, one.level, intervals=one.intervals, residuals=one.residuals, reason=one.reason)
     first = next(iter(found.values()))
-    print(f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz")
     sensors = by_sensor(found)
-    for group in sensors.values():
-        _print_sensor(group)
-    print("\np of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.")
+    parts = [
+        f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz",
+        *map(_sensor_text, sensors.values()),
+        "p of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.",
+    ]
     told = [
         f"{name}: {note}"
         for name, one in found.items()
         for note in [*one.fit.diagnostics.notes(), *([one.reason] if one.reason else [])]
     ]
-    if told:
-        print("\n".join(["", *told]))
+    return "\n\n".join([*parts, *(["\n".join(told)] if told else [])])
 
 
-def _print_sensor(group: Mapping[str, Judged]) -> None:
-    from gmwm.cli.output import print_table, print_units
+def _sensor_text(group: Mapping[str, Judged]) -> str:
+    from gmwm.cli.output import table_text, units_text
     from gmwm.likelihood.summary import p_text, short_values
 
     first = next(iter(group.values())).fit
@@ -130,6 +128,4 @@ def _print_sensor(group: Mapping[str, Judged]) -> None:
         ["Ljung-Box, p", *(p_text(one.residuals.ljung_box().p_value) for one in group.values())],
         ["Jarque-Bera, p", *(p_text(one.residuals.normality().p_value) for one in group.values())],
     ]
-    print()
-    print_table(["parameter", *group], rows, rules=[last])
-    print_units(first.units())
+    return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(first.units())}"

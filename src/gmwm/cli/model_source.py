@@ -115,9 +115,7 @@ def model_source(
     )
 
 
-def axis_models(
-    source: ModelSource, signals: Mapping[str, Signal], file: Path, told: list[str]
-) -> dict[str, AxisModel]:
+def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
     """The model of each axis with its values; fitted ones pass on their warnings."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
@@ -134,7 +132,7 @@ def axis_models(
         fits, origin = likelihood_fits(fits, signals, source.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
     for axis, fit in fits.items():
         for note in fit.diagnostics.notes():
-            tell(told, f"{axis}: {note}")
+            tell(f"{axis}: {note}")
     return {axis: AxisModel(fit, origin, True) for axis, fit in fits.items()}
 
 

@@ -1,4 +1,4 @@
-"""What commands write: JSON alone on stdout, tables that never wrap, warnings in a line, progress on stderr."""
+"""The result of a command and its output: text or JSON on stdout, files, warnings and progress on stderr."""
 
 from __future__ import annotations
 
@@ -7,16 +7,120 @@ import json
 import math
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
+from gmwm._files import write_text, written_together
 from gmwm.cli.errors import as_options, one_line
-from gmwm.errors import FitWarning, GmwmWarning, OptionError
+from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
 
 if TYPE_CHECKING:
     from gmwm.signals import Imu
+
+
+@dataclass(frozen=True)
+class NewFile:
+    """A file to write: its path, the function that writes it whole, and the label of the progress bar."""
+
+    path: Path
+    write: Callable[[Path], object]
+    label: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """The result of a command, before anything of it is printed or written.
+
+    Attributes
+    ----------
+    command : str
+        Name of the command.
+    document : mapping
+        The result for --json, without the warnings.
+    text : str
+        The result for a reader.
+    files : tuple of NewFile
+        Files to write.
+    together : bool
+        Whether the files belong to one folder and are written all or none.
+    obsolete : tuple of Path
+        Files of an earlier run to remove when the new ones are there.
+    written : tuple of Path
+        Files that the library has written already; they are listed before the others.
+    listed : bool
+        Whether the files are listed after the text.
+    closing : str
+        Text after the list of files.
+    remarks : tuple of str
+        Warnings that neither the library nor the text has.
+    in_text : tuple of str
+        Warnings that the text contains; --json has them among its warnings.
+    failure : GmwmError or None
+        The error to end with, after the result of what came before it.
+    """
+
+    command: str
+    document: Mapping[str, Any]
+    text: str = ""
+    files: tuple[NewFile, ...] = ()
+    together: bool = False
+    obsolete: tuple[Path, ...] = ()
+    written: tuple[Path, ...] = ()
+    listed: bool = True
+    closing: str = ""
+    remarks: tuple[str, ...] = ()
+    in_text: tuple[str, ...] = ()
+    failure: GmwmError | None = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files of the result."""
+        return [*self.written, *(file.path for file in self.files)]
+
+
+def finish(outcome: Outcome, warned: Sequence[str], *, json: bool) -> None:
+    """Write the files of a result, and print it as text or as JSON with what was `warned` of."""
+    for remark in (*(outcome.in_text if json else ()), *outcome.remarks):
+        tell(remark)
+    _write_files(outcome)
+    if json:
+        print_json(outcome.command, outcome.document, warned)
+    else:
+        if outcome.text:
+            print(outcome.text, end="" if outcome.text.endswith("\n") else "\n")
+        if outcome.listed and outcome.paths:
+            print("\nWrote", *(f"  {path}" for path in outcome.paths), sep="\n")
+        if outcome.closing:
+            print(outcome.closing)
+    if outcome.failure is not None:
+        raise outcome.failure
+
+
+def _write_files(outcome: Outcome) -> None:
+    if not outcome.together or not outcome.files:
+        for file in outcome.files:
+            with progress(file.label) if file.label else nullcontext():
+                file.write(file.path)
+        return
+    with written_together(outcome.files[0].path.parent) as room:
+        for file in outcome.files:
+            with progress(file.label) if file.label else nullcontext():
+                file.write(room / file.path.name)
+        for path in outcome.obsolete:
+            path.unlink(missing_ok=True)
+
+
+def text_file(path: Path, text: str) -> NewFile:
+    """A file with this text."""
+    return NewFile(path, lambda target: write_text(target, text))
+
+
+def file_names(files: Sequence[NewFile]) -> list[str]:
+    """The paths of files to write, as --json has them."""
+    return [str(file.path) for file in files]
 
 
 class Advance(Protocol):
@@ -66,21 +170,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    texts: int = 1,
-    rules: Sequence[int] = (),
-) -> None:
-    """A table on stdout; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
-
-    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
-    """
-    print(table_text(columns, rows, title=title, texts=texts, rules=rules))
-
-
 def table_text(
     columns: Sequence[str],
     rows: Sequence[Sequence[str]],
@@ -89,7 +178,10 @@ def table_text(
     texts: int = 1,
     rules: Sequence[int] = (),
 ) -> str:
-    """The lines of such a table."""
+    """A table; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
+
+    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -113,21 +205,13 @@ def table_text(
     return "\n".join(lines).strip("\n")
 
 
-def print_units(units: Mapping[str, str]) -> None:
+def units_text(units: Mapping[str, str]) -> str:
     """The units of parameters in a line, each name once."""
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
     # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
         of = dict(units)
-    print("in " + ", ".join(f"{unit} ({name})" for name, unit in of.items()))
-
-
-def print_written(paths: Sequence[Path]) -> None:
-    """Say which files there are now."""
-    if paths:
-        print("\nWrote")
-    for path in paths:
-        print(f"  {path}")
+    return "in " + ", ".join(f"{unit} ({name})" for name, unit in of.items())
 
 
 @contextmanager
@@ -149,7 +233,10 @@ def told_warnings() -> Iterator[list[str]]:
         if not issubclass(category, GmwmWarning):
             print(f"{category.__name__}: {message} ({filename}:{lineno})", file=sys.stderr)
         elif not issubclass(category, FitWarning):
-            tell(told, str(message))
+            text = as_options(one_line(str(message)))
+            if text not in told:
+                told.append(text)
+                print(f"warning: {text}", file=sys.stderr)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", GmwmWarning)
@@ -157,22 +244,19 @@ def told_warnings() -> Iterator[list[str]]:
         yield told
 
 
-def tell(told: list[str], message: str) -> None:
-    """Print a warning in one line on stderr, unless it has been told before."""
-    text = as_options(one_line(message))
-    if text not in told:
-        told.append(text)
-        print(f"warning: {text}", file=sys.stderr)
+def tell(message: str) -> None:
+    """Warn the user at once; `told_warnings` prints it."""
+    warnings.warn(message, GmwmWarning, stacklevel=2)
 
 
-def tell_cautions(told: list[str], imu: Imu) -> None:
+def tell_cautions(imu: Imu) -> None:
     """Print what an inspection warns of, as motion and knocks, for who did not ask for one."""
     from gmwm.inspection import inspect
 
     with progress("inspecting"):
         inspection = inspect(imu)
     for warning in inspection.warnings:
-        tell(told, warning)
+        tell(warning)
 
 
 def calibration_file(path: Path) -> Path:

@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
 from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
-from gmwm.cli.options import (
-    RESULT,
-    Datasheet,
-    Efficiency,
-    Json,
-    Robust,
-    chosen_efficiency,
-    confidence_level,
-)
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, Robust, checked_confidence, chosen_efficiency
+from gmwm.cli.output import NewFile, Outcome, file_names, tell_cautions
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.track_output import as_dict, tracks_text
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm._arrays import Vector
@@ -37,10 +34,10 @@ HASTY = 10.0
 """Samples of correlation time below which a term in the bias is told of."""
 
 
-@opens
+@command
 def track(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     model: ModelText = None,
     from_fits: FromFits = None,
     axis: Axes = None,
@@ -75,7 +72,7 @@ def track(
     ] = None,
     confidence: Annotated[
         float,
-        typer.Option(callback=confidence_level, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
+        typer.Option(callback=checked_confidence, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
     ] = 0.95,
     output: Annotated[
         Path | None,
@@ -97,8 +94,7 @@ def track(
         ),
     ] = None,
     datasheet: Datasheet = False,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Follow the bias, and every hidden process of a model, through a recording.
 
     The Kalman filter of the model gives each process at each sample with its standard deviation. The bias is the sum
@@ -106,46 +102,51 @@ def track(
     Gaps are samples that are missing: the filter steps over them, and the band grows. The band counts the values of
     the model as known.
     """
-    from gmwm.cli.output import print_json, print_written, tell, tell_cautions, told_warnings
-    from gmwm.cli.track_output import as_dict, print_tracks
-    from gmwm.writers import table_path
-
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
     )
     length = None if predict is None else _length(predict, kind)
+    _check_output(output, file)
+    imu = load(file, reading)
+    signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
+    if plot is not None and len(signals) > 1:
+        raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+    tell_cautions(imu)
+    models = axis_models(source, signals, file)
+    tracks = _tracks(models, signals, kind, length)
+    if label:
+        _check_labels(tracks, label)
+    files = []
     if output is not None:
-        table_path(output)
-        if output.exists() and output.resolve() == file.resolve():
-            raise OptionError(f"--output must be another file than FILE, got {output} for both")
-    with told_warnings() as told:
-        imu = load(file, opening)
-        signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
-        if plot is not None and len(signals) > 1:
-            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
-        tell_cautions(told, imu)
-        models = axis_models(source, signals, file, told)
-        tracks = _tracks(models, signals, kind, length)
-        if label:
-            _check_labels(tracks, label)
-        for name, found in tracks.items():
-            for note in _hasty(found):
-                tell(told, f"{name}: {note}")
-        written = []
-        if output is not None:
-            written.append(_write(tracks, label, output))
-        if plot is not None:
-            written.append(_draw(next(iter(tracks.values())), label, level=confidence, datasheet=datasheet, path=plot))
-        if json:
-            axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
-            content = {"file": str(file), "confidence": confidence, "axes": axes, "written": list(map(str, written))}
-            print_json("track", content, told)
-            return
-        for k, (name, found) in enumerate(tracks.items()):
-            if k:
-                print()
-            print_tracks(name, models[name], found=found, level=confidence, datasheet=datasheet)
-        print_written(written)
+        files.append(NewFile(output, partial(_write, tracks, label), f"writing {output.name}"))
+    if plot is not None:
+        first = next(iter(tracks.values()))
+        files.append(
+            NewFile(plot, partial(_draw, first, label, level=confidence, datasheet=datasheet), f"drawing {plot.name}")
+        )
+    axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
+    parts = [
+        tracks_text(name, models[name], found=found, level=confidence, datasheet=datasheet)
+        for name, found in tracks.items()
+    ]
+    return Outcome(
+        command="track",
+        document={"file": str(file), "confidence": confidence, "axes": axes, "written": file_names(files)},
+        text="\n\n".join(parts),
+        files=tuple(files),
+        remarks=tuple(f"{name}: {note}" for name, found in tracks.items() for note in _hasty(found)),
+    )
+
+
+def _check_output(output: Path | None, file: Path) -> None:
+    """An error where --output cannot be written as a table, or is the recording itself."""
+    from gmwm.writers import table_path
+
+    if output is None:
+        return
+    table_path(output)
+    if output.exists() and output.resolve() == file.resolve():
+        raise OptionError(f"--output must be another file than FILE, got {output} for both")
 
 
 def _length(text: str, kind: str) -> float:
@@ -197,9 +198,8 @@ def _hasty(found: Tracks) -> list[str]:
     return notes
 
 
-def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> Path:
+def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> None:
     """Time, and of each axis the data, each process, and its standard deviation."""
-    from gmwm.cli.output import progress
     from gmwm.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}
@@ -209,14 +209,8 @@ def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Pat
         for label in labels or found.labels:
             columns[f"{name} {label} [{found.unit}]"] = found.mean[label]
             columns[f"{name} {label} sd [{found.unit}]"] = found.error[label]
-    with progress(f"writing {path.name}"):
-        write_table(columns, path)
-    return path
+    write_table(columns, path)
 
 
-def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> Path:
-    from gmwm.cli.output import progress
-
-    with progress(f"drawing {path.name}"):
-        found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)
-    return path
+def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> None:
+    found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)

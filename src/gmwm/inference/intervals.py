@@ -15,6 +15,7 @@ from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
@@ -44,7 +45,7 @@ def confidence_intervals(
     seed: int = 0,
 ) -> dict[str, Interval]:
     """Confidence interval of every estimated parameter: see `Fit.confidence_intervals`."""
-    level = as_level(level)
+    level = as_confidence(level, "level")
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if covariance is None:
@@ -98,13 +99,6 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     found, power = fit.sandwich, parameter.scale_power or 1.0
     place = found.names.index(name)
     return z * power * math.sqrt(found.relative[place, place]) >= 1
-
-
-def as_level(level: float) -> float:
-    """A confidence level: a number between 0 and 1."""
-    if not isinstance(level, int | float | np.floating) or not 0 < level < 1:
-        raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-    return float(level)
 
 
 def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:

@@ -20,6 +20,7 @@ from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
+from gmwm.options import one_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
 
@@ -322,8 +323,7 @@ def plan(
     """
     whole, rate = as_model(model), as_rate(rate)
     weighting = usual_weighting(whole) if weighting is None else weighting
-    if weighting not in ("diagonal", "optimal"):
-        raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {weighting!r}")
+    one_of(weighting, "weighting", ("diagonal", "optimal"))
     free = _free(whole, rate)
     longest = samples_of(duration, rate, free)
     _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)

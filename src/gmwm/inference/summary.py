@@ -13,7 +13,8 @@ from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import find_filter
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
-from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
+from gmwm.inference.intervals import Interval, Method, confidence_intervals
+from gmwm.options import as_confidence
 from gmwm.processes.equivalence import likeness
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ class IntervalMethod:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        as_level(self.level)
+        as_confidence(self.level, "level")
         if self.method == "bootstrap":
             as_draws(self.draws, self.least_draws, f"a test at 5 % with intervals of {100 * self.level:g} %")
 

@@ -21,6 +21,7 @@ from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodFit
 from gmwm.likelihood.system import LEVEL, System, assemble
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
@@ -112,9 +113,7 @@ class Tracks:
         """
         if label not in self.mean:
             raise OptionError(f"label must be one of {', '.join(self.mean)}; got {label!r}")
-        if not isinstance(level, int | float) or not 0 < level < 1:
-            raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-        reach = NormalDist().inv_cdf((1 + level) / 2) * self.error[label]
+        reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
         known = np.isfinite(reach)
         centre = np.where(known, self.mean[label], 0.0)
         return centre - reach, centre + reach

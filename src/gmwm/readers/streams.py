@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import as_rate
-from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
+from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
+from gmwm.options import Columns, ReadOptions, as_whole_number
 from gmwm.readers.api import (
     column_words,
     one_layout,
@@ -25,17 +25,17 @@ from gmwm.readers.api import (
     require_time,
     timing_of,
 )
-from gmwm.readers.axis_units import checked_units, resolve, time_unit
+from gmwm.readers.axis_units import resolve, time_unit
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.chunks import Chunk as Chunk
 from gmwm.readers.chunks import ChunkBuilder, Interpretation
-from gmwm.readers.columns import Choice, Columns, choose
+from gmwm.readers.columns import Choice, choose
 from gmwm.readers.running_clock import Pace
-from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
+from gmwm.readers.scale_factors import multiply
 from gmwm.readers.time_stamps import as_stamps, troubles_of
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.signals import TimeBase
-from gmwm.time_ranges import CUT, kept_ranges, range_words
+from gmwm.time_ranges import CUT, range_words
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -46,7 +46,8 @@ if TYPE_CHECKING:
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
 
-
+CHUNK = 1_000_000
+"""Samples in a piece, if no other number is asked for."""
 LARGE = 300_000_000
 """Bytes of a file from which on commands and fleets read it in chunks."""
 
@@ -248,7 +249,7 @@ def stream(
     columns: Columns | None = None,
     units: Mapping[str, str] | None = None,
     *,
-    chunk: int = 1_000_000,
+    chunk: int = CHUNK,
     format: str | None = None,
     scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (),
@@ -300,32 +301,28 @@ def stream(
     [(0, True), (1, True)]
     >>> folder.cleanup()
     """
-    if isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1:
-        raise OptionError(f"chunk must be a whole number of samples, 1 or more; got {chunk!r}")
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units = checked_units(units)
-    factors, integrals = checked_scale(scale), checked_increments(increments)
-    kept = kept_ranges(start, stop, skip) if start is not None or stop is not None or skip else None
+    options = ReadOptions(
+        rate=rate, columns=columns, units={} if units is None else units, start=start, stop=stop, skip=skip,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+    )  # fmt: skip
+    return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
+
+
+def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int = CHUNK) -> Stream:
+    """The recording in a file, as `stream` gives it, by options that are checked; all its segments are kept."""
     file = existing_file(path)
-    reader = find_reader(file, format)
-    layout = one_layout(reader, file, topic)
-    choice = streamed(choose(layout, columns, file))
-    require_time(layout, choice, declared_rate, file)
+    reader = find_reader(file, options.format)
+    layout = one_layout(reader, file, options.topic)
+    choice = streamed(choose(layout, options.columns, file))
+    require_time(layout, choice, options.rate, file)
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
-    found = understand(
-        layout,
-        choice,
-        head=head,
-        path=file,
-        rate=declared_rate,
-        units=declared_units,
-        factors=factors,
-        integrals=integrals,
-    )
+    found = understand(layout, choice, head, path=file, options=options)
     tell(found, file)
-    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=topic)
-    return Stream(source=str(path), found=found, chunks=origin.chunks, size=int(chunk), origin=origin, kept=kept)
+    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
+    return Stream(
+        source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
+    )
 
 
 def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
@@ -358,13 +355,12 @@ def understand(
     layout: Layout,
     choice: Choice,
     head: Mapping[str, NDArray[Any]],
+    *,
     path: Path,
-    rate: float | None,
-    units: Mapping[str, str],
-    factors: Mapping[str, float],
-    integrals: Sequence[str],
+    options: ReadOptions,
 ) -> Interpretation:
-    """Interpret the columns and time stamps of a recording by its first rows and the checked arguments of `read`."""
+    """Interpret the columns and time stamps of a recording by its first rows."""
+    rate, units, integrals = options.rate, options.units, options.integrals
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
         require_samples(column.size, words[role])
@@ -375,7 +371,7 @@ def understand(
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=ones, rate=time.base.rate)
+    scale_notes = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
     scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
@@ -403,7 +399,7 @@ def tell(found: Interpretation, path: object) -> None:
     """Warn of what was only inferred."""
     for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
         for sentence in sentences:
-            warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
+            warnings.warn(f"{path}: {sentence}", category, stacklevel=4)
 
 
 def build_chunks(

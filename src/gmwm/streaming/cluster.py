@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import BREATH
 from gmwm.errors import GmwmError, OptionError, TimeBaseWarning
+from gmwm.options import as_confidence
 from gmwm.readers.chunks import RowSummary
 from gmwm.readers.parts import Part, PartReader
 from gmwm.readers.streams import Stream
@@ -101,6 +102,7 @@ def spread_variance(
     ...     curves = spread_variance(gmwm.stream("a_month.parquet"), workers=8)
     ...     curves = spread_variance(gmwm.stream("/shared/a_month.parquet"), scheduler="tcp://10.0.0.5:8786")
     """
+    as_confidence(confidence)
     require_robust(robust, efficiency)
     if robust:
         pairs = spread_pairs(
@@ -134,6 +136,7 @@ def spread_pairs(
 
     Parameters and errors are those of `spread_variance`.
     """
+    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
 from gmwm.errors import DataError, OptionError
+from gmwm.options import as_confidence
 from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
 from gmwm.signals import axis_quantity
@@ -60,6 +61,7 @@ def stream_variance(
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
     """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
+    as_confidence(confidence)
     require_robust(robust, efficiency)
     if scheduler is not None or workers is not None:
         from gmwm.streaming.cluster import spread_variance
@@ -94,6 +96,7 @@ def measured_pairs(
 
     Parameters and errors are those of `stream_variance`.
     """
+    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")

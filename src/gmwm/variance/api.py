@@ -14,6 +14,7 @@ from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
+from gmwm.options import as_confidence
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
@@ -116,6 +117,7 @@ def wavelet_variance(
     >>> bool(abs(wavelet_variance(x, rate=100.0, robust=True).variance[0] - 0.5) < 0.05)
     True
     """
+    as_confidence(confidence)
     wavelet = find_filter(filter)
     if transform not in ("modwt", "dwt"):
         raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
