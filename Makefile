@@ -15,7 +15,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench docs pictures validate lint cpp-test wheel format vendor clean
+.PHONY: help demo test bench docs stub pictures validate lint cpp-test wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -33,6 +33,9 @@ docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 	$(if $(OPEN),@$(BIN)/python -m webbrowser "file://$(CURDIR)/build/docs/index.html")
+
+stub: $(VENV)/.dev ## write src/gmwm/_core.pyi, the types of the kernels, from the built module
+	$(BIN)/python -m nanobind.stubgen -q -m gmwm._core -o src/gmwm/_core.pyi
 
 pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what its pages print; the same bytes again
 	$(BIN)/python -m docs.pictures

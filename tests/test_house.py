@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"
 HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy", "typer", "rich")
 LONGEST_FILE = 600
+LONGEST_COMMAND = 40
 BY_POSITION = (gmwm.StateSpace, gmwm.ContinuousStateSpace)
 """Their matrices F, Q, H, R … have the order that the field gives them. The kernels of `gmwm._core` are exempt too."""
 
@@ -217,6 +218,24 @@ def test_no_source_file_is_too_long() -> None:
     assert len(files) > len(python_files())
     lengths = {str(file.relative_to(ROOT)): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE} == {}
+
+
+def test_commands_are_short_and_return_an_outcome() -> None:
+    # Options, one call of the library, an outcome: what is longer is a task that has a function of its own.
+    from gmwm.cli.main import app
+
+    names = [command.callback.__name__ for command in app.registered_commands]  # type: ignore[union-attr]
+    assert len(names) > 10
+    lengths, wrong = {}, []
+    for name in names:
+        tree = ast.parse((PACKAGE / "cli" / f"{name}.py").read_text(encoding="utf-8"))
+        (found,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
+        body = found.body[1:]  # without the docstring
+        lengths[name] = found.body[-1].end_lineno - body[0].lineno + 1  # type: ignore[operator]
+        if [ast.unparse(one) for one in found.decorator_list] != ["command"] or ast.unparse(found.returns) != "Outcome":  # type: ignore[arg-type]
+            wrong.append(name)
+    assert {name: lines for name, lines in lengths.items() if lines > LONGEST_COMMAND} == {}
+    assert wrong == []
 
 
 def test_one_version_everywhere() -> None:

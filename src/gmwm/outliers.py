@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm._text import Summarised, counted, rounded
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
@@ -294,7 +294,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(f"wavelet variances must come as (classical, robust), got ({kinds})")
     classical, robust = x
-    if not all(Setting.of(part).running_sum for part in x):
+    if not all(Design.of(part).running_sum for part in x):
         raise OptionError("the test is of Haar MODWT variances: filter='haar', transform='modwt'")
     same = ("samples", "segments", "rate", "unit", "axis")
     differ = [name for name in same if getattr(classical, name) != getattr(robust, name)]
@@ -308,7 +308,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     """Levels that cannot be tested, and why."""
-    freedom = Setting.of(robust).degrees_of_freedom
+    freedom = Design.of(robust).degrees_of_freedom
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
     zeros = np.array(found.get("zeros", np.zeros(len(robust))))

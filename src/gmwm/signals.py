@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.plots.view import UnitSystem
+
+T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
@@ -90,7 +92,7 @@ class Signal:
 
     @classmethod
     def from_missing(cls, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0) -> Signal:
-        """A signal of samples at equal steps of which some are missing: each stretch between them is a segment.
+        """A signal of samples at equal steps of which some are missing: each run between them is a segment.
 
         Parameters
         ----------
@@ -185,10 +187,10 @@ class Signal:
             )
         return self.values
 
-    def pieces(self) -> list[Vector]:
+    def segment_values(self) -> list[Vector]:
         """The values of each segment.
 
-        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).pieces()
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).segment_values()
         [array([1., 2.]), array([3.])]
         """
         return [self.values[first:last] for first, last in self.segments]
@@ -464,7 +466,7 @@ class Imu:
         return plot_recording(self, units=units, path=path)
 
     def longest(self) -> Imu:
-        """The longest stretch without a gap, as a recording of its own; says so in its notes."""
+        """The longest segment, as a recording of its own; says so in its notes."""
         if len(self.segments) == 1:
             return self
         first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
@@ -481,6 +483,36 @@ class Imu:
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
+
+
+def sensor_of(axis: str) -> str:
+    """The sensor of an axis; "" if its name has none.
+
+    >>> sensor_of("gyro_x"), sensor_of("temperature")
+    ('gyro', '')
+    """
+    return axis.rpartition("_")[0]
+
+
+def letter_of(axis: str) -> str:
+    """The direction of an axis, x, y or z; the whole name if it has no sensor.
+
+    >>> letter_of("gyro_x")
+    'x'
+    """
+    return axis.rpartition("_")[2]
+
+
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """The values of axes, grouped by sensor.
+
+    >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
+    {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
+    """
+    sensors: dict[str, dict[str, T]] = {}
+    for axis, value in axes.items():
+        sensors.setdefault(sensor_of(axis), {})[axis] = value
+    return sensors
 
 
 def axis_quantity(axis: str) -> Quantity:

@@ -26,22 +26,22 @@ def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
     """Cut out the part of a recording between two times: see `Imu.between`."""
-    kept = kept_stretches(start, stop, skip)
+    kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
-    pieces = _pieces(first, kept)
+    ranges = _sample_ranges(first, kept)
     begins = begins_of(first.rate, first.segments, first.starts)
     end = begins[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
-    require_some(max((last - begin for begin, last, _, _ in pieces), default=0), kept, end)
+    require_some(max((last - begin for begin, last, _, _ in ranges), default=0), kept, end)
     require_inside(kept, end, first.rate)
-    if [(begin, last) for begin, last, _, _ in pieces] == list(first.segments):
+    if [(begin, last) for begin, last, _, _ in ranges] == list(first.segments):
         return imu
-    sizes = [last - begin for begin, last, _, _ in pieces]
+    sizes = [last - begin for begin, last, _, _ in ranges]
     segments = tuple(pairwise(accumulate(sizes, initial=0)))
-    starts = tuple(time for _, _, time, _ in pieces)
+    starts = tuple(time for _, _, time, _ in ranges)
     base = imu.time_base or TimeBase(imu.rate, start=first.start)
 
     def of(values: Vector) -> Vector:
-        parts = [values[begin:last] for begin, last, _, _ in pieces]
+        parts = [values[begin:last] for begin, last, _, _ in ranges]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     signals = {
@@ -56,20 +56,20 @@ def cut(
         )
         for axis, signal in imu.signals.items()
     }
-    note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)
+    note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + range_words(kept)
     return replace(
         imu,
         signals=signals,
         notes=(*imu.notes, note),
-        time_base=cut_base(base, starts, sizes, base.left + pieces[0][3]),
+        time_base=cut_base(base, starts, sizes, base.left + ranges[0][3]),
         temperature=None if imu.temperature is None else of(imu.temperature),
     )
 
 
-def kept_stretches(
+def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Stretches of time that are kept, in order."""
+    """Ranges of time that are kept, in order."""
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
         end = _seconds(stop, "stop")
@@ -129,31 +129,31 @@ def _seconds(time: object, name: str) -> float:
     return float(time)
 
 
-def stretch_words(kept: Sequence[tuple[float, float]]) -> str:
-    """Such stretches in words."""
+def range_words(kept: Sequence[tuple[float, float]]) -> str:
+    """Such ranges in words."""
     return " and ".join(f"from {moment(a)}" + (f" to {moment(b)}" if b < math.inf else "") for a, b in kept[:5]) + (
         " …" if len(kept) > 5 else ""
     )
 
 
-def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
-    """Ranges of samples without a gap in the kept stretches of time; clock and time from the first sample there."""
-    pieces: list[tuple[int, int, float, float]] = []
+def _sample_ranges(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
+    """Ranges of samples without a gap in the kept ranges of time; clock and time from the first sample there."""
+    ranges: list[tuple[int, int, float, float]] = []
     begins = begins_of(signal.rate, signal.segments, signal.starts)
     for (first, last), begin, time in zip(signal.segments, begins, signal.starts, strict=True):
         seam = True
-        for stretch in kept:
+        for limits in kept:
             a, b = (
                 first + int(np.ceil(np.clip((edge - begin) * signal.rate - ROUNDING, 0, last - first)))
-                for edge in stretch
+                for edge in limits
             )
-            if a < b and not seam and pieces[-1][1] == a:
-                pieces[-1] = (pieces[-1][0], b, *pieces[-1][2:])  # no sample lay in what was skipped
+            if a < b and not seam and ranges[-1][1] == a:
+                ranges[-1] = (ranges[-1][0], b, *ranges[-1][2:])  # no sample lay in what was skipped
             elif a < b:
                 passed = (a - first) / signal.rate
-                pieces.append((a, b, time + passed, begin + passed))
+                ranges.append((a, b, time + passed, begin + passed))
                 seam = False
-    return pieces
+    return ranges
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:

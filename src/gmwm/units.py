@@ -109,6 +109,39 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     return unit
 
 
+# --- units of time --------------------------------------------------------------------------------------
+
+TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+"""Units of time stamps, and how many of them a second holds."""
+
+LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
+"""Units of time that only a name or the user tells, never the size of the stamps; and their seconds."""
+
+TIME_WORDS = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
+    "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "min": "min", "mins": "min", "minute": "min", "minutes": "min",
+    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
+}  # fmt: skip
+"""What each unit of time is called."""
+_SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
+
+
+def find_time_unit(text: str) -> str:
+    """The short name of the unit of time that a text names; "" if it names none.
+
+    >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
+    ('ms', 's', '')
+    """
+    bare = text.strip().strip("[](){}<>")
+    since = _SINCE.fullmatch(bare)
+    return TIME_WORDS.get(since.group(1).casefold() if since else bare.casefold().replace(" ", ""), "")
+
+
+# --- spellings ------------------------------------------------------------------------------------------
+
 # What is written for one and the same, in this order.
 _SPELLINGS = (
     (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),

@@ -162,7 +162,10 @@ CASES = {
     "the recording itself": (["{file}", "-m", MODEL, "-o", "{file}"], "--output must be another file than FILE"),
     "several to draw": (["{file}", "-m", MODEL, "--plot", "{folder}/x.png"], "--plot draws one axis"),
     "unknown picture": (["{file}", "-m", MODEL, "--axis", "gyro_x", "--plot", "{folder}/x.foo"], "x.foo"),
-    "confidence": (["{file}", "-m", MODEL, "--confidence", "95"], "--confidence must be between 0 and 1, got 95"),
+    "confidence": (
+        ["{file}", "-m", MODEL, "--confidence", "95"],
+        "--confidence must be at least 0.5 and less than 1, got 95",
+    ),
     "another rate": (["{broken}", "--from-fits", "{fits}", "--rate", "50"], "50"),
     "no likelihood there": (["{file}", "--from-fits", "{fits}", "--ml"], "write it with gmwm fit --ml"),
 }

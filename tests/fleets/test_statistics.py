@@ -313,7 +313,7 @@ def test_what_cannot_be_is_refused():
     table = fleet(8)
     with pytest.raises(OptionError, match="size must be between 0 and 1"):
         fleet_statistics(table, size=5)
-    with pytest.raises(OptionError, match="confidence must be between 0 and 1"):
+    with pytest.raises(OptionError, match=r"confidence must be at least 0\.5 and less than 1"):
         fleet_statistics(table, confidence=95)
     with pytest.raises(DataError, match="lacks model"):
         fleet_statistics(table.drop("model"))

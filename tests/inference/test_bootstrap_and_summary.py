@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm import GM, RW, WN
 from gmwm.filters import HAAR
-from gmwm.inference.summary import Way, inference, short_values
+from gmwm.inference.summary import IntervalMethod, inference, short_values
 from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter
 from tests.helpers import codes, only
@@ -116,7 +116,7 @@ def test_a_fit_without_noise_has_no_intervals():
     for text in (fit.summary(), fit.summary(method="bootstrap", draws=39), fit._repr_html_()):
         assert "There are no confidence intervals: DR as estimated has no noise at some level" in text
     assert "not tested" in fit.summary()
-    assert inference(fit, Way())["confidence_intervals"] == {}
+    assert inference(fit, IntervalMethod())["confidence_intervals"] == {}
 
 
 def test_a_term_that_acts_as_another_says_what_it_amounts_to():
@@ -132,7 +132,7 @@ def test_a_term_that_acts_as_another_says_what_it_amounts_to():
         2 * fit.parameters["GM.beta"] * fit.parameters["GM.sigma2"] / RATE, rel=1e-3
     )
     assert only(fit.remarks, "acts-as").text() in fit.summary()
-    short = short_values(fit, Way())
+    short = short_values(fit, IntervalMethod())
     assert short["GM.beta"] == short["GM.sigma2"] == "as RW"
     assert "±" in short["WN.sigma2"]
     white = gmwm.fit("GM + RW", x, RATE)
@@ -173,11 +173,11 @@ def test_html_has_every_parameter_and_is_escaped(fit):
 
 
 def test_as_plain_numbers(fit):
-    found = json.loads(json.dumps(inference(fit, Way()), allow_nan=False))
+    found = json.loads(json.dumps(inference(fit, IntervalMethod()), allow_nan=False))
     assert set(found["confidence_intervals"]) == set(fit.parameters)
     assert found["goodness_of_fit"]["left_out"] == [14, 15]
     undetermined = gmwm.fit("GM + WN + RW", WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE)
-    json.dumps(inference(undetermined, Way()), allow_nan=False)
+    json.dumps(inference(undetermined, IntervalMethod()), allow_nan=False)
 
 
 def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():

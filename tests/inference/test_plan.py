@@ -9,7 +9,7 @@ import pytest
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
 from gmwm._text import duration_text
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.asymptotic import sandwich
 
@@ -48,8 +48,8 @@ def test_a_fit_of_that_length_has_these_errors():
 def test_white_noise_alone_has_the_textbook_error():
     # Of any weights Ω: D = ν²/σ², so that Var σ̂²/σ⁴ = νᵀΩVΩν / (νᵀΩν)², and optimal ones reach 2/N nearly.
     samples = 4096
-    setting = Setting(np.arange(1, 13), samples, RATE)
-    wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), setting), 3.0 / 2.0 ** np.arange(1, 13)
+    design = Design(np.arange(1, 13), samples, RATE)
+    wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), design), 3.0 / 2.0 ** np.arange(1, 13)
     weights = nu / np.diag(wavelet)
     expected = math.sqrt(weights @ wavelet @ weights) / (weights @ nu)
     plan = gmwm.plan(WN(sigma2=3.0), duration=samples / RATE, rate=RATE)

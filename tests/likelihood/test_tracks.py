@@ -138,7 +138,7 @@ def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
     tracks = model.smooth(x, RATE, mean=0.0)
     system = assemble(model, RATE)
     means, spreads = reference(system, x[None, :])
-    for k, label in enumerate(p.label for p in system.parts if p.space.states):
+    for k, label in enumerate(p.label for p in system.blocks if p.space.states):
         np.testing.assert_allclose(tracks.mean[label], means[:, 0, k], rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(tracks.error[label], np.sqrt(spreads[:, k, k]), rtol=1e-8)
     there = np.isfinite(x)
@@ -184,7 +184,7 @@ def test_bands_are_normal_intervals():
     np.testing.assert_allclose(low + high, 2 * tracks.mean["bias"], rtol=1e-10)
     with pytest.raises(OptionError, match="label must be one of GM, WN, level, bias"):
         tracks.band("RW")
-    with pytest.raises(OptionError, match="level must be between 0 and 1"):
+    with pytest.raises(OptionError, match=r"level must be at least 0\.5 and less than 1"):
         tracks.band(level=95)
     with pytest.raises(ValueError, match="read-only"):
         tracks.mean["bias"][0] = 0

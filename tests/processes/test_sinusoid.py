@@ -118,7 +118,7 @@ def test_fit(wanted):
     found = fit(WN() + wanted, x, rate=RATE)
     limits = found.confidence_intervals(level=0.9999)
     for name, truth in (("WN.sigma2", 1.0), ("SIN.frequency", 3.0), ("SIN.power", 2.0)):
-        if name not in found.model.fixed:
+        if name not in found.model.fixed_names:
             assert limits[name][0] <= truth <= limits[name][1]
     # Far better known than a noise of that variance would be, with some 300 coefficients of its scale.
     assert np.ptp(limits["SIN.power"]) < 0.2

@@ -14,7 +14,7 @@ import pytest
 
 from gmwm import writers
 from gmwm.errors import GmwmError, OptionError, ReadError
-from gmwm.readers import Channel, Chunk, Layout, Reader, base, find_reader, read, register, registered
+from gmwm.readers import Channel, Layout, Reader, Rows, base, find_reader, read, register, registered
 from gmwm.signals import Imu
 
 
@@ -36,7 +36,7 @@ def increments(monkeypatch):
             topics = path.read_text().split()[1:]
             return tuple(Layout(channels, topic=topic, rate=50.0, notes=("made up",)) for topic in topics)
 
-        def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+        def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
             for start in (0, 4, 8):
                 yield {k: np.arange(start, start + 4) * (k + 1.0) for k in wanted}
 

@@ -18,7 +18,7 @@ from gmwm.readers.growing_files import Lines, growing_stream
 from gmwm.readers.text_stamps import Midnights, described, is_stamp, times_of
 from tests.readers.test_parts import same as same_parts
 from tests.readers.test_stream import columns, stamps, written
-from tests.readers.test_stream import same as same_pieces
+from tests.readers.test_stream import same as same_chunks
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 BEGIN = int(np.datetime64("2024-05-01T23:59:55", "ns").view(np.int64))
@@ -381,7 +381,7 @@ def test_whole_seconds_are_rounded_stamps_as_any(tmp_path):
     assert found == known_of(saved(tmp_path, ns // 10**9 * 10**9, "time [ns]"))
 
 
-def pieces_of(path, ns):
+def part_files(path, ns):
     """Table of six axes with these stamps, as text."""
     table = {name: np.round(v, 6) for name, v in columns().items()}
     return written(path, {"time": ns} | table)
@@ -396,13 +396,13 @@ AS_TEXT = {
 
 @pytest.mark.parametrize("form", AS_TEXT)
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "jitter", "late", "bursts"])
-def test_in_pieces_and_parts(tmp_path, monkeypatch, form, kind):
+def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
     monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     ns = BEGIN + np.round(stamps(kind, np.random.default_rng(3)) * 1e6).astype(np.int64) * 1000
-    path = pieces_of(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])
+    path = part_files(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])
     options = {"units": {"gyro": "deg/s", "accel": "g"}}
-    imu, _ = same_pieces(path, apart=3e-3 if kind == "bursts" else 2e-4, **options)
+    imu, _ = same_chunks(path, apart=3e-3 if kind == "bursts" else 2e-4, **options)
     assert len(imu.segments) == {"gaps": 8, "one lost": 2, "jitter": 2, "bursts": 2}.get(kind, 1)
     divided = same_parts(stream(path, chunk=777, **options), 3)
     assert len(divided) == (1 if form == "times of day" else 3)
@@ -418,7 +418,7 @@ def test_a_text_that_grows(tmp_path, form):
     assert [p.first for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment] == [
         first for first, _ in imu.segments
     ]
-    assert np.concatenate([piece["gyro_y"] for piece in found]).tolist() == imu["gyro_y"].values.tolist()
+    assert np.concatenate([chunk["gyro_y"] for chunk in found]).tolist() == imu["gyro_y"].values.tolist()
     assert source.time_base.start == imu.time_base.start
 
 

@@ -1,4 +1,4 @@
-"""`stream` gives what `read` gives, a piece at a time."""
+"""`stream` gives what `read` gives, a chunk at a time."""
 
 import os
 import subprocess
@@ -69,7 +69,7 @@ def written(path, table):
 
 
 def same(path, *, chunk=777, apart=2e-4, **options):
-    """Whether pieces together are the recording as `read` has it; the pieces."""
+    """Whether the chunks together are the recording as `read` has it; the chunks."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         imu = gmwm.read(path, **options)
@@ -77,10 +77,10 @@ def same(path, *, chunk=777, apart=2e-4, **options):
         found = list(source)
     assert source.axes == imu.axes
     assert source.rate == pytest.approx(imu.rate, rel=apart)
-    assert all(0 < len(piece) <= chunk for piece in found)
-    assert [piece.first for piece in found] == [0, *np.cumsum([len(p) for p in found])[:-1]]
+    assert all(0 < len(one) <= chunk for one in found)
+    assert [one.first for one in found] == [0, *np.cumsum([len(p) for p in found])[:-1]]
     for axis in imu.axes:
-        assert np.array_equal(np.concatenate([piece[axis] for piece in found]), imu[axis].values)
+        assert np.array_equal(np.concatenate([one[axis] for one in found]), imu[axis].values)
     firsts = [p.first for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment]
     assert firsts == [first for first, _ in imu.segments]
     signal = imu[imu.axes[0]]
@@ -93,7 +93,7 @@ def same(path, *, chunk=777, apart=2e-4, **options):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
-def test_pieces_are_what_is_read(tmp_path, suffix, kind):
+def test_chunks_are_what_is_read(tmp_path, suffix, kind):
     time = stamps(kind, np.random.default_rng(3))
     name = "timestamp_ns" if kind == "nanoseconds" else "time_s"
     path = written(tmp_path / f"a{suffix}", {name: time} | columns())
@@ -156,12 +156,12 @@ def test_it_can_be_read_again(tmp_path):
     source = stream(path, units={"gyro": "deg/s", "accel": "g"})
     assert "gyro_x" in repr(source)
     assert any("gyro: deg/s" in note for note in source.notes)
-    sums = [sum(float(piece["gyro_x"].sum()) for piece in source) for _ in range(2)]
+    sums = [sum(float(chunk["gyro_x"].sum()) for chunk in source) for _ in range(2)]
     assert sums[0] == sums[1] != 0
 
 
 def drained(path, **options):
-    return [len(piece) for piece in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
+    return [len(chunk) for chunk in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
 
 
 def test_bad_numbers_behind_the_first_rows_are_refused_with_their_row(tmp_path):
@@ -244,7 +244,7 @@ def test_memory_does_not_grow_with_an_array_on_disk(tmp_path, monkeypatch):
         np.save(path, np.random.default_rng(1).normal(size=(rows, 3)))
         source = stream(path, 100.0, ["gyro_x", "gyro_y", "gyro_z"], {"gyro": "deg/s"}, chunk=20_000)
         tracemalloc.start()
-        assert sum(len(piece) for piece in source) == rows
+        assert sum(len(chunk) for chunk in source) == rows
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0] < 800_000 * 8
@@ -254,7 +254,7 @@ PEAK = """
 import resource, sys, gmwm
 before = None
 for path in sys.argv[1:]:
-    for piece in gmwm.stream(path, units={"gyro": "deg/s"}):
+    for chunk in gmwm.stream(path, units={"gyro": "deg/s"}):
         pass
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """

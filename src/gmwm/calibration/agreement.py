@@ -14,10 +14,11 @@ from gmwm.calibration.agreement_result import Agreement, SharedNumber
 from gmwm.calibration.findings import rejected
 from gmwm.calibration.reference import as_reference
 from gmwm.calibration.result import Calibration
-from gmwm.calibration.tables import in_order, merged, sensor_of
+from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
+from gmwm.signals import sensor_of
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0

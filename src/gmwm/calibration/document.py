@@ -6,7 +6,6 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from types import NoneType, UnionType
@@ -14,9 +13,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
-from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.schema import require_kinds
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
@@ -52,7 +52,7 @@ def document(found: Calibration) -> dict[str, Any]:
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
         "source": found.source,
-        "settings": asdict(found.settings),
+        "settings": found.settings.to_dict(),
         "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
         "failed": dict(found.failed),
         "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
@@ -102,7 +102,7 @@ def calibration(content: Any) -> Calibration:
     found = Calibration(
         axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
         failed=parsed["failed"],
-        settings=_read("settings", lambda: Settings(**parsed["settings"])),
+        settings=CalibrationOptions.from_dict(parsed["settings"]),
         source=parsed["source"],
         recording_remarks=_read("recording_remarks", lambda: tuple(map(Remark.from_dict, parsed["recording_remarks"]))),
         recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),

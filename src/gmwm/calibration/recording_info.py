@@ -21,7 +21,7 @@ class Recording:
     samples, rate, duration : int, float (Hz), float (s)
         Length without gaps.
     segments : int
-        Stretches without a gap.
+        Number of segments without a gap.
     missing : float
         Time that the gaps lost (s).
     jitter : float or None

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm._files import write_text
 from gmwm._text import Summarised
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.summary_text import summary
 from gmwm.datasheets import Datasheet
@@ -29,34 +30,6 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """What was asked for; see `calibrate`.
-
-    Attributes
-    ----------
-    within : str
-        The largest model, as text.
-    robust : "auto", True or False
-        Which curve was to be fitted.
-    weighting, criterion : str
-        How models were fitted, and how they were compared.
-    confidence, efficiency : float
-        Of the intervals, and of the robust wavelet variance.
-    draws, seed : int
-        Of the simulated records.
-    """
-
-    within: str
-    robust: Literal["auto"] | bool
-    weighting: Literal["diagonal", "optimal"]
-    criterion: Literal["asymptotic", "bootstrap"]
-    confidence: float
-    efficiency: float
-    draws: int
-    seed: int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +80,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         All that was found on each axis.
     failed : mapping of axis to str
         Axes that could not be calibrated, and why.
-    settings : Settings
+    settings : CalibrationOptions
         What was asked for.
     source : str
         Where the recording came from.
@@ -133,7 +106,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     axes: Mapping[str, AxisCalibration]
     failed: Mapping[str, str]
-    settings: Settings
+    settings: CalibrationOptions
     source: str = ""
     recording_remarks: tuple[Remark, ...] = ()
     recording: Recording | None = None

@@ -17,7 +17,8 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.sheet import Datasheet as Datasheet
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import Interval, as_level, confidence_intervals, free_shape, is_weak
+from gmwm.inference.intervals import Interval, confidence_intervals, free_shape, is_weak
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
 from gmwm.remarks import Remark
@@ -109,7 +110,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     >>> found["N"].in_units("datasheet")[3]
     'deg/√h'
     """
-    level = as_level(level)
+    level = as_confidence(level, "level")
     written, labels = translated(fit)
     left = {label for term, label in zip(written.model.terms, labels, strict=True) if _acts(written, term)}
     counted = {term: name for term, name in fit.diagnostics.acts_as.items() if term not in left}

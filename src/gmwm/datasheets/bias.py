@@ -85,7 +85,7 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
         upper_only=remark is not None,
         tau=n / wv.rate,
     )
-    if set(model.parameters) <= model.fixed:
+    if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
         return entry, remark

@@ -14,7 +14,7 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError, OptionError
 from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import as_level
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
@@ -103,7 +103,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
             f"fit must be a Fit, got {type(fit).__name__}; the numbers come with limits, which take data: "
             "gmwm.fit(model, data), or calibration[axis]"
         )
-    level = as_level(level)
+    level = as_confidence(level, "level")
     entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
     return {symbol: entry if entry.value > 0 else _at_most(fit, entry, level) for symbol, entry in entries.items()}
 

@@ -1,4 +1,4 @@
-"""A family of wavelet variances with one nonlinear parameter, tabulated as a curve of unit vectors.
+"""The wavelet variances of a process with one nonlinear parameter, tabulated as a curve of unit vectors.
 
 The solver knows no process: it sees the fixed vectors of the processes that are linear in their parameters, and one
 curve for the repeatable process whose nonlinear parameter is to be found (the correlation time of a Gauss-Markov
@@ -29,7 +29,7 @@ NEIGHBOURS = 12
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where a family is tabulated, and its wavelet variances there; independent of data and weights.
+    """Where a process is tabulated, and its wavelet variances there; independent of data and weights.
 
     `nodes` and `middles` hold the search coordinate branch after branch; `spacing` is that of each cell between
     neighbouring nodes, zero for the cell that joins two branches.
@@ -66,7 +66,7 @@ class Table:
 
 
 Place = tuple[Branch, float]
-"""A point of a family: a branch and the search coordinate u on it."""
+"""A point of the tabulated curve: a branch and the search coordinate u on it."""
 
 
 def shapes(
@@ -107,7 +107,7 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """The family of `process` tabulated over the domain that a record of `samples` can tell apart; remembered."""
+    """Tabulate `process` over the domain that a record of `samples` can tell apart; the table is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 

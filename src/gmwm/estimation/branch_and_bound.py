@@ -62,10 +62,12 @@ class Optimum:
 class Search:
     """The search for the places of the curved processes of one problem."""
 
-    def __init__(self, problem: Problem, family: type[Process]) -> None:
+    def __init__(self, problem: Problem, curved_class: type[Process]) -> None:
         self.problem = problem
-        self.family = family
-        self.grid = grid(family, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter)
+        self.curved_class = curved_class
+        self.grid = grid(
+            curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
+        )
         self.fixed = problem.fixed
         self.positive = problem.positive
 
@@ -79,7 +81,7 @@ class Search:
 
     def _starts(self) -> Vector:
         """Positions of the starting values the user gave, if every curved process has one."""
-        name = self.family.nonlinear_parameters()[0].name
+        name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
             value = self.problem.model.processes[place].values[name]
@@ -103,7 +105,7 @@ class Search:
                 if not places:
                     break
                 piece, ends = close_up(
-                    self.family,
+                    self.curved_class,
                     places,
                     width=width,
                     levels=problem.levels,
@@ -128,7 +130,7 @@ class Search:
     def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
         """The same optimum to all digits, where Newton's method leads to one that is as good."""
         places = sharpened(
-            self.problem, self.family, places=best.places, weights=best.weights, steps=steps, reach=reach
+            self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
         )
         if places is None:
             return best
@@ -143,7 +145,7 @@ class Search:
 
     def _rows(self, places: list[Place]) -> Matrix:
         curved = shapes(
-            self.family, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
+            self.curved_class, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
         )
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
@@ -165,7 +167,7 @@ class Search:
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
         """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
         problem, places = self.problem, best.places
-        curved = shapes(self.family, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
+        curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
             Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)

@@ -65,7 +65,7 @@ class Problem:
         return (*self.curved, *self.free)
 
     @property
-    def family(self) -> type[Process] | None:
+    def curved_class(self) -> type[Process] | None:
         """The class of the curved processes."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
 

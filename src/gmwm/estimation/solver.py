@@ -28,7 +28,7 @@ from gmwm.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.estimation.variable_projection import NOISE, Found, Point, Surface
+from gmwm.estimation.variable_projection import NOISE, Point, Projection, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -61,7 +61,7 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
     if problem.free:
         return _scanned(problem)
     square = problem.unit**2
-    if problem.family is None:
+    if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
@@ -76,7 +76,7 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
             nodes=0,
             start=Start(how="convex", tried=1, objective=float(value)),
         )
-    search = Search(problem, problem.family)
+    search = Search(problem, problem.curved_class)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
@@ -117,9 +117,9 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
     """
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
-    if problem.family is None:
+    if problem.curved_class is None:
         return solve(problem, certify=False)
-    search = Search(problem, problem.family)
+    search = Search(problem, problem.curved_class)
     best = search.followed(list(solution.places))
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
@@ -157,7 +157,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     )  # fmt: skip
 
 
-def _value(found: Found | None, problem: Problem) -> float:
+def _value(found: Projection | None, problem: Problem) -> float:
     """The criterion, in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
@@ -168,7 +168,7 @@ def _scanned(problem: Problem) -> Solution:
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone)
-    best: Found | None = None
+    best: Projection | None = None
     start = Start(how="scan", tried=tried, objective=np.inf)
     for how, point in points:
         before, found = surface.at(point), surface.downhill(point)
@@ -183,7 +183,7 @@ def _scanned(problem: Problem) -> Solution:
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
 
 
-def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Found) -> Found:
+def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """The optimum, after seeing of several free processes whether one is better elsewhere."""
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
@@ -194,9 +194,9 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Fo
     return best
 
 
-def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
+def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
     """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
-    for _ in range(RETURNS if problem.family is not None else 0):
+    for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
@@ -221,7 +221,7 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     return _solution(problem, surface, found, solution.start, ends=ends)
 
 
-def _at_rest(surface: Surface, found: Found) -> bool:
+def _at_rest(surface: Surface, found: Projection) -> bool:
     """Whether the gradient is nothing beside the objective."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
@@ -230,13 +230,13 @@ def _at_rest(surface: Surface, found: Found) -> bool:
     return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
 
 
-def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *, ends: bool = True) -> Solution:
+def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
     """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
-    if problem.family is not None:
+    if problem.curved_class is not None:
         search = surface.curved_alone(z)
         # A process that leaves no trace is not among the linear ones of that search.
         terms = search.terms(search.at(list(places)), ends=ends)

@@ -40,7 +40,7 @@ _NEAR = 3.0
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExportOptions:
     """How a file is to be made.
 
     Parameters
@@ -74,7 +74,7 @@ class Exporter(ABC):
         Of the file, with the dot.
     default_axes : "worst", "mean" or "each"
     takes : frozenset of str
-        Which of the settings have a say: "axes", "inflation", "horizon", "rate".
+        Which options the format uses: "axes", "inflation", "horizon", "rate".
     both : bool
         Whether it needs gyroscopes and accelerometers.
     per_axis : bool
@@ -90,7 +90,7 @@ class Exporter(ABC):
     per_axis: ClassVar[bool] = False
 
     @abstractmethod
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """The text of the file.
 
         Raises
@@ -133,11 +133,11 @@ def find_exporter(format: str) -> Exporter:
 
 @dataclass(frozen=True)
 class Noise:
-    """What a unit comes down to, in the settings of one file."""
+    """The numbers of a unit, with the options of one file."""
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
-    settings: Settings
+    options: ExportOptions
 
     @property
     def sensors(self) -> tuple[SensorNoise, ...]:
@@ -147,7 +147,7 @@ class Noise:
     @property
     def rate(self) -> float:
         """Samples per second (Hz) that the consumer gets; where the sensors differ, the gyroscopes'."""
-        return self.sensors[0].rate if self.settings.rate is None else self.settings.rate
+        return self.sensors[0].rate if self.options.rate is None else self.options.rate
 
     @property
     def written_rate(self) -> str:
@@ -190,20 +190,20 @@ class TwoNumbers(Exporter):
     def body(self, noise: Noise) -> Sequence[str]:
         """The lines below the head, in ASCII."""
 
-    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float | None:
+    def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float | None:
         """Correlation time (s) of the Gauss-Markov bias that K drives, after those of all axes; None for a walk."""
         return None
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Head and body."""
-        noise = self._noise(calibration, settings)
+        noise = self._noise(calibration, options)
         head = [self.first] if self.first else []
         head += commented(self.head(calibration, noise), self.comment)
         return "\n".join([*head, "", *self.body(noise)]) + "\n"
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
         """What is to be known of the file, paragraph by paragraph."""
-        settings = noise.settings
+        options = noise.options
         said = [
             f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
             *recording(calibration),
@@ -211,31 +211,31 @@ class TwoNumbers(Exporter):
         said += self.meaning
         for sensor in noise.sensors:
             axes = ", ".join(one.axis for one in sensor.axes)
-            said.append(f"{_SENSORS[sensor.quantity]}: {RULES[settings.axes]} {axes}.")
+            said.append(f"{_SENSORS[sensor.quantity]}: {RULES[options.axes]} {axes}.")
         said += [f"Not calibrated: {axis}." for axis in calibration.failed]
         said.append(
-            f"Inflation factor: {settings.inflation:g}"
-            + (". As measured at rest; filters in the field commonly need more." if settings.inflation == 1 else ".")
+            f"Inflation factor: {options.inflation:g}"
+            + (". As measured at rest; filters in the field commonly need more." if options.inflation == 1 else ".")
         )
         said.append(
-            f"Horizon: {settings.horizon:g} s. Terms that are correlated for less are white noise (N), for longer a "
+            f"Horizon: {options.horizon:g} s. Terms that are correlated for less are white noise (N), for longer a "
             "random walk (K)."
         )
-        if len({sensor.rate for sensor in noise.sensors}) > 1 and settings.rate is None:
+        if len({sensor.rate for sensor in noise.sensors}) > 1 and options.rate is None:
             rates = ", ".join(f"{_SENSORS[sensor.quantity].lower()} {sensor.rate:g} Hz" for sensor in noise.sensors)
             said.append(f"The sensors have rates of their own ({rates}); discrete numbers are for the first of them.")
         said += _models(noise)
-        said += upper_limits(noise.sensors, settings.axes, calibration.settings.confidence)
+        said += upper_limits(noise.sensors, options.axes, calibration.settings.confidence)
         return [*said, *self.advice]
 
-    def _noise(self, calibration: Calibration, settings: Settings) -> Noise:
-        if settings.axes == "each" and not self.per_axis:
+    def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
+        if options.axes == "each" and not self.per_axis:
             raise OptionError(f"{self.name} has one number for the axes of a sensor: axes must be 'worst' or 'mean'")
         axes = [axis for quantity in QUANTITIES for axis in axes_of(calibration, quantity)]
-        times = {axis: walk_time(calibration[axis], settings.horizon) for axis in axes}
-        uses = {axis: Use(settings.horizon, self.time_of(axis, times, settings), self.flicker) for axis in axes}
+        times = {axis: walk_time(calibration[axis], options.horizon) for axis in axes}
+        uses = {axis: Use(options.horizon, self.time_of(axis, times, options), self.flicker) for axis in axes}
         gyro, accel = (
-            sensor_noise(calibration, quantity, rule=settings.axes, inflation=settings.inflation, uses=uses)
+            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, uses=uses)
             for quantity in QUANTITIES
         )
         missing = [_SENSORS[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
@@ -244,7 +244,7 @@ class TwoNumbers(Exporter):
                 f"{self.name} needs gyroscopes and accelerometers, as gyro_x and accel_x; {missing[0].lower()} are not "
                 f"in this calibration, which has {', '.join(calibration)}"
             )
-        return Noise(gyro, accel, settings)
+        return Noise(gyro, accel, options)
 
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")
@@ -254,7 +254,7 @@ _SENSORS: dict[Quantity, str] = {"gyro": "Gyroscopes", "accel": "Accelerometers"
 
 def _models(noise: Noise) -> list[str]:
     """The model of each axis, what of it counts as what, and what is near the horizon."""
-    horizon, said = noise.settings.horizon, []
+    horizon, said = noise.options.horizon, []
     axes = [one for sensor in noise.sensors for one in sensor.axes]
     listed = [counted_as(one.fit, one.use) for one in axes]
     for one, found in zip(axes, listed, strict=True):
@@ -283,7 +283,7 @@ def _models(noise: Noise) -> list[str]:
 
 def _by_deviation(noise: Noise) -> list[str]:
     """What is counted by its Allan deviation, and how far off it is at other averaging times."""
-    horizon = noise.settings.horizon
+    horizon = noise.options.horizon
     times = dict.fromkeys(one.use.time for sensor in noise.sensors for one in sensor.axes)
     said = (
         "By its Allan deviation: a term without a correlation time, as flicker noise, or without a driving noise that "

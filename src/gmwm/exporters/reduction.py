@@ -14,6 +14,7 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
+from gmwm.signals import letter_of, sensor_of
 from gmwm.units import SI_UNIT, Quantity
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def sensor_noise(
 
 def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
     """The axes of a sensor that were calibrated, in order."""
-    return sorted(axis for axis in calibration if axis.rpartition("_")[0] == quantity)
+    return sorted(axis for axis in calibration if sensor_of(axis) == quantity)
 
 
 def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
@@ -159,10 +160,10 @@ def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> 
     """Three numbers by the rule, times the inflation factor."""
     numbers = [number for _, number in given]
     if rule == "each":
-        by_letter = {axis.rpartition("_")[2]: number for axis, number in given}
+        by_letter = {letter_of(axis): number for axis, number in given}
         lacking = [letter for letter in "xyz" if letter not in by_letter]
         if lacking:
-            sensor = given[0][0].rpartition("_")[0]
+            sensor = sensor_of(given[0][0])
             raise DataError(
                 f"axes='each' needs x, y and z of a sensor, {sensor}_{lacking[0]} is not calibrated; take axes='worst'"
             )

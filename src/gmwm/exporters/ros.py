@@ -10,7 +10,7 @@ from gmwm.datasheets.effective import is_scale_free
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
-from gmwm.exporters.base import QUANTITIES, Exporter, Settings, register
+from gmwm.exporters.base import QUANTITIES, Exporter, ExportOptions, register
 from gmwm.exporters.reduction import RULES, Number, axes_of, lines_of, require_unit, ruled
 from gmwm.exporters.text import commented, recording, written
 
@@ -35,25 +35,25 @@ class Ros(Exporter):
     takes = frozenset({"axes", "inflation"})
     per_axis = True
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A list of nine numbers for each sensor there is."""
         head = [
             f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
             *recording(calibration),
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
-            f"Inflation factor: {settings.inflation:g}, which enters squared. Horizon: none.",
+            f"Inflation factor: {options.inflation:g}, which enters squared. Horizon: none.",
         ]
         lines = []
         for quantity in QUANTITIES:
             if not (names := axes_of(calibration, quantity)):
                 continue
-            head.append(f"{_KEYS[quantity]}: {RULES[settings.axes]} {', '.join(names)}.")
+            head.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
             for axis in names:
                 require_unit(axis, calibration[axis], quantity)
                 head.append(f"Model of {axis}: {calibration[axis].model.structure}.")
             deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
-            three = [number.value**2 for number in ruled(deviations, settings.axes, settings.inflation)]
+            three = [number.value**2 for number in ruled(deviations, options.axes, options.inflation)]
             nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
             lines.append(f"{_KEYS[quantity]}: [{nine}]")
         if not lines:

@@ -6,7 +6,7 @@ from importlib import metadata
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
-from gmwm.exporters.base import Exporter, Settings, register
+from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.matrices import require_matrices, rows
 from gmwm.exporters.text import commented, plain, recording
 from gmwm.likelihood.system import is_ramp
@@ -84,7 +84,7 @@ class StateSpaceFile(Exporter):
     title = "state-space matrices of the full model, as a Python file for NumPy"
     extension = ".py"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A Python file."""
         head = commented(
             [

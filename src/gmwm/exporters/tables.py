@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.tables import SENSORS, by_sensor, in_order, number
-from gmwm.exporters.base import Exporter, Settings, register
+from gmwm.calibration.tables import SENSORS, in_order, number
+from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.text import commented, recording
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -28,7 +29,7 @@ class CsvTable(Exporter):
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Comment lines, a header, rows."""
         level = calibration.settings.confidence
         head = commented(
@@ -63,7 +64,7 @@ class LatexTable(Exporter):
     title = "papers (LaTeX)"
     extension = ".tex"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Needs no package."""
         level = calibration.settings.confidence
         head = commented(

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import counted
-from gmwm.calibration.tables import sensor_of
 from gmwm.fleets.outlier_units import FEWEST
+from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.calibration.tables import sensor_of
 from gmwm.fleets.statistics_result import SIGNED, AxisDifference
+from gmwm.signals import sensor_of
 
 LEAST = 6
 """Units in which all axes have a number, below which their differences are not tested."""

@@ -20,14 +20,14 @@ Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping
 
 
 @dataclass(frozen=True)
-class Found:
+class FleetUnits:
     """The recordings of a fleet by the names of their units, and the files beside them that are none."""
 
     paths: Mapping[str, Path]
     left_out: tuple[str, ...] = ()
 
 
-def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Found:
+def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:
     """The units of a fleet; `pattern` is of files in a folder."""
     if isinstance(recordings, str | os.PathLike):
         return _in_folder(Path(recordings).absolute(), output.absolute(), pattern)
@@ -45,10 +45,10 @@ def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Fou
     if not paths:
         raise OptionError("recordings must name one recording at least, got none")
     _check_names(paths)
-    return Found(paths)
+    return FleetUnits(paths)
 
 
-def _in_folder(folder: Path, output: Path, pattern: str | None) -> Found:
+def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     if not folder.is_dir():
         what = "is a file; pass it as [path]" if folder.exists() else "does not exist"
         raise OptionError(f"recordings must be a folder, {folder} {what}")
@@ -68,7 +68,7 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> Found:
         wanted = "that a reader knows" if pattern is None else f"that fit the pattern {pattern!r}"
         raise OptionError(f"recordings must be a folder with recordings, {folder} has no files {wanted}")
     _check_names(paths)
-    return Found(dict(sorted(paths.items())), tuple(sorted(left_out)))
+    return FleetUnits(dict(sorted(paths.items())), tuple(sorted(left_out)))
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gmwm._text import Summarised
-from gmwm.calibration.result import Calibration, Settings
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.result import Calibration
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.fleets.table import read_table
@@ -38,7 +39,7 @@ class Fleet(Summarised):
         `cautions` (how many); then for each number of the datasheets N, N_low, N_high, N_unit in SI. A number that the
         data only bound has no value, low 0, and its limit as high, infinite where there is none. A unit that failed as
         a whole has one row without an axis.
-    settings : Settings
+    settings : CalibrationOptions
         What was asked for.
     left_out : tuple of str
         Files in the folder of recordings that are none.
@@ -51,7 +52,7 @@ class Fleet(Summarised):
     folder: Path
     paths: Mapping[str, str]
     table: DataFrame
-    settings: Settings
+    settings: CalibrationOptions
     left_out: tuple[str, ...] = ()
     kept: int = 0
     done: int = 0
@@ -142,8 +143,8 @@ class Fleet(Summarised):
         facts = read_facts(where)
         table = read_table(where / TABLE)
         try:
-            settings = Settings(**facts["settings"])
-        except TypeError as error:
+            settings = CalibrationOptions.from_dict(facts["settings"])
+        except (ReadError, TypeError) as error:
             raise ReadError(f"{where}: the settings of the fleet cannot be understood: {error}") from error
         paths, told = facts["units"], set(table["unit"])
         if any(unit not in told for unit in paths):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.calibration.tables import in_order, sensor_of
+from gmwm.calibration.tables import in_order
 from gmwm.errors import OptionError
 from gmwm.fleets.advice import LEAST
 from gmwm.fleets.axes import differences
@@ -18,6 +18,8 @@ from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.options import as_confidence
+from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     import polars
@@ -61,7 +63,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     Raises
     ------
     OptionError
-        If `confidence` or `size` is not between 0 and 1.
+        If `confidence` is not from 0.5 to below 1, or `size` not between 0 and 1.
     DataError
         If the table lacks a column, or has two rows for one axis of one unit.
 
@@ -86,15 +88,15 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     >>> row.predicted_low < row.typical < row.predicted_high, row.spread_low < 0.1 < row.spread_high
     (True, True)
     """
-    for name, value in (("confidence", confidence), ("size", size)):
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1:
-            raise OptionError(f"{name} must be between 0 and 1, got {value!r}; 5 % is 0.05")
-    read = Reading(table, float(confidence))
+    confidence = as_confidence(confidence)
+    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
+        raise OptionError(f"size must be between 0 and 1, got {size!r}; 5 % is 0.05")
+    read = Reading(table, confidence)
     samples = read.samples()
     units = len(read.units)
     if not samples:
         return FleetStatistics(
-            rows=(), outliers=(), differences=(), confidence=float(confidence), size=float(size), units=units
+            rows=(), outliers=(), differences=(), confidence=confidence, size=float(size), units=units
         )
     x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
     kept = x.copy()

@@ -1,4 +1,4 @@
-"""What a fleet keeps in its folder, and which of it need not be done again."""
+"""Files of a fleet in its folder, and which units need no new calibration."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION
 from gmwm.calibration.recording_info import Recording
 from gmwm.errors import ReadError
-from gmwm.fleets.discovery import FILE, Found
+from gmwm.fleets.discovery import FILE, FleetUnits
 from gmwm.fleets.rows import Row, from_plain
-from gmwm.fleets.unit_job import PART, Asked, stamp_of
+from gmwm.fleets.unit_job import PART, UnitOptions, stamp_of
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
@@ -29,36 +29,36 @@ def unit_file(folder: Path, unit: str) -> Path:
     return folder / UNITS / f"{unit}.json"
 
 
-def keep(folder: Path, unit: str, document: str) -> None:
+def write_unit(folder: Path, unit: str, document: str) -> None:
     """Write the calibration of a unit, whole or not at all."""
     file = unit_file(folder, unit)
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text(file, document)
 
 
-def drop(folder: Path, unit: str) -> None:
-    """Remove what an earlier run found on a unit that cannot be calibrated now: it is of another recording."""
+def remove_unit(folder: Path, unit: str) -> None:
+    """Remove the calibration of an earlier run if the unit cannot be calibrated now: it is of another recording."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
 
-def strangers(folder: Path, units: Mapping[str, Path]) -> list[str]:
-    """Units whose results stand in the folder, but that are not of this fleet."""
+def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
+    """Units with results in the folder that do not belong to this fleet."""
     inside = folder / UNITS
     there = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
     return sorted(unit for unit in there if unit not in units)
 
 
-def kept_rows(folder: Path, unit: str, path: Path, asked: Asked) -> list[Row] | None:
-    """The rows of a unit that is done; None where it is to be done, anew or at all.
+def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
+    """The rows of a finished unit; None if it must be calibrated.
 
-    Done is what was calibrated with the same settings, from the same recording, read in the same way.
+    A unit is finished if it was calibrated with the same settings, from the same recording, read in the same way.
     """
     try:
         content = json.loads(unit_file(folder, unit).read_text(encoding="utf-8"))
         if content["format"] != CALIBRATION or content["version"] > CALIBRATION_VERSION:
             return None
         made = content[PART]
-        if any(made[name] != value for name, value in asked.to_dict().items()):
+        if any(made[name] != value for name, value in options.to_dict().items()):
             return None
         if not _is_same(path, made, content["recording"]):
             return None
@@ -78,13 +78,13 @@ def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) 
     return digest is not None and Recording.from_dict(recording).of_file(path).sha256 == digest
 
 
-def write_facts(folder: Path, found: Found, asked: Asked) -> None:
+def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
     """Write what the fleet is: its units, and what was asked of them."""
     content = {
         "format": FORMAT,
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
-        **asked.to_dict(),
+        **options.to_dict(),
         "units": {unit: str(path) for unit, path in found.paths.items()},
         "left_out": list(found.left_out),
     }

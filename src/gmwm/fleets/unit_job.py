@@ -6,19 +6,19 @@ import errno
 import gzip
 import threading
 import warnings
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gmwm.calibration import Calibration, calibrate
+from gmwm.calibration import Calibration
+from gmwm.calibration.api import calibrate_recording
 from gmwm.calibration.document import as_text
-from gmwm.calibration.result import Settings
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import GmwmError, GmwmWarning
 from gmwm.fleets.rows import Row, plain, rows_of
-from gmwm.processes.model import Model
-from gmwm.readers import read, stream
-from gmwm.readers.streams import Stream, is_large
+from gmwm.options import ReadOptions
+from gmwm.readers.api import read_file
+from gmwm.readers.streams import Stream, is_large, stream_file
 from gmwm.remarks import Remark
 from gmwm.signals import Imu
 
@@ -31,20 +31,16 @@ _WARNINGS = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked of every unit: how its recording is read, and how it is calibrated."""
+class UnitOptions:
+    """Options of every unit: how its recording is read, and how it is calibrated."""
 
-    within: Model
-    settings: Settings
-    axes: tuple[str, ...] | None
-    reading: Mapping[str, Any]
-    plain_reading: Mapping[str, Any]
-    """`reading` as JSON gives it back."""
+    options: CalibrationOptions
+    reading: ReadOptions
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, lists and texts, as JSON gives them back."""
-        axes = None if self.axes is None else list(self.axes)
-        return {"settings": asdict(self.settings), "axes": axes, "reading": dict(self.plain_reading)}
+        axes = None if self.options.wanted is None else list(self.options.wanted)
+        return {"settings": self.options.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)
@@ -53,13 +49,13 @@ class Job:
 
     unit: str
     path: str
-    asked: Asked
+    options: UnitOptions
     threads: int | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a unit: the text of its document and its rows of the table, or why there is none.
+    """The outcome of a unit: the text of its document and its rows of the table, or the reason of the failure.
 
     `passing` is whether another try may go better.
     """
@@ -90,26 +86,21 @@ def calibrate_unit(job: Job) -> Outcome:
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and what it was made of and how."""
-    path, asked, settings = Path(job.path), job.asked, job.asked.settings
+    path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # before it is read: what changes from here on is seen next time
-    recording, warned = _read(path, asked.reading)
-    found = calibrate(
-        recording, asked.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
-        confidence=settings.confidence, efficiency=settings.efficiency, draws=settings.draws, seed=settings.seed,
-        axes=asked.axes, threads=job.threads,
-    ).of_file(path)  # fmt: skip
+    recording, warned = _read(path, options.reading)
+    found = calibrate_recording(recording, options.options, threads=job.threads).of_file(path)
     new = tuple(remark for remark in warned if remark not in found.recording_remarks)
     found = replace(found, recording_remarks=(*found.recording_remarks, *new))
-    return found, {**stamp, **asked.to_dict()}
+    return found, {**stamp, **options.to_dict()}
 
 
-def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[Remark]]:
-    """The recording, a large one in pieces, and what reading it warned of, without the file's name."""
-    kept = {name: value for name, value in reading.items() if name != "gaps"}
-    in_pieces = is_large(path) and reading.get("gaps", "keep") == "keep"
+def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
+    """The recording, a large one in chunks, and what reading it warned of, without the file's name."""
+    chunked = is_large(path) and options.gaps == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
-        recording = stream(path, **kept) if in_pieces else read(path, **reading)
+        recording = stream_file(path, options) if chunked else read_file(path, options)
     found = [one.message.remark for one in caught if isinstance(one.message, GmwmWarning)]
     return recording, list(dict.fromkeys(found))
 

@@ -1,4 +1,4 @@
-"""Where the units of a fleet are worked at: here one after the other, or by the workers of a Dask cluster."""
+"""Calibrate the units of a fleet: one after the other in this process, or by the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ WINDOW = 4
 _GONE = "the scheduler no longer answers; what is done is kept, and not done again when the fleet is run again"
 
 
-def here(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
-    """What becomes of each job, done in this process, one after the other; those to be tried again at the end."""
+def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
+    """The outcome of each job, done in this process one after the other; retries come at the end."""
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
     while waiting:
@@ -33,8 +33,8 @@ def here(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
             yield outcome
 
 
-def spread(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
-    """What becomes of each job, done by the workers of a cluster, as they end.
+def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
+    """The outcome of each job, done by the workers of a cluster, as they end.
 
     What a lost worker had is done again by another one. Dask gives up on a job after some lost workers, and cannot tell
     the job that kills them from those beside it: these are tried once more in the end, each alone.
@@ -119,8 +119,8 @@ def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], 
 
 
 @contextmanager
-def patient(retries: int) -> Iterator[None]:
-    """A scheduler that is begun in the block gives a job up with the first lost worker beyond so many."""
+def allowing_lost_workers(retries: int) -> Iterator[None]:
+    """Let a scheduler that starts in the block lose `retries` workers to a job before it gives the job up."""
     import dask
 
     with dask.config.set({"distributed.scheduler.allowed-failures": retries}):

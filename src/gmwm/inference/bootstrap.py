@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.solver import estimated, solve_near
@@ -101,10 +101,10 @@ def least_draws(level: float) -> int:
 
 def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] | None) -> Bootstrap:
     wv = fit.wavelet_variance
-    variances = simulated_variances(fit.model, Setting.of(wv), draws, seed, progress=progress)
+    variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
-    free = [name for name in fit.parameters if name not in fit.model.fixed]
+    free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance has no sign of a scale, as of a slope; that of a coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])

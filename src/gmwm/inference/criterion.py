@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import OptionError
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
@@ -74,9 +74,9 @@ def optimism(fit: Fit, wavelet: Matrix) -> float:
     """2 tr[ΩDH⁻¹DᵀΩV], by first-order theory, where ν̂² has the covariance V (J, J)."""
     wv = fit.wavelet_variance
     root = square_root(fit.weighting_matrix)
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     pull = fit.weighting_matrix @ (wv.variance - fit.implied)
-    slopes, bends = _derivatives(fit, setting.levels, rate=setting.rate, filter=setting.filter, pull=pull)
+    slopes, bends = _derivatives(fit, design.levels, rate=design.rate, filter=design.filter, pull=pull)
     if slopes.shape[1] == 0:
         return 0.0
     weighted = root @ slopes

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import freeze
 from gmwm._text import Summarised, counted
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.estimator import refitted
 from gmwm.estimation.reweighting import REWEIGHTED
@@ -118,7 +118,7 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
 
     wv = fit.wavelet_variance
     used = int(np.count_nonzero(usable_levels(wv)))
-    free = len(fit.model.names) - len(fit.model.fixed)
+    free = len(fit.model.names) - len(fit.model.fixed_names)
     if used < free:
         raise _too_few(fit, free, used)
     short = fit if used == len(wv) and fit.weighting in REWEIGHTED else refitted(fit, shortened(wv, used))
@@ -144,12 +144,12 @@ def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
     """Which levels have the degrees of freedom that the test needs."""
-    return usable_in(Setting.of(wv))
+    return usable_in(Design.of(wv))
 
 
-def usable_in(setting: Setting) -> NDArray[np.bool_]:
-    """Which levels of a setting have these degrees of freedom."""
-    return np.asarray(setting.degrees_of_freedom > LEAST_FREEDOM)
+def usable_in(design: Design) -> NDArray[np.bool_]:
+    """Which levels of a design have these degrees of freedom."""
+    return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
 
 
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
@@ -161,13 +161,13 @@ def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
 def _statistic(fit: Fit) -> tuple[float, int]:
     """T, and the number of parameters that were free to move."""
     wv = fit.wavelet_variance
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
     if len(columns) >= len(wv):
         raise _too_few(fit, len(columns), len(wv))
-    root = square_root(precision(covariance(fit.model, setting)))
+    root = square_root(precision(covariance(fit.model, design)))
     left = root @ (wv.variance - fit.implied)
-    slopes = root @ relative_jacobian(fit.model, setting, columns)
+    slopes = root @ relative_jacobian(fit.model, design, columns)
     length = np.linalg.norm(slopes, axis=0)
     axes, strength, _ = np.linalg.svd(slopes[:, length > 0] / length[length > 0], full_matrices=False)
     clear = strength > COLLINEAR * strength.max(initial=0.0)

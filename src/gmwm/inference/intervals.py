@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
@@ -44,7 +45,7 @@ def confidence_intervals(
     seed: int = 0,
 ) -> dict[str, Interval]:
     """Confidence interval of every estimated parameter: see `Fit.confidence_intervals`."""
-    level = as_level(level)
+    level = as_confidence(level, "level")
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if covariance is None:
@@ -100,19 +101,12 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     return z * power * math.sqrt(found.relative[place, place]) >= 1
 
 
-def as_level(level: float) -> float:
-    """A confidence level: a number between 0 and 1."""
-    if not isinstance(level, int | float | np.floating) or not 0 < level < 1:
-        raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-    return float(level)
-
-
 def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:
     found = fit.sandwich
     if covariance is not None:
         found = sandwich_of(
             fit.model,
-            Setting.of(fit.wavelet_variance),
+            Design.of(fit.wavelet_variance),
             matrix=fit.weighting_matrix,
             wavelet=_as_covariance(fit, covariance),
             acts_as=fit.diagnostics.acts_as,
@@ -220,10 +214,10 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
     """Relative standard error of a parameter if `model` were true."""
-    setting = Setting.of(fit.wavelet_variance)
-    matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    design = Design.of(fit.wavelet_variance)
+    matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(
-        model, setting, matrix=matrix, wavelet=covariance_of(model, setting), acts_as=fit.diagnostics.acts_as
+        model, design, matrix=matrix, wavelet=covariance_of(model, design), acts_as=fit.diagnostics.acts_as
     )
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

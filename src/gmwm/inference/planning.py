@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
+from gmwm._tables import aligned
 from gmwm._text import Named, Summarised, counted, duration_text
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
+from gmwm.options import one_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.variance.result import WaveletVariance
@@ -187,17 +189,12 @@ class Plan(Summarised):
             value = self.model.parameters[name]
             need = duration_text(seconds) if math.isfinite(seconds) else f"> {duration_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
-        width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
             f"Relative standard errors of {self.model.structure} by length of the recording",
             f"{self.rate:g} Hz, weighting {self.weighting}; last column: the length that gives {100 * accuracy:g} %",
             "",
         ]
-        for row in rows:
-            cells = [
-                text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, width, strict=True))
-            ]
-            lines.append("  ".join(["", *cells]).rstrip())
+        lines += aligned(rows, right=range(2, len(rows[0])))
         remarks = texts(self.remarks)
         return "\n".join([*lines, "", *remarks] if remarks else lines)
 
@@ -318,8 +315,7 @@ def plan(
     """
     whole, rate = as_model(model), as_rate(rate)
     weighting = usual_weighting(whole) if weighting is None else weighting
-    if weighting not in ("diagonal", "optimal"):
-        raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {weighting!r}")
+    one_of(weighting, "weighting", ("diagonal", "optimal"))
     free = _free(whole, rate)
     longest = samples_of(duration, rate, free)
     _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
@@ -338,9 +334,9 @@ def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
 ) -> tuple[tuple[str, ...], Vector]:
     """Names of the free parameters, and the standard error of each over its value, for a record of `samples`."""
-    setting = Setting(np.arange(1, samples.bit_length()), samples, rate)
-    wavelet = covariance(model, setting)
-    found = sandwich_of(model, setting, _weights(wavelet, weighting), wavelet)
+    design = Design(np.arange(1, samples.bit_length()), samples, rate)
+    wavelet = covariance(model, design)
+    found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
     return found.names, np.sqrt(np.diag(found.relative))
 
 
@@ -376,7 +372,7 @@ def _free(model: Model, rate: float) -> int:
     ]
     if zero:
         raise ModelError(f"{', '.join(zero)} is zero in {model}: an error relative to it means nothing; leave it out")
-    return len(model.names) - len(model.fixed)
+    return len(model.names) - len(model.fixed_names)
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:

@@ -232,7 +232,7 @@ def residuals(
     wanted = getattr(model, "model", None)
     lost = None
     if estimated is None:
-        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed)
+        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
         lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
     elif isinstance(estimated, bool) or not isinstance(estimated, int) or estimated < 0:
         raise OptionError(f"estimated must be a whole number, 0 or more; got {estimated!r}")

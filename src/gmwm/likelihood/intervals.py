@@ -10,10 +10,11 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.errors import ModelError, OptionError
-from gmwm.inference.intervals import Interval, about, as_level, free_shape, parameters_by_name
+from gmwm.inference.intervals import Interval, about, free_shape, parameters_by_name
 from gmwm.likelihood.estimator import inverted, jacobian
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.search import Search
+from gmwm.options import as_confidence
 
 if TYPE_CHECKING:
     from gmwm.likelihood.result import LikelihoodFit
@@ -31,14 +32,14 @@ _ROUNDS = 25
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
     """Confidence interval of every estimated parameter: see `LikelihoodFit.confidence_intervals`."""
-    z = NormalDist().inv_cdf((1 + as_level(level)) / 2)
+    z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
     if method not in ("wald", "profile"):
         raise OptionError(f"method must be 'wald' or 'profile', got {method!r}")
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
     profile = _Profile(fit, z)
     intervals: dict[str, Interval] = {}
     for name, parameter in parameters.items():
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             continue
         value, error = fit.parameters[name], errors.get(name)
         term = name.rpartition(".")[0]

@@ -53,9 +53,9 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """The same as a signal with segments, whose wavelet variance can be had; short pieces are left out.
+        """The same as a signal with segments, whose wavelet variance can be had; short segments are left out.
 
-        Where most of it lies in pieces that are too short, the missing samples are drawn in straight lines.
+        Where most of it lies in segments that are too short, the missing samples are drawn in straight lines.
         """
         there = np.isfinite(self.values)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
@@ -144,6 +144,6 @@ def _with_gaps(signal: Signal) -> Vector:
             "there; use signal.longest(), or each part by itself"
         )
     values = np.full(at, np.nan)
-    for place, piece in zip(places, signal.pieces(), strict=True):
-        values[place : place + piece.size] = piece
+    for place, segment in zip(places, signal.segment_values(), strict=True):
+        values[place : place + segment.size] = segment
     return values

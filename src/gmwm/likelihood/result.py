@@ -155,7 +155,7 @@ class LikelihoodFit(KalmanMethods):
     @property
     def estimated(self) -> int:
         """Number of parameters that were estimated, zeros among them."""
-        return len(self.model.names) - len(self.model.fixed)
+        return len(self.model.names) - len(self.model.fixed_names)
 
     @property
     def aic(self) -> float:

@@ -125,7 +125,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
             shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             interval = "held"
         elif name in intervals:
             interval = interval_text(*intervals[name])
@@ -146,7 +146,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
         if _undetermined(fit, intervals, row.name):
             shown[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             shown[row.name] = f"≤ {high:.2e}"
         else:
@@ -157,6 +157,6 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
 def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
     """Whether a parameter is the shape of a term that is not there."""
     gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
-    if not gone or name in fit.model.fixed or fit.parameters[name] == 0:
+    if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
         return False
     return name not in intervals or intervals[name] == (0.0, math.inf)

@@ -21,6 +21,7 @@ from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodFit
 from gmwm.likelihood.system import LEVEL, System, assemble
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
@@ -112,9 +113,7 @@ class Tracks:
         """
         if label not in self.mean:
             raise OptionError(f"label must be one of {', '.join(self.mean)}; got {label!r}")
-        if not isinstance(level, int | float) or not 0 < level < 1:
-            raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-        reach = NormalDist().inv_cdf((1 + level) / 2) * self.error[label]
+        reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
         known = np.isfinite(reach)
         centre = np.where(known, self.mean[label], 0.0)
         return centre - reach, centre + reach
@@ -224,7 +223,7 @@ def _tracks(
         raise nothing_to_chance(problem.model)
     errors = np.sqrt(variances, out=variances)
     found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
-    white = [part.label for part in system.parts if part.space.states == 0]
+    white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
         found[white[0]] = (means[-1], errors[-1])
     _known(problem, system, found)
@@ -280,16 +279,16 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
-    for part in system.parts:
-        if part.space.states == 0:
+    for block in system.blocks:
+        if block.space.states == 0:
             continue
         seen = np.zeros(system.H.size)
-        seen[part.first : part.last] = part.space.H[0]
-        own = np.array([float(r.label == part.label) for r in regressors])
-        labels.append(part.label)
+        seen[block.first : block.last] = block.space.H[0]
+        own = np.array([float(r.label == block.label) for r in regressors])
+        labels.append(block.label)
         states.append(seen)
         shares.append(own)
-        if wanders(part.process, problem.rate):
+        if wanders(block.process, problem.rate):
             bias += seen
             carried += own
     if any(r.label == LEVEL for r in regressors):
@@ -317,7 +316,7 @@ def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vect
         found[levelled[0]][0][:] += problem.centre
     elif problem.centre:
         found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
-    random = {part.label for part in system.parts}
+    random = {block.label for block in system.blocks}
     for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
         if label not in random:
             course = process.mean(np.arange(bias.size))

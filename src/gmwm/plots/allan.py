@@ -14,7 +14,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 from gmwm.plots.axes import number_text, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
-from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, drawable
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, drawable, single_panel
 from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
 from gmwm.plots.view import UnitSystem, View, view_of
@@ -35,8 +35,8 @@ SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K
 # The fan of slope guides: its width, its height at most, and its distance from the border, as shares of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
 REACH = 5.0
-"""Factor by which a fitted line is drawn beyond the stretch that it was fitted to."""
-STRETCH = 20.0
+"""Factor by which a fitted line is drawn beyond the range that it was fitted to."""
+MOST_ADDED = 20.0
 """Factor by which the vertical axis may grow to show where a coefficient is read."""
 
 
@@ -185,7 +185,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
     """The vertical axis of a panel, stretched within reason to hold further heights."""
     low, high = panel.y.limits
-    wanted = [float(height) for height in heights if low / STRETCH < height < high * STRETCH]
+    wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in wanted):
         return panel.y
     return value_axis((min(low, *(0.8 * h for h in wanted)), max(high, *(1.25 * h for h in wanted))), panel.y.label)
@@ -270,5 +270,4 @@ def plot_allan_axes(
 def _drawn(panel: Panel, ax: Any, path: str | os.PathLike[str] | None) -> MatplotlibFigure:
     from gmwm.plots.matplotlib import draw
 
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, 84.0), ax=ax, path=path)

@@ -1,4 +1,4 @@
-"""The pieces that several plots share: the observed curve with its band, and the panel around its marks."""
+"""Elements that several plots share: the observed curve with its band, and the panel around its marks."""
 
 from __future__ import annotations
 

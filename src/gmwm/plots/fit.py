@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.plots.figure import Figure, Line, Panel, Stroke, Text, drawable
+from gmwm.plots.figure import Line, Panel, Stroke, Text, drawable, single_panel
 from gmwm.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.plots.view import UnitSystem, View, ViewName
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 
-class Noted(Protocol):
+class HasNotes(Protocol):
     """What is to be known of a fit."""
 
     @property
@@ -54,7 +54,7 @@ class Fitted(Protocol):
         """That of each term."""
 
     @property
-    def diagnostics(self) -> Noted:
+    def diagnostics(self) -> HasNotes:
         """What is to be known of it."""
 
 
@@ -162,5 +162,4 @@ def plot_fit(
     from gmwm.plots.matplotlib import draw
 
     panel = fit_panel(fit, view=view, units=units, decomposition=decomposition)
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel), ax=ax, path=path)

@@ -51,7 +51,7 @@ ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
-class Told(Protocol):
+class FleetLike(Protocol):
     """What is drawn of a fleet."""
 
     @property
@@ -65,7 +65,7 @@ class Told(Protocol):
         ...
 
 
-def fleet_figure(fleet: Told) -> Figure:
+def fleet_figure(fleet: FleetLike) -> Figure:
     """What `plot_fleet` draws, as data: for each sensor a panel a number, in each panel a strip an axis."""
     found = fleet.statistics
     if not found.rows:
@@ -86,7 +86,7 @@ def fleet_figure(fleet: Told) -> Figure:
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
-def plot_fleet(fleet: Told, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
     """Draw the numbers of all units: see `Fleet.plot`."""
     from gmwm.plots.matplotlib import draw
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.errors import OptionError
 from gmwm.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
-from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable
+from gmwm.plots.figure import Band, Line, Mark, Panel, Stroke, drawable, single_panel
 from gmwm.plots.style import curve_stroke
 from gmwm.plots.view import UnitSystem, View, ViewName
 
@@ -141,5 +141,4 @@ def plot_comparison(
     from gmwm.plots.matplotlib import draw
 
     panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
-    rows = max((len(panel.labels) + 1) // 2, 2)
-    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, legend_rows=2), ax=ax, path=path)

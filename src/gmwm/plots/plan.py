@@ -15,7 +15,7 @@ from gmwm._text import duration_text
 from gmwm.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.plots.axes import limits_of, time_axis, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.plots.figure import Band, Line, Mark, Panel, Stroke, Symbol, single_panel
 from gmwm.plots.labels import model_text
 from gmwm.plots.style import BLACK, DOTTED, GREY, term_strokes
 
@@ -131,5 +131,4 @@ def plot_plan(
     from gmwm.plots.matplotlib import draw
 
     panel = plan_panel(plan, accuracy=accuracy)
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, 84.0), ax=ax, path=path)

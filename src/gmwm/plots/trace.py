@@ -147,7 +147,7 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Stretches of samples that are drawn as one line, with their shares of the columns.
+    """Runs of samples that are drawn as one line, with their shares of the columns.
 
     A gap that is narrower than a column has nowhere to be seen.
     """

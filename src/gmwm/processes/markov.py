@@ -25,7 +25,7 @@ from gmwm.processes.walk import RW
 from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
 
-_FAMILY = "first-order Markov"
+_PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
 """Correlation times in a record, up to which intervals hold the truth less often than they say: the study `short`."""
@@ -87,7 +87,7 @@ class _Markov(Process, abstract=True):
     """Theory common to both: marginal variance s², φ = ±e^(−λ)."""
 
     repeatable = True
-    family = _FAMILY
+    parametrises = _PROCESS
 
     @abstractmethod
     def _pole(self, rate: float) -> tuple[float, float, float]:

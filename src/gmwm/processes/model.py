@@ -74,7 +74,7 @@ class Model(KalmanMethods):
         if len(self.processes) > MOST_TERMS:
             raise ModelError(f"a model has at most {MOST_TERMS} terms, got {len(self.processes)}")
         _check_repeats(self.processes)
-        _check_families(self.processes)
+        _check_parametrisations(self.processes)
 
     @classmethod
     def parse(cls, text: str) -> Model:
@@ -118,7 +118,7 @@ class Model(KalmanMethods):
         return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
 
     @property
-    def fixed(self) -> frozenset[str]:
+    def fixed_names(self) -> frozenset[str]:
         """Labels of the parameters that are held."""
         return frozenset(
             f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
@@ -492,13 +492,13 @@ def _hold_the_same_shape(a: Process, b: Process) -> bool:
     return held and not (a.is_fixed(scale) and b.is_fixed(scale))
 
 
-def _check_families(processes: tuple[Process, ...]) -> None:
+def _check_parametrisations(processes: tuple[Process, ...]) -> None:
     chosen: dict[str, str] = {}
     for process in processes:
-        if process.family is not None and chosen.setdefault(process.family, process.name) != process.name:
-            first = chosen[process.family]
+        if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
+            first = chosen[process.parametrises]
             raise ModelError(
-                f"{first} and {process.name} are one process ({process.family}) in two parametrisations; "
+                f"{first} and {process.name} are one process ({process.parametrises}) in two parametrisations; "
                 f"write all such terms as {first}, or all as {process.name}"
             )
 

@@ -206,7 +206,7 @@ class PL(PowerLaw):
 
     name = "PL"
     title = "Power-law noise"
-    family = "power law"
+    parametrises = "power law"
     parameters = (
         Parameter("alpha", "α", "exponent of the spectrum", domain="between", limits=(-1.0, 3.0)),
         Parameter("nu2", "ν₁²", "wavelet variance at the first level", signal_power=2, scale_power=1),
@@ -244,7 +244,7 @@ class FGN(PowerLaw):
 
     name = "FGN"
     title = "Fractional Gaussian noise"
-    family = "power law"
+    parametrises = "power law"
     stationary = True
     parameters = (
         Parameter("hurst", "H", "Hurst exponent", domain="between", limits=(0.0, 1.0)),

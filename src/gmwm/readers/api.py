@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector, as_rate
 from gmwm._text import counted
 from gmwm.errors import DataError, GmwmWarning, InferredUnitWarning, OptionError, ReadError, TimeBaseWarning
-from gmwm.readers.axis_units import Scales, checked_units, resolve, time_unit
+from gmwm.options import Columns, Gaps, ReadOptions
+from gmwm.readers.axis_units import Scales, resolve, time_unit
 from gmwm.readers.base import Layout, Reader, existing_file, find_reader
-from gmwm.readers.columns import Choice, Columns, choose, described
-from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
+from gmwm.readers.columns import Choice, choose, described
+from gmwm.readers.scale_factors import multiply
 from gmwm.readers.text_stamps import holds_stamps, require_readable
 from gmwm.readers.time_stamps import Timing, as_stamps, beside_stated, timing, unstamped
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.time_ranges import cut
 from gmwm.units import SI_UNIT
-
-Gaps = Literal["keep", "longest"]
 
 
 def read(
@@ -75,7 +74,7 @@ def read(
     start, stop : float, optional
         Leave out what comes before and after these times, in seconds from the first sample: warm-up, handling.
     skip : sequence of (from, to)
-        Leave out these stretches of time too, in seconds from the first sample; each leaves a gap.
+        Leave out these ranges of time too, in seconds from the first sample; each leaves a gap.
 
     Returns
     -------
@@ -109,22 +108,28 @@ def read(
     Imu(gyro_x: 8 samples at 100 Hz, 0.08 s)
     >>> folder.cleanup()
     """
-    if gaps not in ("keep", "longest"):
-        raise OptionError(f"gaps must be 'keep' or 'longest', got {gaps!r}")
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units = checked_units(units)
-    factors, integrals = checked_scale(scale), checked_increments(increments)
+    options = ReadOptions(
+        rate=rate, columns=columns, units={} if units is None else units, gaps=gaps, start=start, stop=stop, skip=skip,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+    )  # fmt: skip
+    return read_file(path, options)
+
+
+def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
+    """The recording in a file, as `read` gives it, by options that are checked."""
+    rate, units = options.rate, options.units
     file = existing_file(path)
-    reader = find_reader(file, format)
-    layout = one_layout(reader, file, topic)
-    choice = choose(layout, columns, file)
-    require_time(layout, choice, declared_rate, file)
+    reader = find_reader(file, options.format)
+    layout = one_layout(reader, file, options.topic)
+    choice = choose(layout, options.columns, file)
+    require_time(layout, choice, rate, file)
     raw = _numbers(reader, file, layout, choice)
-    time, time_notes = timing_of(layout, choice, units=declared_units, raw=raw, rate=declared_rate)
+    time, time_notes = timing_of(layout, choice, units=units, raw=raw, rate=rate)
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
-    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=raw, rate=time.base.rate)
-    scales = resolve(layout, choice, declared=declared_units, values=raw, rate=time.base.rate, increments=integrals)
+    integrals, base_rate = options.integrals, time.base.rate
+    scale_notes = multiply(layout, choice, factors=options.scale, increments=integrals, raw=raw, rate=base_rate)
+    scales = resolve(layout, choice, declared=units, values=raw, rate=base_rate, increments=integrals)
     imu = Imu(
         _signals(layout, choice, raw=raw, scales=scales, time=time),
         str(path),
@@ -147,10 +152,10 @@ def read(
         (TimeBaseWarning, time.troubles),
     ):
         for sentence in sentences:
-            warnings.warn(f"{file}: {sentence}", category, stacklevel=2)
-    if start is not None or stop is not None or skip:
-        imu = cut(imu, start, stop, skip)
-    return imu.longest() if gaps == "longest" else imu
+            warnings.warn(f"{file}: {sentence}", category, stacklevel=3)
+    if options.stretches is not None:
+        imu = cut(imu, options.start, options.stop, options.skip)
+    return imu.longest() if options.gaps == "longest" else imu
 
 
 def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gmwm._text import listed
 from gmwm.errors import ReadError
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, open_archive
 from gmwm.readers.column_names import named_unit, recognise
 from gmwm.readers.compressed import packed_text
@@ -99,7 +99,7 @@ class ArchiveReader(Reader):
                 return (replace(joined, notes=(*joined.notes, *note)),)
         return tuple(replace(table.layout, state=table) for table in tables)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers of a table, or of two side by side."""
         if isinstance(layout.state, _Table):
             yield from layout.state.reader.rows(layout.state.source, layout.state.layout, wanted)

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from gmwm._text import listed
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Mark
+from gmwm.readers.base import Channel, Layout, Mark, Rows
 from gmwm.readers.column_names import recognise
 from gmwm.signals import AXES
 
 ROWS = 1 << 20
-"""Rows in a chunk."""
+"""Rows of a chunk."""
 
 MAX_ARRAYS = 1000
 """Arrays that a file may hold."""
@@ -30,7 +30,7 @@ MAX_ARRAYS = 1000
 MAX_COLUMNS = 64
 """Columns that a table may have: what is wider is no recording."""
 
-Rows = Callable[[int, int, int], NDArray[Any]]
+RowReader = Callable[[int, int, int], NDArray[Any]]
 """A part of an array: from first to last index, not included, along axis 0 or 1; all of it where it has no axes."""
 
 _RATE_NAMES = {
@@ -66,7 +66,7 @@ class Array:
     name: str
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    rows: Rows
+    rows: RowReader
     unit: str = ""
     axes: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
@@ -146,7 +146,7 @@ def marks_of(layout: Layout) -> tuple[Mark, ...]:
     return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
 
 
-def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Chunk]:
+def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
     """The numbers of the wanted columns, `ROWS` at a time; integers stay int64, all else becomes float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
     total = _length(layout)
@@ -177,7 +177,7 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
     return np.ascontiguousarray(values, dtype=target)
 
 
-def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: Rows, unit: str = "") -> list[Array]:
+def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: RowReader, unit: str = "") -> list[Array]:
     """An array, or one for each field where its elements are records."""
     if dtype.names is None:
         return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
@@ -192,7 +192,7 @@ def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: Row
 class _Field:
     """One named field of an array of records."""
 
-    def __init__(self, rows: Rows, name: str) -> None:
+    def __init__(self, rows: RowReader, name: str) -> None:
         self._rows, self._name = rows, name
 
     def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
@@ -202,7 +202,7 @@ class _Field:
 
 
 def part_of(array: NDArray[Any], start: int, stop: int, axis: int) -> NDArray[Any]:
-    """A part of an array in memory, as `Rows` has it."""
+    """A part of an array in memory, as `RowReader` has it."""
     if array.ndim == 0:
         return array
     return array[start:stop] if axis == 0 else array[:, start:stop]

@@ -12,20 +12,18 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._text import OVERRULED
-from gmwm.errors import OptionError, UnitError
+from gmwm.errors import UnitError
+from gmwm.options import TIME_NAMES
 from gmwm.readers.base import Layout
-from gmwm.readers.column_names import LONG_TIME_UNITS, TIME_UNITS, named_unit, recognise, unit_of, unknown_unit
+from gmwm.readers.column_names import named_unit, recognise, unit_of, unknown_unit
 from gmwm.readers.columns import Choice
 from gmwm.readers.text_stamps import UNIT as STAMPS
 from gmwm.readers.text_stamps import described, holds_stamps
 from gmwm.signals import axis_quantity
-from gmwm.units import SI_UNIT, STANDARD_GRAVITY, Quantity, Unit, find_unit, parse_unit, unit_names
+from gmwm.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
 
 _INFERRED = ("g", "m/s²", "mg")  # what the norm may tell apart
 _NEAR = 0.10  # relative: biases and scale factors of low-cost accelerometers stay within
-
-
-_TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
 @dataclass(frozen=True)
@@ -36,25 +34,6 @@ class Scales:
     notes: tuple[str, ...]
     inferred: tuple[str, ...]
     doubts: tuple[str, ...]
-
-
-def checked_units(units: Mapping[str, str] | None) -> dict[str, str]:
-    """`units=` with each key and value known, time units in short."""
-    if units is not None and not isinstance(units, Mapping):
-        raise OptionError(f'units must map sensors to units, as {{"gyro": "deg/s", "accel": "g"}}; got {units!r}')
-    given = dict(units or {})
-    for quantity, text in given.items():
-        if quantity not in ("gyro", "accel", "time"):
-            raise OptionError(f"units must name gyro, accel or time; got {quantity!r}")
-        if not isinstance(text, str):
-            raise OptionError(f'the unit of {quantity} must be a text, as "deg/s"; got {text!r}')
-        if quantity == "time":
-            given[quantity] = unit_of(text, "time")
-            if not given[quantity]:
-                raise UnitError(f"the time unit must be one of {_TIME_NAMES}; got {text!r}")
-        else:
-            parse_unit(text, quantity)  # type: ignore[arg-type]
-    return given
 
 
 def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, str]:
@@ -84,7 +63,7 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
     if unknown:
         raise UnitError(
             f"the file says {unknown!r} for the unit of the time column {channel.name!r}, which is not known; known "
-            f'are {_TIME_NAMES}. If it is one of them, pass units={{"time": "s"}}; if not, leave the stamps out with '
+            f'are {TIME_NAMES}. If it is one of them, pass units={{"time": "s"}}; if not, leave the stamps out with '
             "columns={'time': None} and pass rate="
         )
     return said or layout.units.get("time", ""), ""

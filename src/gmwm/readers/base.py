@@ -22,8 +22,8 @@ from gmwm.errors import OptionError, ReadError
 HEAD_BYTES = 1 << 16
 """How much of a file a reader sees when it is asked whether the file is its own."""
 
-Chunk = Mapping[int, NDArray[Any]]
-"""Consecutive rows of a recording: for each wanted column, its index and its numbers, float64 or int64."""
+Rows = Mapping[int, NDArray[Any]]
+"""Consecutive rows of a file: the values of each wanted column by its number, float64 or int64."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Reader(ABC):
         """The recordings in a file; one for most formats, one for each topic of a bag."""
 
     @abstractmethod
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers of the wanted columns in consecutive chunks of bounded size.
 
         Raises
@@ -152,7 +152,7 @@ class Reader(ABC):
         """Where the chunks begin, and a last mark at the end; none for a format that is only read from its begin."""
         return ()
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """The chunks from a mark on, those that `chunks` gives; by default what comes before is read and dropped."""
         row = 0
         for chunk in self.chunks(path, layout, wanted):

@@ -8,15 +8,10 @@ from pathlib import Path
 
 from gmwm._text import counted, listed
 from gmwm.errors import OptionError, ReadError
+from gmwm.options import ROLES, Columns
 from gmwm.readers.base import Layout
 from gmwm.readers.column_names import clean, recognise
 from gmwm.signals import AXES
-
-Columns = Mapping[str, str | int | None] | Sequence[str | None]
-"""What `columns=` may be: axis to column name or index, or the axes in the order of the columns."""
-
-ROLES = (*AXES, "time", "temperature")
-"""What a column can be."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +38,11 @@ def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     ReadError
         If no axis is found, or two columns could be the same one.
     OptionError
-        If `columns` names a column that is not there, or a role that does not exist.
+        If `columns` names a column that is not there.
     """
-    if isinstance(columns, str) or not isinstance(columns, Mapping | Sequence | None):
-        raise OptionError(
-            'columns= must map axes to columns, as {"gyro_x": "ch1", "time": 0}, or be a list of axes in the order '
-            f"of the columns; got {columns!r}"
-        )
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})
-    _require_roles(given)
     declared = {role: _index(layout, column, role, path) for role, column in given.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
     wanted = {"time", "temperature"} if exhaustive else set(ROLES)
@@ -90,12 +79,6 @@ def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
     return Choice(choice.columns, (*choice.notes, *note))
 
 
-def _require_roles(given: Mapping[str, object]) -> None:
-    unknown = next((role for role in given if role not in ROLES), None)
-    if unknown is not None:
-        raise OptionError(f"columns= must name {', '.join(ROLES)}; got {unknown!r}")
-
-
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
     """Roles given in the order of the columns, None or "" for a column to leave out."""
     if len(roles) != len(layout.channels):
@@ -104,15 +87,7 @@ def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[s
             f"{_shown(layout)}); give one name for each in their order, None to leave one out, or name them one by "
             'one, as columns={"gyro_x": 1, "gyro_y": 2}, by their names or numbers from 0'
         )
-    taken: dict[str, int] = {}
-    for k, role in enumerate(roles):
-        if not role:
-            continue
-        _require_roles({role: k})
-        if role in taken:
-            raise OptionError(f"columns= names {role!r} twice")
-        taken[role] = k
-    return taken
+    return {role: k for k, role in enumerate(roles) if role}
 
 
 def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:

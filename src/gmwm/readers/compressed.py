@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import HEAD_BYTES, Chunk, Layout, Reader, register, registered
+from gmwm.readers.base import HEAD_BYTES, Layout, Reader, Rows, register, registered
 from gmwm.readers.byte_sources import GZIP, ZSTD, CompressedSource, FileSource
 from gmwm.readers.text import TextReader
 
@@ -30,7 +30,7 @@ class CompressedReader(Reader):
         reader, layout = packed_text(source, path.with_suffix(""))
         return (replace(layout, state=(reader, layout)),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers, unpacked on the way."""
         reader, inner = layout.state
         return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]

@@ -27,7 +27,7 @@ from gmwm.readers.arrays import (
     part_of,
     split_path,
 )
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -51,7 +51,7 @@ class Hdf5Reader(Reader):
         """The columns of the data sets that belong together."""
         return layouts_of(arrays_in(path), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the data sets."""
         return chunks_of(layout, wanted, path)
 
@@ -59,7 +59,7 @@ class Hdf5Reader(Reader):
         """Any row."""
         return marks_of(layout)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Rows from one on."""
         return chunks_of(layout, wanted, path, mark.row)
 

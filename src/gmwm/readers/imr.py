@@ -16,7 +16,7 @@ import numpy as np
 
 from gmwm.errors import ReadError
 from gmwm.imu_records import record
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
 
 _SIGNATURE = b"$IMURAW\0"
@@ -60,7 +60,7 @@ class ImrReader(Reader):
         channels = record_channels(("deg/s", "m/s²"), header.scales, header.increments)
         return (Layout(channels, rate=header.rate, notes=(*header.notes, *_pace(path, header)), state=header),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Counts and times as they stand in the file."""
         header: _Header = layout.state
         return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
@@ -69,7 +69,7 @@ class ImrReader(Reader):
         """Any record."""
         return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
         return record_chunks(
             path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row

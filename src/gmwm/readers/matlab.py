@@ -14,7 +14,7 @@ from typing import ClassVar
 
 from gmwm.errors import ReadError
 from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.hdf5 import MAGIC, arrays_in
 from gmwm.readers.mat5 import variables
 from gmwm.signals import AXES
@@ -46,7 +46,7 @@ class MatlabReader(Reader):
             notes = ("columns and units of a layout that is known by its names",)
         return layouts_of(arrays, path, notes)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the arrays."""
         return chunks_of(layout, wanted, path)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import ZIP, MemberSource, open_archive, require_ratio
 
 _MAGIC = b"\x93NUMPY"
@@ -45,7 +45,7 @@ class NpyReader(Reader):
             raise ReadError(f"{path} cannot be mapped ({error}); was it copied whole?") from error
         return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the mapped file."""
         return chunks_of(layout, wanted, path)
 
@@ -53,7 +53,7 @@ class NpyReader(Reader):
         """Any row."""
         return marks_of(layout)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Rows from one on."""
         return chunks_of(layout, wanted, path, mark.row)
 
@@ -80,7 +80,7 @@ class NpzReader(Reader):
         arrays = [array for member in members for array in self._member(path, member)]
         return layouts_of(arrays, path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the arrays, each unpacked once."""
         return chunks_of(layout, wanted, path)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, register
 from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ class ParquetReader(Reader):
             raise ReadError(f"{path} has columns but no rows; was the recording interrupted?")
         return (Layout(channels, tuple(str(value) for value in first.row(0))),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Slices of the wanted columns; integers stay int64, all else becomes float64."""
         return self.chunks_from(path, layout, wanted, Mark(0))
 
@@ -63,7 +63,7 @@ class ParquetReader(Reader):
         rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
         return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Slices from a row on."""
         import polars as pl
 

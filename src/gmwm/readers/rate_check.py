@@ -11,10 +11,10 @@ from gmwm.errors import ReadError
 
 _PIECE = 64  # intervals at least: their mean fades the jitter of single stamps
 _PIECES = 64
-_BESIDE = 3  # pieces on each side of a change: a gap or a pause spoils one of them
+_BESIDE = 3  # windows on each side of a change: a gap or a pause spoils one of them
 _BESIDE_BURSTS = 8
 _CHANGED = 1.05  # a crystal drifts by less; two settings of a sensor differ by more
-_CHANGED_BURSTS = 1.2  # a piece holds a burst more or less
+_CHANGED_BURSTS = 1.2  # a window holds a burst more or less
 _NEAR = 8.0  # intervals: stamps that step back by less are out of order, by more the clock was set
 _SOME = 2  # stamps out of order in any recording, and their share, that are cut out and told
 _SHARE = 1e-3
@@ -88,7 +88,7 @@ def rate_change(ticks: Vector) -> Change | None:
 
     Pieces of at least 64 intervals are compared, three on either side. What counts is the median interval,
     which gaps do not move, together with the mean, which jitter and rounding do not move: both must change
-    alike, and all pieces of one side must lie beyond all of the other. Where samples are stamped in bursts the
+    alike, and all windows of one side must lie beyond all of the other. Where samples are stamped in bursts the
     median says nothing: there the mean must change by more, and for longer.
 
     Parameters

@@ -25,7 +25,7 @@ from gmwm.readers.bag_ros1 import Ros1Storage
 from gmwm.readers.bag_sqlite import SqliteStorage
 from gmwm.readers.bag_types import IMU, definition
 from gmwm.readers.bagfiles import Batch, Storage, Topic, merged, unpacked_messages
-from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import Channel, Layout, Reader, Rows, register
 from gmwm.readers.byte_sources import ZSTD, CompressedSource
 from gmwm.readers.cdr import Decoder, Definition
 from gmwm.readers.column_names import recognise
@@ -80,7 +80,7 @@ class RosbagReader(Reader):
             )
         return tuple(found)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers of a topic, one chunk for each batch of messages."""
         stream: _Stream = layout.state
         names = {k: layout.channels[k].name for k in wanted}

@@ -2,45 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 from gmwm.readers.base import Layout
 from gmwm.readers.columns import Choice
-from gmwm.signals import AXES, axis_quantity
+from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
-
-
-def checked_scale(scale: Mapping[str, float] | None) -> dict[str, float]:
-    """`scale=` with each key an axis or a sensor, and each factor a finite number other than 0."""
-    if scale is not None and not isinstance(scale, Mapping):
-        raise OptionError(f'scale must map axes or sensors to factors, as {{"gyro": 1 / 131}}; got {scale!r}')
-    factors = {}
-    for key, value in (scale or {}).items():
-        if key not in (*AXES, *SI_UNIT):
-            raise OptionError(f"scale must name {', '.join((*SI_UNIT, *AXES))}; got {key!r}")
-        try:
-            factor = float(value)
-        except (TypeError, ValueError):
-            factor = math.nan
-        if isinstance(value, bool | str) or not math.isfinite(factor) or factor == 0:
-            raise OptionError(f"the scale of {key} must be a finite number other than 0, as 1 / 131; got {value!r}")
-        factors[key] = factor
-    return factors
-
-
-def checked_increments(increments: bool | Sequence[str]) -> tuple[str, ...]:
-    """`increments=` as names of sensors and axes; all of them for True."""
-    if isinstance(increments, bool):
-        return tuple(SI_UNIT) if increments else ()
-    if isinstance(increments, str) or not isinstance(increments, Sequence):
-        raise OptionError(f'increments must be True or a list of sensors or axes, as ["gyro"]; got {increments!r}')
-    unknown = next((key for key in increments if key not in (*AXES, *SI_UNIT)), None)
-    if unknown is not None:
-        raise OptionError(f"increments must name {', '.join((*SI_UNIT, *AXES))}; got {unknown!r}")
-    return tuple(increments)
 
 
 def multiply(

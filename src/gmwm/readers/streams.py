@@ -1,4 +1,4 @@
-"""`stream`: a recording as pieces in SI units, for files larger than memory.
+"""`stream`: a recording in chunks of samples in SI units, for files larger than memory.
 
 What the first rows say of units and rate holds for all; values, segments and their times are those that `read` gives.
 """
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import as_rate
-from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
+from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
+from gmwm.options import Columns, ReadOptions, as_whole_number
 from gmwm.readers.api import (
     column_words,
     one_layout,
@@ -25,17 +25,17 @@ from gmwm.readers.api import (
     require_time,
     timing_of,
 )
-from gmwm.readers.assembly import Assembly, Understood
-from gmwm.readers.assembly import Piece as Piece
-from gmwm.readers.axis_units import checked_units, resolve, time_unit
-from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
-from gmwm.readers.columns import Choice, Columns, choose
+from gmwm.readers.axis_units import resolve, time_unit
+from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.chunks import Chunk as Chunk
+from gmwm.readers.chunks import ChunkBuilder, Interpretation
+from gmwm.readers.columns import Choice, choose
 from gmwm.readers.running_clock import Pace
-from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
+from gmwm.readers.scale_factors import multiply
 from gmwm.readers.time_stamps import as_stamps, troubles_of
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.signals import TimeBase
-from gmwm.time_ranges import CUT, kept_stretches, stretch_words
+from gmwm.time_ranges import CUT, range_words
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -46,13 +46,14 @@ if TYPE_CHECKING:
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
 
-
+CHUNK = 1_000_000
+"""Samples in a piece, if no other number is asked for."""
 LARGE = 300_000_000
-"""Bytes of a file from which on commands and fleets read it in pieces."""
+"""Bytes of a file from which on commands and fleets read it in chunks."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is better read in pieces."""
+    """Whether a file is better read in chunks."""
     return path.is_file() and path.stat().st_size >= LARGE
 
 
@@ -66,13 +67,13 @@ class Origin:
     wanted: tuple[int, ...]
     topic: str | None
 
-    def chunks(self) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[Rows]:
         """All rows."""
         return self.reader.chunks(self.path, self.layout, self.wanted)
 
 
 class Stream:
-    """A recording in a file, piece by piece; made by `gmwm.stream`. Each iteration reads the file anew.
+    """A recording in a file, chunk by chunk; made by `gmwm.stream`. Each iteration reads the file anew.
 
     Attributes
     ----------
@@ -91,8 +92,8 @@ class Stream:
     def __init__(
         self,
         source: str,
-        found: Understood,
-        chunks: Callable[[], Iterator[Chunk]],
+        found: Interpretation,
+        chunks: Callable[[], Iterator[Rows]],
         size: int,
         origin: Origin | None = None,
         kept: Kept | None = None,
@@ -101,7 +102,7 @@ class Stream:
         self.time_base = found.timing.base
         self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
         if kept is not None:
-            self.notes = (*self.notes, f"{CUT}kept {stretch_words(kept)}")
+            self.notes = (*self.notes, f"{CUT}kept {range_words(kept)}")
 
     def wavelet_variance(
         self,
@@ -222,8 +223,8 @@ class Stream:
 
         return parts_of(self, count)
 
-    def __iter__(self) -> Iterator[Piece]:
-        everything = pieces(self._found, self._chunks(), size=self._size, path=self.source, ended=self._ended)
+    def __iter__(self) -> Iterator[Chunk]:
+        everything = build_chunks(self._found, self._chunks(), size=self._size, path=self.source, ended=self._ended)
         if self._kept is None:
             return everything
         return trimmed(everything, self._kept, rate=self.rate, base=lambda: self.time_base, ended=self._ended)
@@ -248,7 +249,7 @@ def stream(
     columns: Columns | None = None,
     units: Mapping[str, str] | None = None,
     *,
-    chunk: int = 1_000_000,
+    chunk: int = CHUNK,
     format: str | None = None,
     scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (),
@@ -257,7 +258,7 @@ def stream(
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
 ) -> Stream:
-    """A static recording from a file, in rad/s and m/s², a piece at a time: for files larger than memory.
+    """Read a static recording in chunks, in rad/s and m/s²: for files larger than memory.
 
     Units, rate and the unit of time stamps are understood from the first rows, 2¹⁸ of them or more; after that memory
     does not grow with the file, if it is text, Parquet, .npy, HDF5 or .imu. What is packed as a whole (.npz, zip,
@@ -270,12 +271,12 @@ def stream(
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip
         As of `read`; behind `stop` nothing is read.
     chunk : int
-        Samples in a piece, at the most.
+        Samples in a chunk, at the most.
 
     Returns
     -------
     Stream
-        Iterate over it for its pieces, as often as wanted.
+        Iterate over it for its chunks, as often as wanted.
 
     Raises
     ------
@@ -296,39 +297,35 @@ def stream(
     >>> path = pathlib.Path(folder.name, "static.csv")
     >>> rows = "".join(f"{k / 100 + (k > 5):.2f},{(-1) ** k * 0.1}\\n" for k in range(16))
     >>> _ = path.write_text("time,gyro_x [rad/s]\\n" + rows)
-    >>> sorted({(piece.segment, piece.values["gyro_x"].size <= 4) for piece in stream(path, chunk=4)})
+    >>> sorted({(chunk.segment, chunk.values["gyro_x"].size <= 4) for chunk in stream(path, chunk=4)})
     [(0, True), (1, True)]
     >>> folder.cleanup()
     """
-    if isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1:
-        raise OptionError(f"chunk must be a whole number of samples, 1 or more; got {chunk!r}")
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units = checked_units(units)
-    factors, integrals = checked_scale(scale), checked_increments(increments)
-    kept = kept_stretches(start, stop, skip) if start is not None or stop is not None or skip else None
+    options = ReadOptions(
+        rate=rate, columns=columns, units={} if units is None else units, start=start, stop=stop, skip=skip,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+    )  # fmt: skip
+    return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
+
+
+def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int = CHUNK) -> Stream:
+    """The recording in a file, as `stream` gives it, by options that are checked; all its segments are kept."""
     file = existing_file(path)
-    reader = find_reader(file, format)
-    layout = one_layout(reader, file, topic)
-    choice = streamed(choose(layout, columns, file))
-    require_time(layout, choice, declared_rate, file)
+    reader = find_reader(file, options.format)
+    layout = one_layout(reader, file, options.topic)
+    choice = streamed(choose(layout, options.columns, file))
+    require_time(layout, choice, options.rate, file)
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
-    found = understand(
-        layout,
-        choice,
-        head=head,
-        path=file,
-        rate=declared_rate,
-        units=declared_units,
-        factors=factors,
-        integrals=integrals,
-    )
+    found = understand(layout, choice, head, path=file, options=options)
     tell(found, file)
-    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=topic)
-    return Stream(source=str(path), found=found, chunks=origin.chunks, size=int(chunk), origin=origin, kept=kept)
+    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
+    return Stream(
+        source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
+    )
 
 
-def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
+def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
     """A stream as it was made elsewhere; all there is to warn of was told there."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
@@ -339,16 +336,16 @@ def _again(path: Path, format: str, topic: str | None, found: Understood, size: 
 
 
 def streamed(choice: Choice) -> Choice:
-    """The columns of which pieces are made: axes and time."""
+    """The columns that a stream reads: axes and time."""
     return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.notes)
 
 
-def first_rows(chunks: Iterable[Chunk], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
+def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
     """So many rows of each column or more, or all there are."""
     taken, count = [], 0
-    for chunk in chunks:
-        taken.append(chunk)
-        count += next(iter(chunk.values())).size
+    for some in chunks:
+        taken.append(some)
+        count += next(iter(some.values())).size
         if count >= rows:
             break
     return {role: np.concatenate([part[k] for part in taken] or [np.empty(0)]) for role, k in choice.columns.items()}
@@ -358,13 +355,12 @@ def understand(
     layout: Layout,
     choice: Choice,
     head: Mapping[str, NDArray[Any]],
+    *,
     path: Path,
-    rate: float | None,
-    units: Mapping[str, str],
-    factors: Mapping[str, float],
-    integrals: Sequence[str],
-) -> Understood:
-    """What the first rows of a recording say of all of it, by the arguments of `read`, checked."""
+    options: ReadOptions,
+) -> Interpretation:
+    """Interpret the columns and time stamps of a recording by its first rows."""
+    rate, units, integrals = options.rate, options.units, options.integrals
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
         require_samples(column.size, words[role])
@@ -375,7 +371,7 @@ def understand(
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors=factors, increments=integrals, raw=ones, rate=time.base.rate)
+    scale_notes = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
     scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
@@ -387,7 +383,7 @@ def understand(
     # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
     stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
     doubts = (*scales.doubts, *sorted(stated))
-    return Understood(
+    return Interpretation(
         choice=choice,
         words=words,
         factors=found,
@@ -399,34 +395,34 @@ def understand(
     )
 
 
-def tell(found: Understood, path: object) -> None:
+def tell(found: Interpretation, path: object) -> None:
     """Warn of what was only inferred."""
     for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
         for sentence in sentences:
-            warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
+            warnings.warn(f"{path}: {sentence}", category, stacklevel=4)
 
 
-def pieces(
-    found: Understood,
-    chunks: Iterable[Chunk],
+def build_chunks(
+    found: Interpretation,
+    rows: Iterable[Rows],
     size: int,
     path: object,
     ended: Callable[[TimeBase], None] = lambda base: None,
-) -> Iterator[Piece]:
-    """The pieces that chunks of a file make, of `size` samples at the most; `ended` is told what all stamps say.
+) -> Iterator[Chunk]:
+    """Build chunks of at most `size` samples from the rows of a file; `ended` gets the time base of all stamps.
 
     Raises
     ------
     ReadError, DataError
         At what `read` refuses, when it is reached.
     """
-    assembly = Assembly(found, size)
-    for chunk in chunks:
-        yield from assembly.take(chunk)
-    yield from assembly.end()
-    tally = assembly.tally()
-    troubles = tally.troubles(found)
+    builder = ChunkBuilder(found, size)
+    for some in rows:
+        yield from builder.add(some)
+    yield from builder.end()
+    summary = builder.summary()
+    troubles = summary.troubles(found)
     if found.pace is not None:
-        ended(tally.time_base(found))
+        ended(summary.time_base(found))
     for sentence in troubles:
         warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)

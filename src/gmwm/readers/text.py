@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 import numpy as np
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.column_names import recognise, unit_of
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
@@ -72,7 +72,7 @@ class TextReader(Reader):
         """The columns by header, comment or number."""
         return (self.layout(FileSource(path)),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """One chunk a block; a column whose first rows hold long integers stays int64."""
         return self.rows(FileSource(path), layout, wanted)
 
@@ -92,7 +92,7 @@ class TextReader(Reader):
             row += count
         return (*marks, Mark(row))
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """The chunks of the blocks from one on."""
         return self.rows(FileSource(path), layout, wanted, mark.place)
 
@@ -116,7 +116,7 @@ class TextReader(Reader):
 
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
-    ) -> Iterator[Chunk]:
+    ) -> Iterator[Rows]:
         """The numbers of the text that a source holds, from the first or from the block at a place on."""
         dialect: Dialect = layout.state
         parser = _Parser(source, dialect, layout, tuple(wanted))
@@ -227,7 +227,7 @@ class _Parser:
         self.projection = sorted({*wanted, dialect.columns - 1})
         self.sign = dialect.comment.encode()
 
-    def parse(self, block: bytes, line: int) -> Chunk | None:
+    def parse(self, block: bytes, line: int) -> Rows | None:
         """The numbers of a block that begins in `line`, or None if it holds none."""
         frame = self._table(block, line)
         if frame is None:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
-from gmwm.readers.column_names import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.signals import TimeBase
+from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 GAP = 1.5
 """An interval longer than this many sampling intervals is a gap, if the stamps behind it stay behind."""

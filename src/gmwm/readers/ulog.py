@@ -15,7 +15,7 @@ import numpy as np
 
 from gmwm._text import counted
 from gmwm.errors import MissingDependencyError, ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import Channel, Layout, Reader, Rows, register
 
 _SIGNATURE = b"ULog\x01\x12\x35"
 _AXES = ("x", "y", "z")
@@ -63,7 +63,7 @@ class UlogReader(Reader):
             raise ReadError(f"{path} holds none of {', '.join(_MESSAGES)}; log them with the profile SDLOG_PROFILE")
         return tuple(Layout(x.channels, topic=x.topic, notes=dropouts, state=x.state) for x in layouts)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """All numbers in one chunk: pyulog holds the log in memory."""
         yield {k: layout.state[k] for k in wanted}
 

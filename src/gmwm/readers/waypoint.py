@@ -18,7 +18,7 @@ from gmwm._arrays import Vector
 from gmwm._text import counted
 from gmwm.errors import GmwmWarning, ReadError
 from gmwm.imu_records import TYPES, RecordType
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.signals import AXES, axis_quantity
 from gmwm.units import STANDARD_GRAVITY
 
@@ -43,7 +43,7 @@ class RecordReader(Reader):
         """Time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Counts and times as they stand in the file."""
         return record_chunks(path, self.kind.dtype, 0, wanted)
 
@@ -51,7 +51,7 @@ class RecordReader(Reader):
         """Any record."""
         return record_marks(path, self.kind.dtype)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
         return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
 
@@ -89,7 +89,7 @@ class ImuReader(Reader):
             f"would be {meaning}. Name the sensor: {_options(likely)}"
         )
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Counts and times as they stand in the file."""
         kind: RecordType = layout.state
         return record_chunks(path, kind.dtype, 0, wanted)
@@ -98,7 +98,7 @@ class ImuReader(Reader):
         """Any record."""
         return record_marks(path, layout.state.dtype)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
         return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
 
@@ -163,7 +163,7 @@ def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mar
 
 def record_chunks(
     path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
-) -> Iterator[Chunk]:
+) -> Iterator[Rows]:
     """Blocks of records from one on, each field as float64."""
     names = dtype.names or ()
     with path.open("rb") as file:

@@ -16,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gmwm.readers.base import Channel, Chunk, Layout, Mark, register
+from gmwm.readers.base import Channel, Layout, Mark, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import Dialect
 from gmwm.readers.text import Place, TextReader
@@ -78,7 +78,7 @@ class XsensReader(TextReader):
 
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
-    ) -> Iterator[Chunk]:
+    ) -> Iterator[Rows]:
         """The numbers, with ticks as microseconds, counted packets as seconds."""
         names = {k: layout.channels[k].name for k in wanted}
         last = packets = None

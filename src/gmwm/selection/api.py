@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.estimation.estimator import measured
 from gmwm.estimation.result import Fit
@@ -23,16 +22,14 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.equivalence import SURELY, as_good
+from gmwm.selection.options import DRAWS, RankingOptions, Weights
 from gmwm.selection.ranking import SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
 
-Weights = Literal["optimal", "diagonal"]
 Data = WaveletVariance | Signal | ArrayLike
 AnyModel = Model | Process | str
-
-DRAWS = 500
 
 
 def select(
@@ -108,6 +105,25 @@ def select(
     >>> ranking.recommended.structure
     'WN + RW'
     """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+    )  # fmt: skip
+    return select_within(
+        general, data, options, rate=rate, robust=robust, efficiency=efficiency, progress=progress
+    )  # fmt: skip
+
+
+def select_within(
+    general: AnyModel,
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    options: RankingOptions,
+    *,
+    rate: float | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    progress: Progress | None = None,
+) -> Ranking:
+    """The ranking of every model within a general one, as `select` gives it, by options that are checked."""
     wanted = without_values(as_model(general))
     recordings = _recordings(data, rate, robust, efficiency)
     candidates = [model for model in nested(wanted) if freedom(model) <= len(recordings[0])]
@@ -116,17 +132,7 @@ def select(
             f"no model within {wanted.structure} has as few parameters as the wavelet variance has levels, "
             f"{len(recordings[0])}; record longer"
         )
-    return _ranked(
-        wanted,
-        candidates,
-        recordings=recordings,
-        weighting=weighting,
-        criterion=criterion,
-        confidence=confidence,
-        draws=draws,
-        seed=seed,
-        progress=progress,
-    )
+    return _ranked(wanted, candidates, recordings, options=options, progress=progress)
 
 
 def rank(
@@ -172,6 +178,9 @@ def rank(
     >>> [candidate.structure for candidate in ranking]
     ['WN + RW', 'GM + WN', 'WN']
     """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+    )  # fmt: skip
     if isinstance(models, (str, Process, Model)) or not list(models):
         raise OptionError('models must be a list of candidates, as ["WN + RW", "GM + WN"]; for all within one: select')
     wanted = [without_values(as_model(model)) for model in models]
@@ -183,17 +192,7 @@ def rank(
                 f"{len(recordings[0])} levels; record longer, or leave it out"
             )
     unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
-    return _ranked(
-        _union(unique),
-        unique,
-        recordings=recordings,
-        weighting=weighting,
-        criterion=criterion,
-        confidence=confidence,
-        draws=draws,
-        seed=seed,
-        progress=progress,
-    )
+    return _ranked(_union(unique), unique, recordings, options=options, progress=progress)
 
 
 def _union(models: Sequence[Model]) -> Model:
@@ -250,29 +249,18 @@ def _ranked(
     general: Model,
     candidates: Sequence[Model],
     recordings: Sequence[WaveletVariance],
-    weighting: Weights,
-    criterion: Method,
-    confidence: float,
-    draws: int,
-    seed: int,
+    *,
+    options: RankingOptions,
     progress: Progress | None,
 ) -> Ranking:
-    if not isinstance(weighting, str) or weighting not in get_args(Weights):
-        raise OptionError(f"weighting must be 'optimal' or 'diagonal' to rank models, got {weighting!r}")
-    if not isinstance(criterion, str) or criterion not in get_args(Method):
-        raise OptionError(f"criterion must be 'asymptotic' or 'bootstrap', got {criterion!r}")
-    if isinstance(confidence, bool) or not isinstance(confidence, int | float) or not 0.5 <= confidence < 1:
-        raise OptionError(f"confidence must be at least 0.5 and less than 1, as 0.95; got {confidence!r}")
-    for name, value, least in (("draws", draws, 100), ("seed", seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-            raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
+    weighting, draws, seed = options.weighting, options.draws, options.seed
     explored = [explore(general, candidates, wv, weighting, progress=progress) for wv in recordings]
-    criteria = _criteria(explored, len(candidates), method=criterion, draws=draws, seed=seed)
+    criteria = _criteria(explored, len(candidates), method=options.criterion, draws=draws, seed=seed)
     made = [_candidate(model, k, explored, criteria[k]) for k, model in enumerate(candidates)]
     made = _related(made)
     made = _sorted(made)
     made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
-    chosen = _equivalent(made, explored, confidence=confidence, draws=draws, seed=seed)
+    chosen = _equivalent(made, explored, confidence=options.confidence, draws=draws, seed=seed)
     made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
     first = explored[0]
     return Ranking(
@@ -282,7 +270,7 @@ def _ranked(
         weighting=weighting,
         weighting_matrix=first.matrix,
         wavelet=first.wavelet,
-        confidence=confidence,
+        confidence=options.confidence,
     )
 
 
@@ -349,7 +337,7 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
         variances = None
         if method == "bootstrap":
             wv = e.general.wavelet_variance
-            variances = simulated_variances(e.general.model, Setting.of(wv), draws, seed + r)
+            variances = simulated_variances(e.general.model, Design.of(wv), draws, seed + r)
         for fit in e.fits:
             if id(fit) not in known:
                 if variances is None:

@@ -177,9 +177,11 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
     rows = [problem.shapes, *_ways(explored.general, problem)]
-    if problem.family is not None:
+    if problem.curved_class is not None:
         rows.append(
-            grid(problem.family, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[::EVERY]
+            grid(problem.curved_class, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[
+                ::EVERY
+            ]
         )
     return np.concatenate(rows), len(problem.shapes)
 
@@ -189,7 +191,7 @@ def _ways(general: Fit, problem: Problem) -> list[Matrix]:
     rows = []
     for process in general.model.processes:
         moving = to_find(process)
-        if not moving or type(process) is problem.family or process.scale == 0:
+        if not moving or type(process) is problem.curved_class or process.scale == 0:
             continue
         at = process.nonlinear.reshape(1, -1)
         slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]

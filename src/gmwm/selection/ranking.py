@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from gmwm._arrays import Matrix
+from gmwm._tables import aligned
 from gmwm._text import Summarised, counted
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
@@ -227,11 +228,7 @@ class Ranking:
             "",
         ]
         head, rows = self.table(limit)
-        widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-        texts = {0, 1, len(head) - 1}
-        for row in [head, *rows]:
-            cells = [v.ljust(w) if k in texts else v.rjust(w) for k, (v, w) in enumerate(zip(row, widths, strict=True))]
-            lines.append("  ".join(cells).rstrip())
+        lines += aligned([head, *rows], right=range(2, len(head) - 1), indent="")
         left = len(self.distinct) - len(rows)
         if left:
             lines.append(f"… and {left} more")

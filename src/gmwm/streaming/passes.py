@@ -1,4 +1,4 @@
-"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next piece is read."""
+"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next chunk is read."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Protocol
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
 from gmwm.errors import DataError, OptionError
-from gmwm.readers.assembly import Piece
+from gmwm.options import as_confidence
+from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import EXACT, Gathering
+from gmwm.variance.open_segments import EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Source(Protocol):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes that are measured; pieces may have more."""
+        """Names of the axes that are measured; chunks may have more."""
         ...
 
     @property
@@ -41,7 +42,7 @@ class Source(Protocol):
         """Samples per second (Hz)."""
         ...
 
-    def __iter__(self) -> Iterator[Piece]: ...
+    def __iter__(self) -> Iterator[Chunk]: ...
 
 
 def stream_variance(
@@ -60,6 +61,7 @@ def stream_variance(
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
     """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
+    as_confidence(confidence)
     require_robust(robust, efficiency)
     if scheduler is not None or workers is not None:
         from gmwm.streaming.cluster import spread_variance
@@ -94,6 +96,7 @@ def measured_pairs(
 
     Parameters and errors are those of `stream_variance`.
     """
+    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")
@@ -119,25 +122,25 @@ def measured_pairs(
 
 def _pass(
     stream: Source,
-    measured: Mapping[str, Gathering],
+    measured: Mapping[str, SegmentedAccumulator],
     threads: int | None,
     done: Callable[[int], None] | None,
     again: int | None = None,
 ) -> int:
-    """All pieces into all axes, or again so many samples; how many there were."""
+    """All chunks into all axes, or again so many samples; how many there were."""
     pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
     running: list[Future[None]] = []
     samples = segment = 0
     try:
-        for piece in stream:
+        for chunk in stream:
             # While it was read the one before was worked on.
             _await(running)
             if done is not None and samples:
                 done(samples + (again or 0))
-            after_gap = piece.segment != segment
-            taken = piece if again is None else _until(piece, again)
-            running = [pool.submit(_take, one, taken[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = taken.first + len(taken), taken.segment
+            after_gap = chunk.segment != segment
+            kept = chunk if again is None else _until(chunk, again)
+            running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = kept.first + len(kept), kept.segment
             if again is not None and samples >= again:
                 break  # what has come since belongs to no pass; of what is odd in the file the first one told
         _await(running)
@@ -148,11 +151,11 @@ def _pass(
     return samples
 
 
-def _until(piece: Piece, end: int) -> Piece:
-    """What of a piece lies before sample `end`."""
-    if piece.first + len(piece) <= end:
-        return piece
-    return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
+def _until(chunk: Chunk, end: int) -> Chunk:
+    """What of a chunk lies before sample `end`."""
+    if chunk.first + len(chunk) <= end:
+        return chunk
+    return replace(chunk, values={axis: v[: end - chunk.first] for axis, v in chunk.values.items()})
 
 
 def whole(source: Source) -> Stream:
@@ -174,16 +177,16 @@ def accumulators(
     }
 
 
-def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
-    """Give pieces as they come to the accumulators of some axes, one after the other."""
+def feed(chunks: Iterable[Chunk], measured: Mapping[str, SegmentedAccumulator]) -> None:
+    """Give chunks as they come to the accumulators of some axes, one after the other."""
     segment = 0
-    for piece in pieces:
+    for chunk in chunks:
         for axis, one in measured.items():
-            _take(one, piece[axis], piece.segment != segment)
-        segment = piece.segment
+            _take(one, chunk[axis], chunk.segment != segment)
+        segment = chunk.segment
 
 
-def _take(one: Gathering, values: Vector, after_gap: bool) -> None:
+def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:
     if after_gap:
         one.gap()
     one.update(values)

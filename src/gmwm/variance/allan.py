@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.edf import degrees_of_freedom
@@ -87,6 +88,7 @@ def allan_variance(
     >>> bool(abs(result.deviation[0] - 1) < 0.05)
     True
     """
+    as_confidence(confidence)
     if kind not in ("overlapping", "nonoverlapping", "modified"):
         raise OptionError(f'kind must be "overlapping", "nonoverlapping" or "modified", got {kind!r}')
     # All octaves are measured while the phase is summed: one pass, the same numbers.

@@ -92,7 +92,7 @@ class AllanRegression(Summarised):
                 f"slope {line.slope:+.1f}, {where}"
             )
         rows += [f"{term}  not found: {reason}" for term, reason in self.missing.items()]
-        rows.append("a graphical method: inconsistent where several terms share the stretch; see avlr")
+        rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
         return "\n".join(rows)
 
     def plot(
@@ -148,10 +148,10 @@ def avlr(
     """Noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a baseline.
 
     Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
-    fitted to the longest stretch on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
+    fitted to the longest range on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
     B is read at the minimum. So Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
 
-    The method is inconsistent: on any stretch all other terms add to the curve, and no amount of data removes what
+    The method is inconsistent: on any range all other terms add to the curve, and no amount of data removes what
     they add; a Gauss-Markov process bends the curve into slopes that stand for no term at all. Use `gmwm.fit` for
     estimates that converge to the truth. In its parameters, with the rate f: WN σ² = N² f, RW γ² = K²/f, drift
     ω = R/f, quantization noise Q² f².
@@ -219,7 +219,9 @@ def avlr(
         elif term == "B":
             found = _minimum(tau, deviation)
         else:
-            found = _line(term, tau, deviation, _stretch(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance))
+            found = _line(
+                term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
+            )
         if not isinstance(found, str) and not (ranges and term in ranges) and _contradicted(found, allan):
             found = f"a slope near {LAWS[term].slope:+.1f} by chance: its line lies above the curve elsewhere"
         if isinstance(found, str):
@@ -251,7 +253,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
     return np.asarray(inside)
 
 
-def _stretch(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
+def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
     """The longest run of values between neighbours of which the curve has about this slope; empty if there is none."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm.errors import OptionError
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.allan import difference_counts, exponents, modified_ratio
 from gmwm.variance.clusters import ClusterVariance
@@ -70,6 +71,7 @@ def hadamard_variance(
     >>> bool(hadamard_variance(ramp, rate=1.0).variance.max() < 1e-25)
     True
     """
+    as_confidence(confidence)
     if kind not in ("overlapping", "nonoverlapping"):
         raise OptionError(f'kind must be "overlapping" or "nonoverlapping", got {kind!r}')
     phase = phase_of(x, rate, data, straighten=True)

@@ -52,7 +52,7 @@ class WaveletVariance(Summarised):
     filter, transform : str
         A name of `find_filter`; "modwt" or "dwt".
     segments : tuple of int
-        Lengths of the stretches between gaps that were measured together; () for a signal without a gap.
+        Lengths of the segments between gaps that were measured together; () for a signal without a gap.
     robust, efficiency : bool, float or None
         Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
     diagnostics : mapping
@@ -111,7 +111,7 @@ class WaveletVariance(Summarised):
     def degrees_of_freedom(self) -> Vector:
         """Equivalent degrees of freedom η_j of each estimate: max(M_j / 2^j, 1), M_j of a DWT (Percival 1995).
 
-        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several stretches
+        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several segments
         M_j² / Σ_s (M_sj² / η_sj), each with one at least.
         """
         if self.segments:
@@ -124,7 +124,7 @@ class WaveletVariance(Summarised):
 
     @property
     def longest(self) -> int:
-        """Length of the longest stretch without a gap (samples)."""
+        """Length of the longest segment without a gap (samples)."""
         return max(self.segments, default=self.samples)
 
     @property

@@ -199,7 +199,7 @@ class Sketches:
         return cls(tuple(Sketch.from_array(part) for part in parts), sizes)
 
 
-class Sketching:
+class SketchCollector:
     """Sketches of coefficients while their samples are there."""
 
     squares = True
@@ -221,9 +221,9 @@ class Sketching:
         """With that of one level."""
         return Sketches.at(level, part, resolution)
 
-    def nothing(self) -> Sketches:
+    def empty(self) -> Sketches:
         """Of no coefficients."""
         return Sketches()
 
 
-SKETCHING = Sketching()
+SKETCH_COLLECTOR = SketchCollector()

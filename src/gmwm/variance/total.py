@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.allan import REDDEST, exponents, modified_ratio
 from gmwm.variance.clusters import ClusterVariance
@@ -80,6 +81,7 @@ def total_variance(
     >>> total_variance(x, rate=1.0).degrees_of_freedom[-1].round(1)
     np.float64(3.0)
     """
+    as_confidence(confidence)
     phase = phase_of(x, rate, data)
     p = phase.values
     sizes = cluster_sizes(clusters, p.size - 2, phase.intervals // 2)

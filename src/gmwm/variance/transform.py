@@ -331,10 +331,10 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Number M_j of coefficients of several stretches together, and degrees of freedom of the mean of their squares.
+    """Number M_j of coefficients of several segments together, and degrees of freedom of the mean of their squares.
 
-    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no stretch is shorter than two scales, and more
-    where stretches that hold one coefficient or a few, which count for one degree of freedom each, are many.
+    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no segment is shorter than two scales, and more
+    where segments that hold one coefficient or a few, which count for one degree of freedom each, are many.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
