@@ -95,7 +95,7 @@ def export(
     found = Calibration.load(file)
     if all is not None:
         return _all(found, file, made_directory(all, "--all"), choice)
-    return _one(found, file, output, DEFAULT if format is None else format, choice)
+    return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
 
 
 class _Choice(TypedDict):

@@ -173,7 +173,7 @@ def fit(
         command="fit",
         document=content,
         text="\n\n".join([fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]),
-        files=tuple(_files(fits, content, output, plot, view, datasheet)),
+        files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
         in_text=tuple(_remarks(fits, carried)),
     )
 

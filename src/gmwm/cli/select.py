@@ -85,7 +85,7 @@ def select(
     if output is not None:
         made_directory(output)
     measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
-    rankings = _ranked(largest, measured, asked, robust, strength)
+    rankings = _ranked(largest, measured, options=asked, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {"file": str(file), "within": within, "axes": axes}
     files = [] if output is None else _files(rankings, output, content)

@@ -83,7 +83,7 @@ def simulate(
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(f"--components needs a file of its own, got {str(components)!r} for --output too")
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
-    imu, columns = _written(truth, rate, seconds, seed, output, components)
+    imu, columns = _written(truth, rate, seconds=seconds, seed=seed, output=output, components=components)
     lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
     lines.append(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
     if components is not None:

@@ -173,8 +173,7 @@ class LikelihoodFit(KalmanMethods):
         - "wald": θ̂ ± z SE on the scale that keeps the ends inside the domain (logarithm, artanh), with SE from the
           information matrix.
         - "profile": where twice the log-likelihood, maximised over all other parameters, has fallen by z². It is valid
-        where
-          the log-likelihood is not a parabola, and takes about ten more fits for each parameter.
+          where the log-likelihood is not a parabola, and takes about ten more fits for each parameter.
 
         Either method gives the profile interval to a scale that is zero, or whose standard error reaches zero, unless
         the shape of its term is free too: from 0 to an upper limit if zero cannot be excluded. A parameter that the
