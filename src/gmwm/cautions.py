@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm._text import OVERRULED, counted, moment
+from gmwm._text import counted, moment
+from gmwm.remarks import Remark
 from gmwm.signals import TimeBase
 from gmwm.units import STANDARD_GRAVITY
 
@@ -161,13 +162,9 @@ def about_units(densities: Mapping[str, float]) -> list[str]:
     ]
 
 
-def about_declared(notes: Sequence[str]) -> list[str]:
+def about_declared(remarks: Sequence[Remark]) -> list[str]:
     """Units that were declared against what the file itself says."""
-    return [
-        f"{_DECLARED}: {note}. If the file is right, every number is wrong by their ratio"
-        for note in notes
-        if OVERRULED in note
-    ]
+    return [f"{_DECLARED}: {remark.text()}" for remark in remarks if remark.code == "unit-overruled"]
 
 
 def doubts(cautions: Sequence[str]) -> dict[str, bool]:

@@ -7,9 +7,12 @@ is made once for Python users, with arguments as `rate=`, and once for the shell
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gmwm._template import Dialect, Fact, render, shell_option
+
+if TYPE_CHECKING:
+    from gmwm.remarks import Remark
 
 _NOT_GIVEN: Any = object()
 
@@ -118,7 +121,17 @@ class MissingDependencyError(GmwmError, ImportError):
 
 
 class GmwmWarning(UserWarning):
-    """Base of all warnings: the result can be used, but read the remark first."""
+    """Base of all warnings: the result can be used, but read the remark first.
+
+    Attributes
+    ----------
+    remark : Remark
+        What to know; `str()` of the warning is its text for Python users.
+    """
+
+    def __init__(self, remark: Remark) -> None:
+        super().__init__(remark)
+        self.remark = remark
 
 
 class InferredUnitWarning(GmwmWarning):

@@ -43,6 +43,7 @@ def convert(
     CSV keep every digit. An .imu file holds increments in the counts of its type, and no temperature. The file is
     written whole or not at all.
     """
+    from gmwm.remarks import Dialect, texts
     from gmwm.writers import RECORDS, write
 
     if output.exists() and output.resolve() == file.resolve():
@@ -58,9 +59,9 @@ def convert(
         document={
             "file": str(file), "output": str(output), "axes": list(imu.axes), "rate": imu.rate, "samples": len(imu),
             "duration": imu.duration, "segments": [list(segment) for segment in imu.segments],
-            "units": {axis: imu[axis].unit for axis in imu}, "notes": list(imu.notes),
+            "units": {axis: imu[axis].unit for axis in imu}, "remarks": [remark.to_dict() for remark in imu.remarks],
         },
-        text="\n".join([*imu.notes, said]),
+        text="\n".join([*texts(imu.remarks, Dialect.SHELL), said]),
         written=(output,),
         listed=False,
         remarks=(f"the temperature is left out: {RECORDS} records have no place for it",) if lost else (),

@@ -28,8 +28,8 @@ from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.warm_up import warm_up_of
 from gmwm.readers.streams import Chunk, Stream
+from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
-from gmwm.time_ranges import CUT
 from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0  # spread of a window over the median spread that means motion
@@ -85,7 +85,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
     base = recording.time_base or TimeBase(recording.rate, start=first.start)
     statistics = RecordingStatistics(
         source=recording.source,
-        notes=recording.notes,
+        remarks=recording.remarks,
         base=base,
         extent=Extent.of(first, base.left),
         units={axis: recording[axis].unit for axis in recording},
@@ -137,7 +137,7 @@ class FirstPass:
         extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
         return RecordingStatistics(
             source=stream.source,
-            notes=stream.notes,
+            remarks=stream.remarks,
             base=stream.time_base,
             extent=extent,
             units={axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
@@ -161,7 +161,7 @@ class RecordingStatistics:
 
     Parameters
     ----------
-    source, notes, base : str, sequence of str, TimeBase
+    source, remarks, base : str, sequence of Remark, TimeBase
         What is known of the recording.
     extent : Extent
         Where its samples are.
@@ -173,10 +173,10 @@ class RecordingStatistics:
     """
 
     def __init__(
-        self, source: str, notes: Sequence[str], base: TimeBase, extent: Extent, units: Mapping[str, str],
+        self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent, units: Mapping[str, str],
         resolutions: Mapping[str, float | None], values: Values,
     ) -> None:  # fmt: skip
-        self._source, self._notes, self._base, self._extent = source, tuple(notes), base, extent
+        self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
         self._units, self._resolutions, self._values = units, resolutions, values
         self._axes = {axis: AxisStatistics(extent, resolutions[axis] or 0.0) for axis in units}
 
@@ -218,10 +218,10 @@ class RecordingStatistics:
             *about_time(len(extent.segments), self._base),
             *about_motion(restless, tilt if turned else None, knocks),
             *about_steps(tuple(steps)),
-            *about_warm_up(warm_ups, any(note.startswith(CUT) for note in self._notes)),
+            *about_warm_up(warm_ups, any(remark.code == "cut" for remark in self._remarks)),
             *about_values(axes, gravity),
             *about_units(self._densities()),
-            *about_declared(self._notes),
+            *about_declared(self._remarks),
         )
         segments = len(extent.segments)
         return Inspection(
@@ -239,7 +239,7 @@ class RecordingStatistics:
             steps=tuple(steps),
             warm_ups=warm_ups,
             temperature=_range(temperature),
-            notes=self._notes,
+            notes=tuple(remark.text() for remark in self._remarks),
             warnings=warnings,
         )
 

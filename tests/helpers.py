@@ -1,0 +1,49 @@
+"""Assertions on errors and remarks that do not depend on their wording."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from gmwm.errors import GmwmError
+from gmwm.remarks import Remark
+
+
+@contextmanager
+def raises(
+    kind: type[GmwmError], *facts: object, argument: str | None = None, advises: Iterable[str] = ()
+) -> Iterator[pytest.ExceptionInfo[GmwmError]]:
+    """Expect an error of exactly this type, with facts in its message and options or values in its advice.
+
+    Parameters
+    ----------
+    kind : type
+    *facts : object
+        Names and numbers that its message must state.
+    argument : str, optional
+        The argument that it must blame.
+    advises : iterable of str
+        What its advice must name, as Python users read it.
+    """
+    with pytest.raises(kind) as caught:
+        yield caught
+    error = caught.value
+    assert type(error) is kind
+    message = error.text().removesuffix(advice_of(error))
+    for fact in facts:
+        assert str(fact) in message, f"{fact!r} is not in {message!r}"
+    if argument is not None:
+        assert error.argument == argument
+    for text in advises:
+        assert text in advice_of(error), f"{text!r} is not in {advice_of(error)!r}"
+
+
+def advice_of(error: GmwmError) -> str:
+    """The advice of an error as Python users read it."""
+    return type(error)("", advice=error.advice, **error.facts).text().partition(". ")[2]
+
+
+def only(remarks: Iterable[Remark], code: str, subject: str | None = None) -> Remark:
+    """The only remark of a code, and of a subject if it is given."""
+    (found,) = [one for one in remarks if one.code == code and subject in (None, one.subject)]
+    return found
