@@ -1,4 +1,4 @@
-"""A part of a recording: between two times, and without what was handled on the way."""
+"""Cut a recording to a range of time, and leave out ranges within it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from numbers import Real
 import numpy as np
 
 from gmwm._arrays import Vector
+from gmwm._template import joined
 from gmwm._text import moment
 from gmwm.errors import DataError, GmwmWarning, OptionError
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase, begins_of
 
 ROUNDING = 1e-6
-"""Samples: a time that is that of a sample but for rounding."""
-CUT = "cut: "
-"""How the note of a recording that was cut begins."""
+"""Tolerance in samples within which a given time is that of a sample: above the rounding of times in float64 (1e-7 of a
+sample at 1 kHz after a year), below anything that a user types. Pinned by tests/test_cuts.py."""
 
 
 def cut(
@@ -56,11 +57,17 @@ def cut(
         )
         for axis, signal in imu.signals.items()
     }
-    note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + range_words(kept)
+    remark = Remark.of(
+        "cut",
+        known="yes",
+        kept=Quantity(sum(sizes) / imu.rate, "s"),
+        whole=Quantity(imu.duration, "s"),
+        ranges=range_texts(kept),
+    )
     return replace(
         imu,
         signals=signals,
-        notes=(*imu.notes, note),
+        remarks=(*imu.remarks, remark),
         time_base=cut_base(base, starts, sizes, base.left + ranges[0][3]),
         temperature=None if imu.temperature is None else of(imu.temperature),
     )
@@ -69,12 +76,18 @@ def cut(
 def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Ranges of time that are kept, in order."""
+    """Ranges of time that are kept (s), in order.
+
+    Raises
+    ------
+    OptionError
+        If a time is negative or not a number, or a range ends before it begins.
+    """
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
         end = _seconds(stop, "stop")
         if not begin < end:
-            raise OptionError(f"stop must come after start={begin:g} s, got {stop!r}")
+            raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
     kept = []
     for pair in sorted(_checked(pair) for pair in skip):
         if begin < min(pair[0], end):
@@ -86,78 +99,100 @@ def kept_ranges(
 
 
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
-    """An error if the longest segment of what is kept of a recording, that lasts until `end` (s), is too short."""
+    """Require that the longest segment that is kept has enough samples; the recording lasts until `end` (s).
+
+    Raises
+    ------
+    DataError
+        If it has fewer than `MINIMUM_SAMPLES`.
+    """
     if longest < MINIMUM_SAMPLES:
-        asked = " and ".join(
-            f"{moment(a)} to {moment(b)}" if b < math.inf else f"{moment(a)} on" for a, b in kept
-        ) or "nothing"  # fmt: skip
+        wanted = joined(range_texts(kept)) or "nothing"
         raise DataError(
-            f"nothing is left between start=, stop= and skip= that has {MINIMUM_SAMPLES} samples or more without a "
-            f"gap: the recording lasts {moment(end)}, counted from its first sample, wanted is {asked}"
+            f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
+            f"wanted is {wanted}",
+            advice="Times count from the first sample; check {--start}, {--stop} and {--skip}.",
         )
 
 
 def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
-    """An error if what was to be skipped lies behind the end (s) of a recording, a warning if only `stop` does."""
+    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it.
+
+    Raises
+    ------
+    DataError
+        If a range to skip begins after the end.
+    """
     for (_, begin), (last, _) in pairwise(kept):
         if begin >= end:
             raise DataError(
-                f"skip= from {moment(begin)} to {moment(last)} lies outside the recording, which lasts {moment(end)}: "
-                "times count from its first sample"
+                f"the recording lasts {moment(end)}, so {moment(begin)} to {moment(last)} cannot be left out",
+                advice="Times count from the first sample; check {--skip}.",
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
-        warnings.warn(
-            f"stop= at {moment(kept[-1][1])} lies outside the recording, which lasts {moment(end)}, and cuts nothing "
-            "off: times count from its first sample",
-            GmwmWarning,
-            stacklevel=3,
-        )
+        remark = Remark.of("stop-outside", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
+        warnings.warn(GmwmWarning(remark), stacklevel=3)
 
 
 def _checked(pair: tuple[float, float]) -> tuple[float, float]:
+    """A range to skip, checked."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-        raise OptionError(f"skip must hold pairs (from, to) in seconds, got {pair!r}")
+        raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)
     begin, end = (_seconds(time, "skip") for time in pair)
     if not begin < end:
-        raise OptionError(f"skip must hold pairs with the earlier time first, got {pair!r}")
+        raise OptionError(argument="skip", expected="a list of pairs with the earlier time first", got=pair)
     return begin, end
 
 
 def _seconds(time: object, name: str) -> float:
+    """A time (s), checked."""
     if isinstance(time, bool) or not isinstance(time, Real) or not 0 <= float(time) < math.inf:
-        raise OptionError(f"{name} must be a time in seconds from the first sample, not negative, got {time!r}")
+        raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
     return float(time)
 
 
-def range_words(kept: Sequence[tuple[float, float]]) -> str:
-    """Such ranges in words."""
-    return " and ".join(f"from {moment(a)}" + (f" to {moment(b)}" if b < math.inf else "") for a, b in kept[:5]) + (
-        " …" if len(kept) > 5 else ""
-    )
+def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
+    """Ranges of time as texts, such as "10 s to 50 s" and "60 s to the end"."""
+    return tuple(f"{moment(a)} to {moment(b) if b < math.inf else 'the end'}" for a, b in kept)
 
 
 def _sample_ranges(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
-    """Ranges of samples without a gap in the kept ranges of time; clock and time from the first sample there."""
+    """Ranges of samples without a gap in the kept times, each with its time stamp and its time from the first sample.
+
+    Returns
+    -------
+    list of (first, last, stamp, time)
+    """
     ranges: list[tuple[int, int, float, float]] = []
     begins = begins_of(signal.rate, signal.segments, signal.starts)
     for (first, last), begin, time in zip(signal.segments, begins, signal.starts, strict=True):
-        seam = True
-        for limits in kept:
+        at_start = True
+        for times in kept:
             a, b = (
                 first + int(np.ceil(np.clip((edge - begin) * signal.rate - ROUNDING, 0, last - first)))
-                for edge in limits
+                for edge in times
             )
-            if a < b and not seam and ranges[-1][1] == a:
-                ranges[-1] = (ranges[-1][0], b, *ranges[-1][2:])  # no sample lay in what was skipped
+            if a < b and not at_start and ranges[-1][1] == a:
+                ranges[-1] = (ranges[-1][0], b, *ranges[-1][2:])  # the skipped range holds no sample
             elif a < b:
                 passed = (a - first) / signal.rate
                 ranges.append((a, b, time + passed, begin + passed))
-                seam = False
+                at_start = False
     return ranges
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
-    """The time base with the gaps that there are now, `left` seconds after the first sample of all."""
+    """The time base of the part that is kept, which begins `left` seconds after the first sample of the recording.
+
+    Parameters
+    ----------
+    base : TimeBase
+        That of the whole recording.
+    starts, sizes : sequence of float, of int
+        Time of the first sample (s) and number of samples of each segment.
+    left : float
+        Time left out before the first sample (s).
+    """
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))
     steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]

@@ -13,7 +13,9 @@ from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.readers import arrays, parquet, parts, stream, streams, text, waypoint
 from gmwm.readers.base import Mark, find_reader
 from gmwm.readers.parts import PartReader
+from gmwm.readers.reading_warnings import of_file
 from gmwm.readers.streams import Stream
+from tests.helpers import only
 from tests.readers.test_imr import imr
 from tests.readers.test_stream import ROWS, columns, stamps, written
 
@@ -61,7 +63,7 @@ def same(source, count):
         assert np.array_equal(joined, np.concatenate([chunk[axis] for chunk in expected]))
     assert [row for _, own in seen for row in own] == firsts(expected)
     assert (summary.first, summary.stop) == (0, expected[-1].first + len(expected[-1]))
-    assert [f"{source.source}: {sentence}" for sentence in summary.troubles(source._found)] == told
+    assert [str(remark) for remark in of_file(summary.remarks(source._found), source.source)] == told
     base = summary.time_base(source._found)
     for name in ("rate", "stamped", "start", "gaps", "duplicates", "backward"):
         assert getattr(base, name) == getattr(source.time_base, name), name
@@ -175,7 +177,7 @@ def test_counted_packets_are_one_part(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(f"// Update Rate: 100.0Hz\nPacketCounter,Gyr_X,Gyr_Y,Gyr_Z\n{rows}\n")
     source = stream(path)
-    assert any("PacketCounter" in note for note in source.notes)
+    assert only(source.remarks, "time-read").facts["form"] == "packets"
     assert same(source, 2)[0].whole
 
 
@@ -201,7 +203,7 @@ def test_what_is_wrong_is_told_with_its_row(tmp_path):
         summaries.append(reader.summary)
     assert [list(summary.alike) for summary in summaries] == [["gyro_y", "gyro_z"], ["gyro_y"]]
     with pytest.raises(DataError, match=f"gyro_y is constant .0.25 in all {ROWS} samples"):
-        summaries[0].followed_by(summaries[1]).troubles(source._found)
+        summaries[0].followed_by(summaries[1]).remarks(source._found)
 
 
 def test_another_file_under_the_same_path(tmp_path):

@@ -13,6 +13,8 @@ import pytest
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.readers import arrays, parquet, stream, streams, text
+from gmwm.remarks import Remark
+from tests.helpers import only, raises
 
 ROWS = 20_000
 
@@ -155,7 +157,7 @@ def test_it_can_be_read_again(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     source = stream(path, units={"gyro": "deg/s", "accel": "g"})
     assert "gyro_x" in repr(source)
-    assert any("gyro: deg/s" in note for note in source.notes)
+    assert only(source.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "declared"}
     sums = [sum(float(chunk["gyro_x"].sum()) for chunk in source) for _ in range(2)]
     assert sums[0] == sums[1] != 0
 
@@ -200,18 +202,23 @@ def test_a_clock_that_slowly_leaves_the_rate_is_told(tmp_path):
     k = np.arange(ROWS)
     time = np.where(k < 5000, k * 0.01, 50 + (k - 5000) * 0.01003)
     path = written(tmp_path / "a.parquet", {"time": time} | columns())
-    with pytest.warns(TimeBaseWarning, match="the first 3000 rows, the stamps of all say 99.7"):
+    with pytest.warns(TimeBaseWarning) as warned:
         drained(path)
+    facts = warned[0].message.remark.facts
+    assert (facts["source"], facts["rows"]) == ("first-rows", 3000)
+    assert facts["stamps"].value == pytest.approx(99.78, abs=0.05)
 
 
 def test_repeated_stamps_are_counted_over_all_blocks(tmp_path):
     time = stamps("even", None)
     time[[2500, 12_000]] = time[[2499, 11_999]]
     path = written(tmp_path / "a.parquet", {"time": time} | columns())
-    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+    with pytest.warns(TimeBaseWarning) as streamed:
         drained(path)
-    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+    with pytest.warns(TimeBaseWarning) as at_once:
         gmwm.read(path, units={"gyro": "deg/s", "accel": "g"})
+    repeated = Remark.of("stamps-repeated", str(path), count=2)
+    assert [one.message.remark for one in (*streamed, *at_once)] == [repeated, repeated]
 
 
 def test_stamps_in_no_order(tmp_path):
@@ -228,7 +235,7 @@ def test_options_are_checked_at_the_door(tmp_path):
             stream(path, chunk=chunk)
     with pytest.raises(UnitError, match="gyro_x"):
         stream(path)
-    with pytest.raises(OptionError, match="increments names accel_y"):
+    with raises(OptionError, "gyro_x", "accel_y", argument="increments"):
         stream(path, units={"gyro": "deg/s"}, columns={"gyro_x": "gyro_x"}, increments=["accel_y"])
     with pytest.raises(ReadError, match="does not exist"):
         stream(tmp_path / "none.csv")
@@ -302,7 +309,7 @@ def test_parts_between_times(tmp_path, kind, cut, chunk):
         for _ in range(2):
             list(source)
             assert [gap for gap, _ in source.time_base.gaps] == [gap for gap, _ in imu.time_base.gaps]
-        assert any("cut: kept from" in note for note in source.notes)
+        assert only(source.remarks, "cut").facts["known"] == "no"
         with pytest.raises(OptionError, match="is not divided; write what is kept to a file of its own"):
             source.parts(2)
 
@@ -311,5 +318,5 @@ def test_nothing_left_between_times(tmp_path):
     path = written(tmp_path / "a.csv", {"time": np.arange(3000) * 0.01} | columns(rows=3000))
     for cut in ({"start": 40.0}, {"stop": 0.05}, {"skip": [(0.0, 99.0)]}):
         source = stream(path, units={"gyro": "rad/s", "accel": "g"}, **cut)
-        with pytest.raises(DataError, match="nothing is left between start=, stop= and skip="):
+        with raises(DataError, "8 samples", "which lasts", advises=["start=", "stop=", "skip="]):
             list(source)

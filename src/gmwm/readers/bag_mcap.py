@@ -152,7 +152,7 @@ class McapStorage(Storage):
             yield kind, records.read(length)
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error}); was it copied whole?")
+        return ReadError(f"{self.path} is damaged ({error})", advice="Copy the file again.")
 
 
 def in_order(times: list[int], messages: list[bytes]) -> Batch:

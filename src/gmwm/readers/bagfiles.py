@@ -103,7 +103,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             # One byte more than there should be is enough to see that there are too many.
             content = _decompressor(compression).decompress(data, max_length=size + 1)
         except Exception as error:  # of three libraries, on bytes of a stranger: any kind
-            raise ReadError(f"{path}: a chunk is damaged ({error}); was the file copied whole?") from error
+            raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
     else:
         raise ReadError(f"{path}: its chunks are packed with {compression!r}; none, lz4, bz2 and zstd are read")
     if len(content) != size:
@@ -118,7 +118,7 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     try:
         found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
     except Exception as error:  # of a library, on bytes of a stranger: any kind
-        raise ReadError(f"{path}: a compressed message is damaged ({error}); was the file copied whole?") from error
+        raise ReadError(f"{path}: a compressed message is damaged ({error})", advice="Copy the file again.") from error
     if sum(map(len, found)) > CHUNK_LIMIT:
         raise ReadError(f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them")
     return found
@@ -127,7 +127,7 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
     """An error where a chunk is not what was written."""
     if checksum and zlib.crc32(content) != checksum:
-        raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong; was the file copied whole?")
+        raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong", advice="Copy the file again.")
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:

@@ -16,6 +16,7 @@ from gmwm.readers.base import Rows
 from gmwm.readers.columns import Choice
 from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
+from gmwm.remarks import Remark
 from gmwm.signals import TimeBase
 
 
@@ -48,22 +49,22 @@ class Chunk:
 
 @dataclass(frozen=True, eq=False)
 class Interpretation:
-    """The columns, units and time stamps of a recording, interpreted by its first rows.
+    """Columns, units and rate of a recording, found from its first rows.
 
     Attributes
     ----------
     choice : Choice
-        The columns that are read, temperature not among them.
+        The columns that are read, without temperature.
     words : mapping
-        What each column is called in messages.
+        Name of each column in messages.
     factors : mapping of axis to factors
-        What the numbers of the file are multiplied by, one after the other.
+        Factors by which the numbers of the file are multiplied, one after the other.
     timing : Timing
         Rate and segments of the first rows.
     pace : Pace or None
-        What their stamps say, if there are any.
-    notes, inferred, doubts : tuple of str
-        What was understood, what of it was told from the numbers, and what speaks against it.
+        Their time stamps, if there are any.
+    remarks : tuple of Remark
+        How the file was understood.
     """
 
     choice: Choice
@@ -71,9 +72,7 @@ class Interpretation:
     factors: Mapping[str, tuple[float, ...]]
     timing: Timing
     pace: Pace | None
-    notes: tuple[str, ...]
-    inferred: tuple[str, ...]
-    doubts: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
     @property
     def rate(self) -> float:
@@ -113,8 +112,8 @@ class RowSummary:
         """What the time stamps of all rows say."""
         return found.timing.base if found.pace is None else found.pace.base(self.counted)
 
-    def troubles(self, found: Interpretation) -> tuple[str, ...]:
-        """What is wrong with the time stamps of all rows, in plain words.
+    def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
+        """Remarks on the time stamps of all rows.
 
         Raises
         ------
@@ -123,7 +122,7 @@ class RowSummary:
         """
         for axis, value in self.alike.items():
             raise constant(found.words[axis], axis, value, self.stop)
-        return () if found.pace is None else tuple(found.pace.troubles(self.counted, self.stop))
+        return () if found.pace is None else tuple(found.pace.remarks(self.counted, self.stop))
 
 
 class ChunkBuilder:

@@ -18,7 +18,8 @@ from gmwm.readers.api import require_time
 from gmwm.readers.base import Layout, registered
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.columns import choose
-from gmwm.readers.streams import Stream, first_rows, streamed, tell, understand
+from gmwm.readers.reading_warnings import warn
+from gmwm.readers.streams import Stream, first_rows, streamed, understand
 from gmwm.readers.text import TextReader
 
 POLL = 0.2
@@ -224,14 +225,14 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:
-        raise ReadError(f"{path} holds no whole line; was the recording interrupted?")
+        raise ReadError(f"{path} holds no whole line", advice="Check whether the recording was interrupted.")
     reader, layout = _text_layout(path, head)
     choice = streamed(choose(layout, options.columns, path))
     require_time(layout, choice, options.rate, path)
     wanted = list(choice.columns.values())
     first = first_rows(reader.rows(_Head(path, head), layout, wanted), choice)
     found = understand(layout, choice, first, path=path, options=options)
-    tell(found, path)
+    warn(found.remarks, stacklevel=2)
     return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
 
 

@@ -49,7 +49,7 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     with path.open("rb") as file:
         head = file.read(_HEADER)
         if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
-            raise ReadError(f"{path} is no complete MATLAB file: its header is cut off or damaged")
+            raise ReadError(f"{path} is not a complete MATLAB file: its header is cut off or damaged")
         data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     order = "<" if head[126:128] == b"IM" else ">"
     packed = unpacked = 0
@@ -160,11 +160,13 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
             out += unpacker.decompress(data[start : start + _PIECE])
             require_ratio(unpacked + len(out), packed + len(data), path)
     except zlib.error as error:
-        raise ReadError(f"{path} is damaged ({error}); was it copied whole?") from error
+        raise ReadError(f"{path} is damaged ({error})", advice="Copy the file again.") from error
     if not unpacker.eof:
         raise _cut(path)
     return bytes(out)
 
 
 def _cut(path: Path) -> ReadError:
-    return ReadError(f"{path} is no complete MATLAB file: a part of it ends behind its end; was it copied whole?")
+    return ReadError(
+        f"{path} is not a complete MATLAB file: a part of it ends behind its end", advice="Copy the file again."
+    )

@@ -1,6 +1,6 @@
-"""`stream`: a recording in chunks of samples in SI units, for files larger than memory.
+"""Stream a recording in SI units, in chunks of samples, from a file that may be larger than memory.
 
-What the first rows say of units and rate holds for all; values, segments and their times are those that `read` gives.
+Units and rate come from the first rows. Values, segments and their times are the same as those of `read`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.options import Columns, ReadOptions, as_whole_number
 from gmwm.readers.api import (
     column_words,
@@ -30,12 +29,14 @@ from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.chunks import Chunk as Chunk
 from gmwm.readers.chunks import ChunkBuilder, Interpretation
 from gmwm.readers.columns import Choice, choose
+from gmwm.readers.reading_warnings import STAMPS, of_file, warn
 from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import multiply
-from gmwm.readers.time_stamps import as_stamps, troubles_of
+from gmwm.readers.time_stamps import as_stamps
 from gmwm.readers.trimming import Kept, trimmed
+from gmwm.remarks import Remark
 from gmwm.signals import TimeBase
-from gmwm.time_ranges import CUT, range_words
+from gmwm.time_ranges import range_texts
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -44,22 +45,24 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 HEAD = 1 << 18
-"""Rows at least by which units, rate and time stamps are understood, if there are as many."""
+"""Rows from which units, rate and unit of time stamps are found, at least: 44 min at 100 Hz, over which time stamps of
+1 ms give the rate to better than 1e-6 of itself."""
 
 CHUNK = 1_000_000
 """Samples in a piece, if no other number is asked for."""
 LARGE = 300_000_000
-"""Bytes of a file from which on commands and fleets read it in chunks."""
+"""Size of a file (bytes) from which commands and fleets stream it. It is a choice: smaller files fit into the memory of
+any computer together with the copies that an estimate needs."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is better read in chunks."""
+    """Whether commands and fleets stream a file instead of reading it."""
     return path.is_file() and path.stat().st_size >= LARGE
 
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """Where the rows of a recording come from: file, reader, columns, and the topic that was asked for."""
+    """The file of a recording, its reader, the columns that are read, and the topic that was given."""
 
     path: Path
     reader: Reader
@@ -73,20 +76,20 @@ class Origin:
 
 
 class Stream:
-    """A recording in a file, chunk by chunk; made by `gmwm.stream`. Each iteration reads the file anew.
+    """A recording in a file, to iterate over chunk by chunk. Each iteration reads the file again.
 
     Attributes
     ----------
     source : str
-        Where it comes from.
+        The file.
     rate : float
         Samples per second (Hz).
     axes : tuple of str
         Names of the axes, gyroscopes first.
     time_base : TimeBase
-        What the time stamps say: those of all rows once they were read to the end, of the first ones before.
-    notes : tuple of str
-        What was understood, in plain words.
+        Properties of the time stamps: of the first rows, and of all rows after an iteration to the end.
+    remarks : tuple of Remark
+        How the file was understood.
     """
 
     def __init__(
@@ -98,11 +101,11 @@ class Stream:
         origin: Origin | None = None,
         kept: Kept | None = None,
     ) -> None:
-        self.source, self.rate, self.axes, self.notes = source, found.rate, found.choice.axes, found.notes
+        self.source, self.rate, self.axes, self.remarks = source, found.rate, found.choice.axes, found.remarks
         self.time_base = found.timing.base
         self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
         if kept is not None:
-            self.notes = (*self.notes, f"{CUT}kept {range_words(kept)}")
+            self.remarks = (*self.remarks, Remark.of("cut", known="no", ranges=range_texts(kept)))
 
     def wavelet_variance(
         self,
@@ -233,9 +236,9 @@ class Stream:
         self.time_base = base
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # In another process the file is opened anew.
+        # Another process opens the file again.
         if self._origin is None:
-            raise TypeError("a recording that is still being made cannot be sent to another process")
+            raise TypeError("a recording that is still being written cannot be sent to another process")
         origin = self._origin
         return _again, (origin.path, origin.reader.name, origin.topic, self._found, self._size, self._kept)
 
@@ -258,37 +261,38 @@ def stream(
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
 ) -> Stream:
-    """Read a static recording in chunks, in rad/s and m/s²: for files larger than memory.
+    """Stream a static recording from a file in rad/s and m/s², chunk by chunk, for files larger than memory.
 
-    Units, rate and the unit of time stamps are understood from the first rows, 2¹⁸ of them or more; after that memory
-    does not grow with the file, if it is text, Parquet, .npy, HDF5 or .imu. What is packed as a whole (.npz, zip,
-    MATLAB) is unpacked as a whole. The values are those of `read`, bit for bit; a gap in the time stamps begins a new
-    segment, as there. Of a file of more rows `read` knows the rate from all of them: pass `rate` where jitter makes a
-    difference. `.wavelet_variance()` measures all axes in one pass.
+    Units, rate and the unit of time stamps come from the first rows, at least 2¹⁸ of them. Memory does not grow with
+    the file if it is text, Parquet, .npy, HDF5 or .imu; files that are compressed as a whole (.npz, zip, MATLAB) are
+    unpacked as a whole. The values are the same as those of `read`, and gaps in the time stamps begin segments as
+    there. For a longer file `read` finds the rate from all rows; pass `rate` if jitter makes a difference.
+    `.wavelet_variance()` measures all axes in one pass.
 
     Parameters
     ----------
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip
-        As of `read`; behind `stop` nothing is read.
+        As for `read`. Nothing after `stop` is read.
     chunk : int
-        Samples in a chunk, at the most.
+        Samples in a chunk, at most.
 
     Returns
     -------
     Stream
-        Iterate over it for its chunks, as often as wanted.
+        Iterate over it to get the chunks, as often as needed.
 
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        As `read`; what is wrong behind the first rows is told when it is reached.
+        As `read`. An error after the first rows is raised when the iteration reaches it.
 
     Warns
     -----
     InferredUnitWarning
-        If the accelerometers' unit was told from their norm.
+        If the unit of the accelerometers was inferred from their norm.
     TimeBaseWarning
-        At the end, if time stamps repeat, step backward or jitter, or say another rate than the first ones.
+        If the file states another rate than its time stamps show; and at the end of an iteration, if time stamps
+        repeat, step backward or jitter, or show another rate than the first rows.
 
     Examples
     --------
@@ -318,7 +322,7 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
     found = understand(layout, choice, head, path=file, options=options)
-    tell(found, file)
+    warn(found.remarks, stacklevel=3)
     origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
     return Stream(
         source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
@@ -326,7 +330,7 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
 
 
 def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
-    """A stream as it was made elsewhere; all there is to warn of was told there."""
+    """The stream that was pickled. Its warnings were given when it was made."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -336,19 +340,19 @@ def _again(path: Path, format: str, topic: str | None, found: Interpretation, si
 
 
 def streamed(choice: Choice) -> Choice:
-    """The columns that a stream reads: axes and time."""
-    return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.notes)
+    """The columns that are streamed: axes and time."""
+    return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
 
 
 def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
-    """So many rows of each column or more, or all there are."""
-    taken, count = [], 0
+    """At least `rows` rows of each column, or all rows of a shorter recording."""
+    parts, count = [], 0
     for some in chunks:
-        taken.append(some)
+        parts.append(some)
         count += next(iter(some.values())).size
         if count >= rows:
             break
-    return {role: np.concatenate([part[k] for part in taken] or [np.empty(0)]) for role, k in choice.columns.items()}
+    return {role: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for role, k in choice.columns.items()}
 
 
 def understand(
@@ -359,47 +363,30 @@ def understand(
     path: Path,
     options: ReadOptions,
 ) -> Interpretation:
-    """Interpret the columns and time stamps of a recording by its first rows."""
+    """Find units, rate and time stamps from the first rows, with the options of `read`."""
     rate, units, integrals = options.rate, options.units, options.integrals
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
         require_samples(column.size, words[role])
         require_finite_rows(column, words[role])
-    time, time_notes = timing_of(layout, choice, units=units, raw=head, rate=rate)
+    time, time_remarks = timing_of(layout, choice, units=units, raw=head, rate=rate)
     stamps, pace = head.get("time"), None
     if stamps is not None:
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
+    scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
     scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
         axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
     }
-    notes = (
-        *layout.notes, *choice.notes, *scale_notes, *scales.notes, *scales.inferred, *time_notes, *time.notes
-    )  # fmt: skip
-    # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
-    stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
-    doubts = (*scales.doubts, *sorted(stated))
+    # The remarks on the time stamps of all rows follow at the end of an iteration.
+    about_time = (remark for remark in time.remarks if remark.code not in STAMPS)
+    remarks = (*layout.remarks, *choice.remarks, *scale_remarks, *scales.remarks, *time_remarks, *about_time)
     return Interpretation(
-        choice=choice,
-        words=words,
-        factors=found,
-        timing=time,
-        pace=pace,
-        notes=notes,
-        inferred=scales.inferred,
-        doubts=doubts,
+        choice=choice, words=words, factors=found, timing=time, pace=pace, remarks=of_file(remarks, path)
     )
-
-
-def tell(found: Interpretation, path: object) -> None:
-    """Warn of what was only inferred."""
-    for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
-        for sentence in sentences:
-            warnings.warn(f"{path}: {sentence}", category, stacklevel=4)
 
 
 def build_chunks(
@@ -409,20 +396,19 @@ def build_chunks(
     path: object,
     ended: Callable[[TimeBase], None] = lambda base: None,
 ) -> Iterator[Chunk]:
-    """Build chunks of at most `size` samples from the rows of a file; `ended` gets the time base of all stamps.
+    """Build chunks of at most `size` samples from the rows of a file; at the end, call `ended` with the time base.
 
     Raises
     ------
     ReadError, DataError
-        At what `read` refuses, when it is reached.
+        If `read` would raise it, when the iteration reaches it.
     """
     builder = ChunkBuilder(found, size)
     for some in rows:
         yield from builder.add(some)
     yield from builder.end()
     summary = builder.summary()
-    troubles = summary.troubles(found)
+    remarks = summary.remarks(found)
     if found.pace is not None:
         ended(summary.time_base(found))
-    for sentence in troubles:
-        warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)
+    warn(of_file(remarks, path), stacklevel=2)

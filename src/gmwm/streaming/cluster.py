@@ -6,7 +6,6 @@ import asyncio
 import concurrent.futures
 import pickle
 import queue
-import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -16,10 +15,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import BREATH
-from gmwm.errors import GmwmError, OptionError, TimeBaseWarning
+from gmwm.errors import GmwmError, OptionError
 from gmwm.options import as_confidence
 from gmwm.readers.chunks import RowSummary
 from gmwm.readers.parts import Part, PartReader
+from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.streams import Stream
 from gmwm.streaming.passes import accumulators, feed
 from gmwm.streaming.scheduling import connected, library
@@ -155,11 +155,10 @@ def spread_pairs(
 
 
 def _tell(stream: Stream, summary: RowSummary) -> None:
-    """What is wrong with the recording as a whole: errors and warnings."""
-    troubles = summary.troubles(stream._found)
+    """Raise the errors and give the warnings that concern the recording as a whole."""
+    remarks = summary.remarks(stream._found)
     stream._ended(summary.time_base(stream._found))
-    for sentence in troubles:
-        warnings.warn(f"{stream.source}: {sentence}", TimeBaseWarning, stacklevel=3)
+    warn(of_file(remarks, stream.source), stacklevel=3)
 
 
 @dataclass(frozen=True, eq=False)
