@@ -96,7 +96,9 @@ class Ros1Storage(Storage):
     def _seek(self, file: BinaryIO, position: int) -> None:
         """Go to a place that the index names."""
         if position > self.path.stat().st_size:
-            raise ReadError(f"{self.path} is damaged or cut off: its index points behind its end", advice="Copy the file again.")
+            raise ReadError(
+                f"{self.path} is damaged or cut off: its index points behind its end", advice="Copy the file again."
+            )
         file.seek(position)
 
     def _chunk(self, file: BinaryIO) -> bytes:

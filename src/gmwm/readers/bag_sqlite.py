@@ -109,7 +109,9 @@ class SqliteStorage(Storage):
         size = 65536 if size == 1 else size
         there = self.path.stat().st_size
         if valid == changed and there < size * count:
-            raise ReadError(f"{self.path} is cut off: {there} bytes, expected {size * count}", advice="Copy the file again.")
+            raise ReadError(
+                f"{self.path} is cut off: {there} bytes, expected {size * count}", advice="Copy the file again."
+            )
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:

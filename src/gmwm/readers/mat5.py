@@ -167,4 +167,6 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
 
 
 def _cut(path: Path) -> ReadError:
-    return ReadError(f"{path} is not a complete MATLAB file: a part of it ends behind its end", advice="Copy the file again.")
+    return ReadError(
+        f"{path} is not a complete MATLAB file: a part of it ends behind its end", advice="Copy the file again."
+    )

@@ -116,7 +116,9 @@ class _Packed:
                 size = int(np.prod(self._shape, dtype=object)) * self._dtype.itemsize
                 data = file.read(size)
             if len(data) != size:
-                raise ReadError(f"{self._source} holds {len(data)} bytes, expected {size}", advice="Copy the file again.")
+                raise ReadError(
+                    f"{self._source} holds {len(data)} bytes, expected {size}", advice="Copy the file again."
+                )
             flat = np.frombuffer(data, self._dtype)
             self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
         return part_of(self._kept, start, stop, axis)
@@ -138,7 +140,9 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
     except GmwmError:
         raise
     except Exception as error:  # the header is a Python expression, for which NumPy raises any type of error
-        raise ReadError(f"{name} is not a complete NumPy file ({first_line(error)})", advice="Copy the file again.") from error
+        raise ReadError(
+            f"{name} is not a complete NumPy file ({first_line(error)})", advice="Copy the file again."
+        ) from error
     if dtype.itemsize == 0:
         raise ReadError(f"{name} holds empty elements instead of numbers")
     if dtype.hasobject:
@@ -152,4 +156,6 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
 def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name: object) -> None:
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
-        raise ReadError(f"{name} is cut off: {there} bytes of numbers, expected {expected}", advice="Copy the file again.")
+        raise ReadError(
+            f"{name} is cut off: {there} bytes of numbers, expected {expected}", advice="Copy the file again."
+        )

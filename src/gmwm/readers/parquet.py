@@ -43,7 +43,9 @@ class ParquetReader(Reader):
             first = scan.head(1).collect()
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
-            raise ReadError(f"{path} is not a complete Parquet file ({reason})", advice="Copy the file again.") from error
+            raise ReadError(
+                f"{path} is not a complete Parquet file ({reason})", advice="Copy the file again."
+            ) from error
         channels = tuple(
             Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 PATIENCE = 10
 """Time (s) within which a scheduler must answer: a choice, above the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""Code that a worker process runs first. A terminal sends Ctrl-C to all processes, but only the parent must end the workers."""
+"""Code that a worker process runs first. A terminal sends Ctrl-C to all processes, but only their parent must
+end the workers."""
 
 
 @contextmanager
@@ -144,7 +145,8 @@ def _client(distributed: Any, address: object) -> Any:
         raise OptionError(
             f"the scheduler at {address} does not answer ({error})",
             argument="scheduler",
-            advice="Start one with `dask scheduler` and workers with `dask worker ADDRESS`, or leave {--scheduler} out.",
+            advice="Start one with `dask scheduler` and workers with `dask worker ADDRESS`, or leave {--scheduler} "
+            "out.",
         ) from error
     if not client.scheduler_info(n_workers=-1)["workers"]:
         warnings.warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
