@@ -41,7 +41,7 @@ def test_rankings_come_back_with_their_fits(calibration, file):
         assert other.compare(0, 1).summary() == ranking.compare(0, 1).summary()
         assert np.array_equal(other.wavelet, ranking.wavelet)
         for mine, yours in zip(ranking, other, strict=True):
-            assert yours.model == mine.model
+            assert yours.model.processes == mine.model.processes
             assert yours.fit.to_dict() == mine.fit.to_dict()
             assert yours.boundary == mine.boundary
         # Candidates that come down to one fit still share it.
