@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +133,7 @@ SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (SIMULATED.imu, r"got a whole Imu of gyro_x, gyro_y; pass x\['gyro_x'\]"),
+        (gmwm.wavelet_variance(SIMULATED.imu), r"must be one axis, got a WaveletVariances; pick one of gyro_x, gyro_y"),
         (SIMULATED, r"got a whole SimulatedImu of gyro_x, gyro_y; pass x\.imu\['gyro_x'\]"),
         (SIMULATED["gyro_x"], r"got a whole SimulatedSignal of WN; pass x\.signal"),
         ("static.csv", r"got 'static\.csv'; a file is read first: gmwm\.read\(path\)"),
@@ -143,6 +144,12 @@ def test_what_holds_samples_is_no_signal(given, message):
     for door in (gmwm.wavelet_variance, gmwm.allan_variance):
         with pytest.raises(DataError, match=message):
             door(given, 1.0)
+
+
+@pytest.mark.parametrize("door", [gmwm.allan_variance, gmwm.avlr, gmwm.contamination, partial(gmwm.fit, "WN")])
+def test_one_signal_is_not_a_recording(door):
+    with pytest.raises(DataError, match=r"got a whole Imu of gyro_x, gyro_y; pass x\['gyro_x'\]"):
+        door(SIMULATED.imu)
 
 
 @pytest.mark.parametrize("rate", ["100", b"100", True, np.True_])
@@ -162,3 +169,17 @@ def test_a_rate_is_a_number(rate):
 @pytest.mark.parametrize("rate", [100, np.int32(100), np.float32(100.0), np.float64(100.0)])
 def test_every_number_is_a_rate(rate):
     assert Signal([1.0], rate).rate == 100.0
+
+
+def test_a_sensor_of_a_recording_is_a_recording():
+    table = np.arange(60.0).reshape(10, 6)
+    imu = Imu.from_arrays(table, 50, source="x", segments=((0, 4), (4, 10)))
+    for sensor in ("gyro", "accel"):
+        part = imu[sensor]
+        assert isinstance(part, Imu)
+        assert part.axes == tuple(axis for axis in AXES if axis.startswith(sensor))
+        assert (part.source, part.rate, part.segments) == ("x", 50.0, imu.segments)
+        assert all(part[axis] is imu[axis] for axis in part)
+    assert Imu.from_arrays({"accel_y": [1.0, 2.0]}, 50)["accel"].axes == ("accel_y",)
+    with pytest.raises(DataError, match="axis must be one of gyro_x, gyro_y, gyro_z, gyro; got 'accel'"):
+        imu["gyro"]["accel"]

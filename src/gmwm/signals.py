@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -279,6 +279,15 @@ class Imu:
         What was learnt of the time stamps on reading.
     temperature : (N,) array or None
         Temperature in °C if the recording carries it.
+
+    Examples
+    --------
+    >>> axes = {"gyro_x": [0.0, 0.1], "gyro_y": [0.0, 0.2], "accel_z": [9.8, 9.8]}
+    >>> imu = Imu.from_arrays(axes, rate=100)
+    >>> imu["gyro_x"]
+    Signal(gyro_x, 2 samples at 100 Hz, rad/s)
+    >>> imu["gyro"]
+    Imu(gyro_x, gyro_y: 2 samples at 100 Hz, 0.02 s)
     """
 
     signals: Mapping[str, Signal]
@@ -357,11 +366,19 @@ class Imu:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
         return Imu, (dict(self.signals), self.source, self.notes, self.time_base, self.temperature)
 
-    def __getitem__(self, axis: str) -> Signal:
-        try:
+    @overload
+    def __getitem__(self, axis: Quantity) -> Imu: ...  # type: ignore[overload-overlap]
+    @overload
+    def __getitem__(self, axis: str) -> Signal: ...
+    def __getitem__(self, axis: str) -> Signal | Imu:
+        """The signal of an axis, `imu["gyro_x"]`; or the Imu of a sensor's axes, `imu["gyro"]` and `imu["accel"]`."""
+        if axis in self.signals:
             return self.signals[axis]
-        except KeyError:
-            raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}") from None
+        members = {name: signal for name, signal in self.signals.items() if name in AXES and name[:-2] == axis}
+        if not members:
+            sensors = dict.fromkeys(name[:-2] for name in self.axes if name in AXES)
+            raise DataError(f"axis must be one of {', '.join((*self.axes, *sensors))}; got {axis!r}")
+        return replace(self, signals=members)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)

@@ -33,7 +33,7 @@ from gmwm.readers.streams import Stream
 from gmwm.selection.api import select_within
 from gmwm.signals import Imu, Signal, sensor_of
 from gmwm.units import SI_UNIT, find_unit
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
@@ -341,8 +341,8 @@ class _Axis:
         if isinstance(self.item, Pair):
             classical, robust = self.item
         else:
-            classical = wavelet_variance(self.item)
-            robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
+            classical = signal_wavelet_variance(self.item)
+            robust = signal_wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
         chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict

@@ -25,7 +25,7 @@ from gmwm.covariance.mixture import drawn, mixture
 from gmwm.errors import DataError
 from gmwm.filters import WaveletFilter
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0
@@ -97,7 +97,7 @@ def empirical_covariance(
     >>> bool(ratio[0] > 1.4), bool(ratio[5] < 1.2)
     (True, True)
     """
-    wv = wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
+    wv = signal_wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
     if not np.all(wv.variance > 0):
         zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
         raise DataError(

@@ -17,7 +17,7 @@ from gmwm.estimation.weighting import Weighting, usual_weighting, weighting_matr
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, require_robust
 from gmwm.variance.result import WaveletVariance
 
@@ -161,7 +161,7 @@ def measured(
             raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
     return wv

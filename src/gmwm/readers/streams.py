@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from gmwm.readers.parts import Part
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.variance.axes_result import WaveletVariances
 
 HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
@@ -118,7 +118,7 @@ class Stream:
         workers: int | None = None,
         parts: int | None = None,
         done: Callable[[int], None] | None = None,
-    ) -> dict[str, WaveletVariance]:
+    ) -> WaveletVariances:
         """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
 
         Up to level `exact` the result is that of `gmwm.wavelet_variance`. Each further level takes the coefficients at
@@ -150,7 +150,8 @@ class Stream:
 
         Returns
         -------
-        dict of axis name to WaveletVariance
+        WaveletVariances
+            Mapping of axis to WaveletVariance, with `plot()` and `summary()` of all axes.
 
         Raises
         ------
@@ -166,7 +167,7 @@ class Stream:
         >>> path = pathlib.Path(folder.name, "static.parquet")
         >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
         >>> gmwm.stream(path).wavelet_variance()
-        {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
+        WaveletVariances(gyro_x: haar, 12 levels, 5000 samples at 100 Hz)
         >>> folder.cleanup()
         """
         from gmwm.streaming.passes import stream_variance
