@@ -31,7 +31,7 @@ def cases() -> Iterable[Case]:
             yield Case(f"{name}: convex", partial(_fit, x, robust, None, False), "np.cumsum of 10^6", cumsum, 11)
             yield Case(f"{name}: exact values", partial(_fit, x, robust, None, True), "np.cumsum of 10^6", cumsum, 11)
             for draws in DRAWS:
-                run = partial(_fit, x, robust, gmwm.Sampled(draws, seed=1), False)
+                run = partial(_fit, x, robust, gmwm.Sampled(draws, rng=1), False)
                 yield Case(f"{name}: {draws} draws", run, "np.cumsum of 10^6", cumsum, 11)
 
 

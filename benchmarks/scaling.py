@@ -142,7 +142,7 @@ def along_terms(samples: int) -> Iterator[Curve]:
 
 def along_axes(samples: int) -> Iterator[Curve]:
     """Calibration of one to six axes within GM + WN + RW, on one thread and on two."""
-    imu = gmwm.simulate(dict.fromkeys(AXES, WALK), rate=RATE, samples=samples, seed=1)
+    imu = gmwm.simulate(dict.fromkeys(AXES, WALK), rate=RATE, samples=samples, rng=1)
     at = (1, 2, 3, 4, 6)
     for threads, name in ((1, "calibration, one thread"), (2, "calibration, two threads")):
         calls = [partial(gmwm.calibrate, imu, "GM + WN + RW", axes=AXES[:k], threads=threads) for k in at]

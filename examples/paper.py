@@ -121,7 +121,7 @@ def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.Rank
     rate = 100.0
     truth = gmwm.reference_imu()
     head(f"A unit of six axes, simulated: {samples} samples at {rate:g} Hz, seed {seed}")
-    imu = gmwm.simulate(truth, rate=rate, samples=samples, seed=seed)
+    imu = gmwm.simulate(truth, rate=rate, samples=samples, rng=seed)
     curves = {axis: gmwm.wavelet_variance(signal) for axis, signal in imu.signals.items()}
     rankings = select_all(curves, "3*GM + WN + QN + RW", truth)
     right = [ranking[truth[axis].structure] for axis, ranking in rankings.items()]

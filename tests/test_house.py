@@ -276,7 +276,7 @@ def test_readme_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     code = blocks("README.md", "python")
     assert code
     monkeypatch.chdir(tmp_path)
-    write(simulate(reference_imu(), rate=100.0, duration=1200.0, seed=1), "static.csv")
+    write(simulate(reference_imu(), rate=100.0, duration=1200.0, rng=1), "static.csv")
     names: dict[str, object] = {}
     for block in code:
         exec(compile(block, "README.md", "exec"), names)

@@ -22,9 +22,9 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """One of each, by name of its class."""
-    simulated = gmwm.simulate(dict.fromkeys(AXES, MODEL), rate=RATE, duration=60.0, seed=1, components=True)
+    simulated = gmwm.simulate(dict.fromkeys(AXES, MODEL), rate=RATE, duration=60.0, rng=1, components=True)
     imu = simulated.imu
-    signal = gmwm.simulate_signal(MODEL, rate=RATE, samples=6000, seed=1)
+    signal = gmwm.simulate_signal(MODEL, rate=RATE, samples=6000, rng=1)
     x = signal.signal
     fit, likely = gmwm.fit("GM + WN", x), gmwm.fit_ml("GM + WN", x)
     ranking = gmwm.rank(["WN", "GM + WN"], x)
@@ -40,7 +40,7 @@ def results(tmp_path_factory):
         fit.goodness_of_fit(), fit.wic(), fit.bootstrap(draws=20), fit.datasheet(), fit.sandwich, fit.wavelet_variance,
         fit.diagnostics.start, fit.model.continuous(RATE), likely.smooth(x), likely.residuals(x),
         gmwm.allan_variance(x), gmwm.avlr(x), gmwm.contamination(x), gmwm.inspect(imu), gmwm.find_filter("d4"),
-        gmwm.Sampled(draws=10, seed=1), gmwm.plan(MODEL, duration=60.0, rate=RATE),
+        gmwm.Sampled(draws=10, rng=1), gmwm.plan(MODEL, duration=60.0, rate=RATE),
         gmwm.agreement([calibration, calibration]), gmwm.fleet(folder, folder / "out", within="GM + WN", workers=1),
     ]  # fmt: skip
     return {type(one).__name__: one for one in found}

@@ -126,7 +126,7 @@ def test_missing_samples_are_not_to_be_cut_out(given):
             door(given * 4 if isinstance(given, list) else given, 1.0)
 
 
-SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)"}, rate=1.0, samples=50, seed=1,
+SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)"}, rate=1.0, samples=50, rng=1,
                           components=True)  # fmt: skip
 
 

@@ -71,7 +71,7 @@ def _simulated_pvalue(structure: str, numbered: tuple[int, recordings.Array]) ->
     """By a bootstrap whose seed is the number of the recording: chance must not be the same in all of them."""
     seed, variance = numbered
     fit = recordings.fitted(structure, variance, "diagonal")
-    return fit.goodness_of_fit(method="bootstrap", draws=DRAWS, seed=seed).pvalue
+    return fit.goodness_of_fit(method="bootstrap", draws=DRAWS, rng=seed).pvalue
 
 
 def _row(kind: str, method: str, truth: str, fitted: str, weighting: str, pvalues: recordings.Array) -> dict[str, Any]:

@@ -179,7 +179,7 @@ def _bootstrapped(draws: int, asked: tuple[int, str, int]) -> float:
     """By a bootstrap of the fit to recording b, whose seed is b."""
     place, weighting, b = asked
     fit = _fitted(place, weighting, _recorded(place, b + 1)[b])
-    return fit.wic("bootstrap", draws=draws, seed=b).optimism
+    return fit.wic("bootstrap", draws=draws, rng=b).optimism
 
 
 def table(result: dict[str, Any]) -> str:

@@ -59,7 +59,7 @@ Result = dict[str, Any]
 
 def record(text: str, seed: int) -> tuple[Signal, Array]:
     """A record with its gap, and the true bias (N,) of every sample, those that are missing among them."""
-    made = gmwm.simulate_signal(text, rate=RATE, samples=SAMPLES, seed=seed, unit="rad/s")
+    made = gmwm.simulate_signal(text, rate=RATE, samples=SAMPLES, rng=seed, unit="rad/s")
     terms = zip(made.model.terms, made.model.processes, strict=True)
     bias = OFFSET + sum(made[term].values for term, process in terms if process.correlation_time(RATE) != 0)
     first, last = GAP

@@ -23,7 +23,7 @@ Z = NormalDist().inv_cdf(0.975)
 
 
 def recorded(truth, seed, **options):
-    imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=seed)
+    imu = gmwm.simulate(truth, rate=100.0, samples=100_000, rng=seed)
     return gmwm.calibrate(replace(imu, source=f"records/day_{seed}.csv"), WITHIN, **options)
 
 

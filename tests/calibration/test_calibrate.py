@@ -201,3 +201,12 @@ def test_a_name_and_a_unit_of_two_sensors_are_refused(axis, unit):
 def test_other_data_are_refused(data):
     with pytest.raises(OptionError, match="must be"):
         gmwm.calibrate(data, "WN")
+
+
+def test_a_generator_draws_the_seed_that_the_settings_record(imu):
+    found = gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2))
+    assert found.settings.seed == gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2)).settings.seed
+    again = gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=found.settings.seed)
+    assert again.to_dict() == found.to_dict()
+    with pytest.raises(OptionError, match="rng must be an integer that is not negative, or a numpy"):
+        gmwm.calibrate(imu["gyro_x"], "WN + RW", rng="three")

@@ -18,7 +18,7 @@ def files(gmwm, tmp_path_factory):
     made = []
     for seed in (1, 2, 3):
         recording = folder / f"day_{seed}.csv"
-        write(library.simulate(TRUTH, rate=100.0, samples=20_000, seed=seed), recording)
+        write(library.simulate(TRUTH, rate=100.0, samples=20_000, rng=seed), recording)
         target = folder / f"results_{seed}"
         assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
         made.append(target / "calibration.json")

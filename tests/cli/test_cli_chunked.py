@@ -13,7 +13,7 @@ WITHIN = "GM + WN + RW"
 def file(tmp_path_factory):
     models = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_z": "WN(sigma2=2e-5)"}
     path = tmp_path_factory.mktemp("chunks") / "static.csv"
-    write(library.simulate(models, rate=100.0, samples=20_000, seed=1), path)
+    write(library.simulate(models, rate=100.0, samples=20_000, rng=1), path)
     return path
 
 

@@ -39,7 +39,7 @@ def test_compare_plot(gmwm, recording, tmp_path, extra):
 
 def test_compare_recordings(gmwm, recording, tmp_path):
     other = tmp_path / "other.csv"
-    write(simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, seed=9), other)
+    write(simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, rng=9), other)
     both = gmwm("compare", recording, other, "--axis", "gyro_x", "--robust", "--json").json
     assert list(both["axes"]["gyro_x"]) == ["six", "other"]
     assert all(wv["robust"] for wv in both["axes"]["gyro_x"].values())

@@ -23,7 +23,7 @@ def fit():
 
 
 def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
-    again = fit.bootstrap(draws=300, seed=1)
+    again = fit.bootstrap(draws=300, rng=1)
     for name, error in fit.standard_errors.items():
         assert again.errors[name] == pytest.approx(error, rel=0.2)
     assert again.estimates.shape == (300, 3)
@@ -31,16 +31,33 @@ def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
 
 
 def test_intervals_of_both_kinds_agree(fit):
-    one, other = fit.confidence_intervals(), fit.confidence_intervals(method="bootstrap", draws=300, seed=1)
+    one, other = fit.confidence_intervals(), fit.confidence_intervals(method="bootstrap", draws=300, rng=1)
     for name, (low, high) in one.items():
         assert np.log(other[name][1] / other[name][0]) == pytest.approx(np.log(high / low), rel=0.25)
 
 
 def test_the_same_seed_gives_the_same_bootstrap(fit):
-    first = fit.bootstrap(draws=20, seed=3)
-    x = gmwm.fit("GM + WN", fit.wavelet_variance).bootstrap(draws=20, seed=3)
+    first = fit.bootstrap(draws=20, rng=3)
+    x = gmwm.fit("GM + WN", fit.wavelet_variance).bootstrap(draws=20, rng=3)
     np.testing.assert_array_equal(first.estimates, x.estimates)
-    assert not np.array_equal(first.estimates, fit.bootstrap(draws=20, seed=4).estimates)
+    assert not np.array_equal(first.estimates, fit.bootstrap(draws=20, rng=4).estimates)
+
+
+def test_a_generator_draws_a_seed_that_the_result_records(fit):
+    one, other = (fit.bootstrap(draws=20, rng=np.random.default_rng(5)) for _ in range(2))
+    assert one.seed == other.seed
+    assert np.array_equal(one.estimates, other.estimates)
+    assert np.array_equal(fit.bootstrap(draws=20, rng=one.seed).estimates, one.estimates)
+    generator = np.random.default_rng(5)
+    first, second = (fit.bootstrap(draws=20, rng=generator) for _ in range(2))
+    assert first.seed == one.seed != second.seed
+    bootstrapped = {"method": "bootstrap", "draws": 40}
+    intervals = fit.confidence_intervals(**bootstrapped, rng=np.random.default_rng(5))
+    assert intervals == fit.confidence_intervals(**bootstrapped, rng=one.seed)
+    assert fit.summary(**bootstrapped, rng=np.random.default_rng(5)) == fit.summary(**bootstrapped, rng=one.seed)
+    for method in (fit.goodness_of_fit, fit.wic):
+        drawn, given = (method(**bootstrapped, rng=rng) for rng in (np.random.default_rng(5), one.seed))
+        assert drawn.to_dict() == given.to_dict()
 
 
 def test_options_are_checked(fit):
@@ -68,7 +85,7 @@ def test_too_few_records_are_refused(fit):
 
 
 def test_results_are_shown_short(fit):
-    assert repr(fit.bootstrap(draws=20, seed=3)) == "Bootstrap(20 draws of GM.beta, GM.sigma2, WN.sigma2, seed 3)"
+    assert repr(fit.bootstrap(draws=20, rng=3)) == "Bootstrap(20 draws of GM.beta, GM.sigma2, WN.sigma2, seed 3)"
     assert repr(fit.sandwich) == "Sandwich(GM.beta, GM.sigma2, WN.sigma2, 15 levels)"
 
 

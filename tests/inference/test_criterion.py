@@ -197,15 +197,15 @@ def fit() -> gmwm.Fit:
 
 
 def test_bootstrap_and_theory_agree(fit: gmwm.Fit) -> None:
-    one, other = fit.wic(), fit.wic("bootstrap", draws=200, seed=1)
-    drawn = fit.bootstrap(draws=200, seed=1)
+    one, other = fit.wic(), fit.wic("bootstrap", draws=200, rng=1)
+    drawn = fit.bootstrap(draws=200, rng=1)
     deviation = drawn.variances - drawn.variances.mean(axis=0)
     each = 2 * np.sum((drawn.implied @ fit.weighting_matrix) * deviation, axis=1)
     assert other.loss == one.loss == fit.objective
     assert abs(other.optimism - one.optimism) < 4 * each.std() / 200**0.5 + 0.05 * one.optimism
     assert (one.method, other.method) == ("asymptotic", "bootstrap")
-    assert other == fit.wic("bootstrap", draws=200, seed=1)
-    assert other.optimism != fit.wic("bootstrap", draws=200, seed=2).optimism
+    assert other == fit.wic("bootstrap", draws=200, rng=1)
+    assert other.optimism != fit.wic("bootstrap", draws=200, rng=2).optimism
 
 
 def test_value_is_loss_and_optimism(fit: gmwm.Fit) -> None:
@@ -228,7 +228,7 @@ def test_trace_is_that_of_the_covariance() -> None:
 def test_refits_are_those_of_the_bootstrap_and_of_fit() -> None:
     wv = recorded(TRUTHS[2], 6)
     held = gmwm.fit(GM() + WN() + RW(gamma2=gmwm.fixed(4e-4)), wv, certify=False)
-    drawn = held.bootstrap(draws=12, seed=3)
+    drawn = held.bootstrap(draws=12, rng=3)
     done: list[int] = []
     implied = implied_by_refits(*problem_of(held), drawn.variances, done.append)
     np.testing.assert_allclose(implied, drawn.implied, rtol=1e-9)
@@ -246,8 +246,8 @@ def test_options_are_checked(fit: gmwm.Fit) -> None:
     for draws in (1, 2.5, True):
         with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 2"):
             fit.wic("bootstrap", draws=draws)
-    with pytest.raises(gmwm.OptionError, match="seed must be an integer of at least 0"):
-        fit.wic("bootstrap", seed=-1)
+    with pytest.raises(gmwm.OptionError, match="rng must be an integer that is not negative"):
+        fit.wic("bootstrap", rng=-1)
 
 
 def test_a_model_without_noise_has_no_criterion() -> None:

@@ -102,11 +102,11 @@ def test_a_bootstrap_that_could_not_reject_is_refused():
 def test_bootstrap():
     x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(8192, RATE, 1)
     good, bad = gmwm.fit("WN + RW", x, RATE), gmwm.fit("WN", x, RATE)
-    test = good.goodness_of_fit("bootstrap", draws=200, seed=1)
+    test = good.goodness_of_fit("bootstrap", draws=200, rng=1)
     assert test.df is None
     assert test.left_out == ()
     assert test.pvalue > 0.05
-    assert bad.goodness_of_fit("bootstrap", draws=99, seed=1).pvalue == pytest.approx(0.01)
+    assert bad.goodness_of_fit("bootstrap", draws=99, rng=1).pvalue == pytest.approx(0.01)
     with pytest.raises(gmwm.OptionError, match="'bootstrap'"):
         good.goodness_of_fit("bootstap")
 

@@ -23,7 +23,7 @@ RATE = 100.0
 
 @pytest.fixture(scope="module")
 def made():
-    return gmwm.simulate_signal(MODEL, rate=RATE, samples=20_000, seed=5, unit="rad/s")
+    return gmwm.simulate_signal(MODEL, rate=RATE, samples=20_000, rng=5, unit="rad/s")
 
 
 @pytest.fixture(scope="module")

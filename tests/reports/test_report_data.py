@@ -53,7 +53,7 @@ def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
 
 
 def test_doubts_of_the_recording_reach_the_verdict():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     good = gmwm.calibrate(imu, "WN + RW")
 
     def state(*cautions):
@@ -64,7 +64,7 @@ def test_doubts_of_the_recording_reach_the_verdict():
     def force(gravity):
         return about_values({}, gravity)
 
-    noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, seed=1)
+    noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, rng=1)
     step = Step(time=3.0, axis="gyro_x", size=1e-3, times=9.0)
     note = f"accel_x in g as declared; {OVERRULED} m/s²"
     assert state(*force(9.80665), *force(9.7), *about_declared(["columns as named"]), "2 knocks") == "good"
@@ -76,7 +76,7 @@ def test_doubts_of_the_recording_reach_the_verdict():
 
 def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
-    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, seed=4), "WN")
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
     verdict = gmwm.report_data(found)["verdict"]
     texts = [point["text"] for point in verdict["points"]]
     assert verdict["headline"].startswith("1 of 2 axes cannot be used (gyro_y); the others can be used")
@@ -93,7 +93,7 @@ def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
 
 
 def test_a_good_recording_gets_a_good_verdict():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     data = gmwm.report_data(gmwm.calibrate(imu, "WN + RW"))
     assert {point["state"] for point in data["verdict"]["points"]} == {"good"}
     assert data["verdict"]["state"] == "good"

@@ -273,7 +273,7 @@ def test_a_higher_confidence_never_has_fewer_equivalents(wv):
 
 def test_bootstrap_of_the_criterion_agrees_with_theory(wv):
     models = ["GM + WN", "WN"]
-    drawn = gmwm.rank(models, wv, criterion="bootstrap", draws=400, seed=1)
+    drawn = gmwm.rank(models, wv, criterion="bootstrap", draws=400, rng=1)
     theory = gmwm.rank(models, wv)
     assert drawn.best.wic.method == "bootstrap"
     for candidate in drawn:
@@ -299,7 +299,7 @@ def test_progress_is_told(wv):
         ({"draws": 99}, "draws must be a whole number of at least 100, got 99"),
         ({"draws": True}, "draws must be a whole number"),
         ({"draws": 500.0}, "draws must be a whole number"),
-        ({"seed": -1}, "seed must be a whole number"),
+        ({"rng": -1}, "rng must be an integer that is not negative"),
         ({"rate": 50.0}, "rate=50 contradicts"),
         ({"robust": True}, "robust fits of a classical wavelet variance"),
     ],

@@ -112,7 +112,7 @@ MODELS = {"gyro": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel": "WN(sigma2=2e-5
 @pytest.fixture
 def recording(tmp_path):
     path = tmp_path / "six.parquet"
-    gmwm.write(gmwm.simulate(MODELS, rate=100.0, samples=30_000, seed=5), path)
+    gmwm.write(gmwm.simulate(MODELS, rate=100.0, samples=30_000, rng=5), path)
     return path
 
 

@@ -11,7 +11,7 @@ import gmwm
 from gmwm.errors import DataError, OptionError
 from gmwm.variance import WaveletVariances
 
-IMU = gmwm.simulate("WN(sigma2=4e-8) + RW(gamma2=1e-13)", rate=100.0, samples=2000, seed=1)
+IMU = gmwm.simulate("WN(sigma2=4e-8) + RW(gamma2=1e-13)", rate=100.0, samples=2000, rng=1)
 CURVES = gmwm.wavelet_variance(IMU)
 
 

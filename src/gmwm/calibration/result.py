@@ -87,7 +87,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
     Examples
     --------
     >>> from gmwm import calibrate, simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, rng=1)
     >>> calibration = calibrate(imu, within="WN + RW")
     >>> list(calibration), calibration["gyro_x"].model.structure
     (['gyro_x'], 'WN + RW')

@@ -80,7 +80,7 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     from gmwm.writers import write
 
     with progress("simulating"):
-        imu = simulate(truth, rate=RATE, samples=SAMPLES, seed=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=RATE, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
         write(imu, file)
     return imu

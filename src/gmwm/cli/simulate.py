@@ -113,8 +113,8 @@ def _written(
     made = None
     with progress(f"simulating {span(seconds)}"):
         if components is not None:
-            made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)
-        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, seed=seed)
+            made = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
         write(imu, output)
         return imu, () if components is None or made is None else tuple(write_components(made, components))

@@ -69,7 +69,7 @@ def fit(
     certify : bool
         Whether to prove by branch and bound that no better fit exists; False skips the proof.
     start : Sampled, optional
-        Start from random draws as the paper does, ``Sampled(draws=20_000, seed=1)``, and descend from the best of them.
+        Start from random draws as the paper does, ``Sampled(draws=20_000, rng=1)``, and descend from the best of them.
         For comparison only; where there is a proof, it then tells what the draws have missed.
 
     Returns
@@ -107,9 +107,7 @@ def fit(
     """
     wanted = as_model(model)
     if start is not None and not isinstance(start, Sampled):
-        raise OptionError(
-            f"start must be Sampled(draws=…, seed=…), got {start!r}; values to start from go in the model"
-        )
+        raise OptionError(f"start must be Sampled(draws=…, rng=…), got {start!r}; values to start from go in the model")
     wv = measured(data, rate, robust, efficiency)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
 from gmwm._arrays import Matrix
 
 if TYPE_CHECKING:
@@ -75,7 +77,7 @@ class InferenceMethods:
         *,
         covariance: Matrix | None = None,
         draws: int = 500,
-        seed: int = 0,
+        rng: int | np.random.Generator = 0,
     ) -> dict[str, Interval]:
         """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
@@ -99,8 +101,8 @@ class InferenceMethods:
             to the classical estimate, not to a robust fit.
         draws : int
             Number of simulated recordings. A level needs at least 2 / (1 − level) − 1 of them: 39 at 95 %.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -130,9 +132,11 @@ class InferenceMethods:
         """
         from gmwm.inference.intervals import confidence_intervals
 
-        return confidence_intervals(self._fit, level, method, covariance=covariance, draws=draws, seed=seed)
+        return confidence_intervals(self._fit, level, method, covariance=covariance, draws=draws, rng=rng)
 
-    def goodness_of_fit(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> GoodnessOfFit:
+    def goodness_of_fit(
+        self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0
+    ) -> GoodnessOfFit:
         """Test whether the data could come from the fitted model, under any weighting Ω.
 
         With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
@@ -151,8 +155,8 @@ class InferenceMethods:
             levels.
         draws : int
             Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -179,9 +183,9 @@ class InferenceMethods:
         """
         from gmwm.inference.goodness import goodness_of_fit
 
-        return goodness_of_fit(self._fit, method, draws=draws, seed=seed)
+        return goodness_of_fit(self._fit, method, draws=draws, rng=rng)
 
-    def wic(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> Criterion:
+    def wic(self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0) -> Criterion:
         """Compute the wavelet information criterion: the expected loss of the fit on another recording.
 
         Compare values between models only under one Ω; `gmwm.rank` and `gmwm.select` ensure this.
@@ -193,8 +197,8 @@ class InferenceMethods:
             ν̂* and ν(θ̂*) over `draws` recordings simulated from the fit.
         draws : int
             Number of simulated recordings.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -224,9 +228,11 @@ class InferenceMethods:
         """
         from gmwm.inference.criterion import wic
 
-        return wic(self._fit, method, draws=draws, seed=seed)
+        return wic(self._fit, method, draws=draws, rng=rng)
 
-    def bootstrap(self, draws: int = 500, seed: int = 0, *, progress: Callable[[int], None] | None = None) -> Bootstrap:
+    def bootstrap(
+        self, draws: int = 500, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
+    ) -> Bootstrap:
         """Estimate the parameters again from recordings that are simulated from the fit (parametric bootstrap).
 
         Each recording has the length and the gaps of the data. Gauss-Markov and autoregressive terms start from their
@@ -236,8 +242,9 @@ class InferenceMethods:
         ----------
         draws : int
             Number of simulated recordings, at least 2.
-        seed : int
-            Seed of the simulation; the same seed gives the same result.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result. The result records the integer seed; from a
+            Generator one integer is drawn.
         progress : callable, optional
             Called with the number of recordings done so far.
 
@@ -249,7 +256,7 @@ class InferenceMethods:
         Raises
         ------
         OptionError
-            If `draws` or `seed` is out of range.
+            If `draws` or `rng` cannot be used.
         MissingTheoryError
             If a process cannot be simulated.
 
@@ -257,13 +264,13 @@ class InferenceMethods:
         --------
         >>> from gmwm import WN, fit
         >>> found = fit(WN(), WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
-        >>> again = found.bootstrap(draws=100, seed=1)
+        >>> again = found.bootstrap(draws=100, rng=1)
         >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
         True
         """
         from gmwm.inference.bootstrap import bootstrap
 
-        return bootstrap(self._fit, draws, seed, progress=progress)
+        return bootstrap(self._fit, draws, rng, progress=progress)
 
     def datasheet(self, level: float = 0.95) -> Datasheet:
         """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
@@ -289,7 +296,14 @@ class InferenceMethods:
 
         return datasheet(self._fit, level)
 
-    def summary(self, level: float = 0.95, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> str:
+    def summary(
+        self,
+        level: float = 0.95,
+        method: Method = "asymptotic",
+        *,
+        draws: int = 500,
+        rng: int | np.random.Generator = 0,
+    ) -> str:
         """Describe the fit in text.
 
         Parameters
@@ -300,8 +314,8 @@ class InferenceMethods:
             Intervals and test from theory, or from `draws` simulated recordings.
         draws : int
             Number of simulated recordings.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -316,7 +330,7 @@ class InferenceMethods:
         """
         from gmwm.inference.summary import summary
 
-        return summary(self._fit, level, method, draws=draws, seed=seed)
+        return summary(self._fit, level, method, draws=draws, rng=rng)
 
     def plot(
         self,

@@ -71,7 +71,7 @@ def export(
     --------
     >>> import gmwm
     >>> truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_x": "WN(sigma2=2e-5)"}
-    >>> imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=1)
+    >>> imu = gmwm.simulate(truth, rate=100.0, samples=100_000, rng=1)
     >>> text = export(gmwm.calibrate(imu, "WN + RW"), format="kalibr")
     >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
     ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',

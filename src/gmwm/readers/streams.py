@@ -165,7 +165,7 @@ class Stream:
         >>> import tempfile, pathlib, gmwm
         >>> folder = tempfile.TemporaryDirectory()
         >>> path = pathlib.Path(folder.name, "static.parquet")
-        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
+        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, rng=1), path)
         >>> gmwm.stream(path).wavelet_variance()
         WaveletVariances(gyro_x: haar, 12 levels, 5000 samples at 100 Hz)
         >>> folder.cleanup()

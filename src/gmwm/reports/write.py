@@ -53,7 +53,7 @@ def report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
     --------
     >>> import tempfile, pathlib
     >>> from gmwm import calibrate, simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     written = report(calibrate(imu, within="WN + RW"), pathlib.Path(folder, "report.html"))
     ...     written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")

@@ -169,7 +169,7 @@ def write_components(simulated: SimulatedImu | SimulatedSignal, path: str | os.P
     >>> import tempfile, pathlib
     >>> from gmwm.simulation import simulate_signal
     >>> folder = tempfile.TemporaryDirectory()
-    >>> simulated = simulate_signal("WN(sigma2=1) + RW(gamma2=0.01)", rate=10.0, samples=100, seed=1, unit="m")
+    >>> simulated = simulate_signal("WN(sigma2=1) + RW(gamma2=0.01)", rate=10.0, samples=100, rng=1, unit="m")
     >>> write_components(simulated, pathlib.Path(folder.name, "parts.csv"))
     ('RW [m]', 'WN [m]')
     >>> folder.cleanup()

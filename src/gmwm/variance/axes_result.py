@@ -32,7 +32,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
     Examples
     --------
     >>> from gmwm import simulate, wavelet_variance
-    >>> curves = wavelet_variance(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, seed=1))
+    >>> curves = wavelet_variance(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1))
     >>> list(curves)
     ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
     >>> curves["gyro_x"]
