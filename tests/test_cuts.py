@@ -8,7 +8,7 @@ import pytest
 import gmwm
 from gmwm import Imu, Signal
 from gmwm.errors import DataError, GmwmWarning, OptionError
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 
 
 def recording(segments=(), starts=(), rate=10.0, size=1000):

@@ -74,7 +74,7 @@ def test_intervals_and_limits_have_the_rule_of_calibrations(confidence):
     for refused in (
         lambda: gmwm.wavelet_variance(signal, confidence=confidence),
         lambda: found.confidence_intervals(confidence),
-        lambda: gmwm.datasheet(found, confidence),
+        lambda: found.datasheet(confidence),
     ):
         with pytest.raises(OptionError, match=r"must be at least 0\.5 and less than 1, got"):
             refused()

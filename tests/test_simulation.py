@@ -9,7 +9,7 @@ from gmwm import GM, QN, RW, WN, Model, wavelet_variance
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.readers import read
 from gmwm.signals import AXES
-from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal, write_components
+from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from gmwm.units import STANDARD_GRAVITY
 
 WHITE = "WN(sigma2=1e-6)"
@@ -190,7 +190,7 @@ def test_what_was_simulated_can_be_pickled_and_says_what_it_is():
 def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix):
     made = simulate(reference_imu(), rate=100.0, samples=100, rng=5, components=True)
     path = tmp_path / f"parts{suffix}"
-    columns = write_components(made, path)
+    columns = made.write_components(path)
     assert len(columns) == sum(len(model.terms) for model in reference_imu().values())
     for axis, term in (("gyro_z", "GM[2]"), ("accel_z", "QN")):
         column = f"{axis} {term} [{made.imu[axis].unit}]"
@@ -200,9 +200,9 @@ def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix
 
 def test_a_plain_signal_has_plain_columns(tmp_path):
     made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, rng=1)
-    assert write_components(made, tmp_path / "parts.csv") == ("AR1", "WN")
+    assert made.write_components(tmp_path / "parts.csv") == ("AR1", "WN")
     with pytest.raises(OptionError, match=r"\.csv or \.parquet"):
-        write_components(made, tmp_path / "parts.txt")
+        made.write_components(tmp_path / "parts.txt")
     assert [path.name for path in tmp_path.iterdir()] == ["parts.csv"]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm._text import OVERRULED, counted, moment
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:

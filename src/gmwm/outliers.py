@@ -19,6 +19,8 @@ from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
+__all__ = ["Verdict", "contamination"]
+
 HUGE = 10.0
 """Excess from which on it is told as a factor."""
 LEAST_FREEDOM = 30.0

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm.errors import DataError, OptionError
+from gmwm.time_base import TimeBase, begins_of, times_of
 from gmwm.units import SI_UNIT, Quantity, parse_unit
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.plots.view import UnitSystem
+
+__all__ = ["AXES", "Imu", "Signal"]
 
 T = TypeVar("T")
 
@@ -225,37 +228,30 @@ class Signal:
 
         return plot_signal(self, units=units, ax=ax, path=path)
 
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the signal to a file as a recording of one axis: see `Imu.write`.
+
+        Parameters
+        ----------
+        path : path
+            File to write, ending in .csv, .parquet or .imu.
+        format : str, optional
+            Record type of an .imu file.
+
+        Raises
+        ------
+        OptionError
+            If the suffix or the format is unknown, or the axis is none of an IMU.
+        """
+        from gmwm.writers import write
+
+        write(self, path, format=format)
+
     def longest(self) -> Signal:
         """The longest stretch without a gap, as a signal of its own."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
-
-
-def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
-    """When the samples with these indices were taken (s), by the segments they lie in and when those begin (s)."""
-    index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
-    segment = np.searchsorted(firsts, index, side="right") - 1
-    return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
-
-
-def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """When each segment begins, in seconds from the first sample; never before the one before it has ended.
-
-    Where the clock was set back, it is as if one sample had followed the other.
-
-    >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
-    [0.0, 5.0, 9.0]
-    """
-    begins: list[float] = []
-    ahead, end = 0.0, 0.0
-    for (first, last), time in zip(segments, starts, strict=True):
-        begin = time - starts[0] + ahead
-        if begin < end:
-            ahead, begin = ahead + end - begin, end
-        begins.append(begin)
-        end = begin + (last - first) / rate
-    return begins
 
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
@@ -482,6 +478,46 @@ class Imu:
 
         return plot_recording(self, units=units, path=path)
 
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
+
+        In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
+        if there is one. Numbers keep full precision. Times are those of the uniform clock of each segment, so gaps stay
+        gaps. If writing fails, no partial file is left.
+
+        An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
+        numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle
+        or velocity is lost, and the added noise is quantization noise of one count.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        format : str, optional
+            Record type of an .imu file: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA", "imu:NAVCHIP_INT" or
+            "imu:NAVCHIP_FLT".
+
+        Raises
+        ------
+        OptionError
+            If the suffix or the format is unknown.
+        DataError
+            If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "three.csv")
+        >>> Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3]}, rate=100).write(path)
+        >>> path.read_text().splitlines()[:2]
+        ['time [s],gyro_x [rad/s]', '0.0,0.1']
+        >>> folder.cleanup()
+        """
+        from gmwm.writers import write
+
+        write(self, path, format=format)
+
     def longest(self) -> Imu:
         """The longest segment, as a recording of its own; says so in its notes."""
         if len(self.segments) == 1:
@@ -549,39 +585,3 @@ def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
             f"{', '.join(axes)}; got shape {table.shape}{hint}"
         )
     return {axis: table[:, k] for k, axis in enumerate(axes)}
-
-
-@dataclass(frozen=True)
-class TimeBase:
-    """What the time stamps of a recording say about its sampling.
-
-    Parameters
-    ----------
-    rate : float
-        1 / median interval (Hz); 1 / mean interval between gaps where rounded stamps make the median drift
-        away from them; the declared rate where there is one.
-    stamped : bool
-        Whether the recording has time stamps at all.
-    start : float
-        First stamp (s).
-    jitter : float
-        Root mean square deviation of the intervals within segments from their median (s).
-    gaps : tuple of (index, duration)
-        For each gap, the index of the first sample after it and the time from the sample before (s).
-    duplicates : int
-        Number of stamps equal to the one before.
-    backward : int
-        Number of stamps earlier than the one before.
-    left : float
-        Time (s) of the recording before its first sample here, where a beginning was cut off: the first sample was
-        taken so long after that of the whole recording, from which `start`, `stop` and `skip` of `read` count.
-    """
-
-    rate: float
-    stamped: bool = False
-    start: float = 0.0
-    jitter: float = 0.0
-    gaps: tuple[tuple[int, float], ...] = ()
-    duplicates: int = 0
-    backward: int = 0
-    left: float = 0.0

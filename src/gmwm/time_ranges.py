@@ -14,7 +14,8 @@ import numpy as np
 from gmwm._arrays import Vector
 from gmwm._text import moment
 from gmwm.errors import DataError, GmwmWarning, OptionError
-from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase, begins_of
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.time_base import TimeBase, begins_of
 
 ROUNDING = 1e-6
 """Samples: a time that is that of a sample but for rounding."""

@@ -22,44 +22,7 @@ RECORDS = ".imu"
 
 
 def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-    """Write a recording; the suffix of the path chooses the format: .csv, .parquet or .imu.
-
-    In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and
-    `temperature [°C]` if there is one. Numbers keep full precision. Times are those of the uniform clock of each
-    segment, from the segment's start on, so gaps stay gaps. The file appears whole or not at all.
-
-    An .imu file holds the time and the increments v/f of six axes in counts of its type. Where these are whole
-    numbers, what rounding leaves of a sample goes into the next, as a sensor of that type does it: no angle or
-    velocity is lost, and the noise gained is quantization noise of one count. A temperature has no place in it.
-
-    Parameters
-    ----------
-    imu : Imu or Signal
-        The recording; a signal whose axis is one of an IMU's is a recording of one axis.
-    path : path
-        Where to.
-    format : str, optional
-        For .imu, the type of its records: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA",
-        "imu:NAVCHIP_INT" or "imu:NAVCHIP_FLT".
-
-    Raises
-    ------
-    OptionError
-        If the suffix is none of these, the format is not one of .imu files, or it is no recording that is to be
-        written.
-    DataError
-        If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "three.csv")
-    >>> write(Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3]}, rate=100), path)
-    >>> path.read_text().splitlines()[:2]
-    ['time [s],gyro_x [rad/s]', '0.0,0.1']
-    >>> folder.cleanup()
-    """
+    """Write a recording: see `Imu.write`."""
     imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, RECORDS):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import Calibration, ReadError
+from gmwm import Calibration
 from gmwm.calibration.document import FORMAT, VERSION
+from gmwm.errors import ReadError
 
 
 @pytest.fixture
@@ -53,7 +54,7 @@ def through_json(found):
 
 
 def white(within, seed):
-    x = gmwm.parse_model("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=seed)
+    x = gmwm.Model.parse("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=seed)
     return gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), within)
 
 

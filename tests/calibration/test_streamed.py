@@ -20,7 +20,7 @@ def path(tmp_path_factory):
     spoilt[7000:7010] += 0.1
     arrays = {axis: imu[axis].values for axis in imu} | {"gyro_y": spoilt}
     file = tmp_path_factory.mktemp("streamed") / "static.csv"
-    gmwm.write(gmwm.Imu.from_arrays(arrays, 100.0, segments=((0, 6000), (6000, 20_000))), file)
+    gmwm.Imu.from_arrays(arrays, 100.0, segments=((0, 6000), (6000, 20_000))).write(file)
     return file
 
 

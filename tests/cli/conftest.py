@@ -7,7 +7,6 @@ from typer.testing import CliRunner
 
 from gmwm.cli.main import app
 from gmwm.simulation import simulate
-from gmwm.writers import write
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ MODELS = {"gyro": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel": "WN(sigma2=2e-5
 def recording(folder) -> Path:
     """Six axes, 200 s at 100 Hz, as CSV with names, units and time."""
     path = folder / "six.csv"
-    write(simulate(MODELS, rate=100.0, samples=20_000, rng=5), path)
+    simulate(MODELS, rate=100.0, samples=20_000, rng=5).write(path)
     return path
 
 

@@ -8,7 +8,6 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.readers import read
-from gmwm.writers import write
 
 WITHIN = "GM + WN + RW"
 FILES = ["by_sensor.png", "calibration.json", "calibration.png", "imu.yaml", "report.html", "summary.txt"]
@@ -111,7 +110,7 @@ def doubled(recording, folder):
     imu = read(recording)
     factors = {axis: 2.0 if axis.startswith("accel") else 1.0 for axis in imu}
     path = folder / "doubled.csv"
-    write(library.Imu.from_arrays({axis: factor * imu[axis].values for axis, factor in factors.items()}, 100.0), path)
+    library.Imu.from_arrays({axis: factor * imu[axis].values for axis, factor in factors.items()}, 100.0).write(path)
     return path
 
 

@@ -52,14 +52,13 @@ def test_a_last_line_without_an_end_is_noted(gmwm, recording, tmp_path):
 @pytest.fixture(scope="module")
 def moved(recording, tmp_path_factory):
     """The recording with a motion of ten seconds and a knock of one sample."""
-    from gmwm.writers import write
 
     imu = read(recording)
     values = {axis: np.array(imu[axis].values) for axis in imu}
     values["gyro_x"][8000:9000] += 0.5 * np.sin(np.arange(1000) / 50)
     values["accel_y"][333] += 3
     path = tmp_path_factory.mktemp("moved") / "moved.csv"
-    write(library.Imu.from_arrays(values, imu.rate), path)
+    library.Imu.from_arrays(values, imu.rate).write(path)
     return path
 
 

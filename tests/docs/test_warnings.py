@@ -14,7 +14,7 @@ from gmwm._text import OVERRULED
 from gmwm.calibration.summary_text import advice
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from tests.docs.pages import DOCS
 
 PAGE = (DOCS / "howto" / "warnings.md").read_text(encoding="utf-8")

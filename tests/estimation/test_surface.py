@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import GM, RW, WN, Sampled, fixed
+from gmwm import GM, RW, WN, fixed
 from gmwm.errors import FitWarning
+from gmwm.estimation import Sampled
 from gmwm.processes import Parameter
 
 SIGMA2 = Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1)
@@ -100,7 +101,7 @@ def test_held_parameters_stay_and_given_ones_are_tried():
 # --- the paper's draws ------------------------------------------------------------------------------------
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("model", ["WN", "WN + RW", "WN + QN + RW + FN"])
 def test_draws_for_a_model_without_shapes_lead_to_its_only_optimum(model):
     drawn, found = gmwm.fit(model, WV, start=Sampled(100, rng=1)), gmwm.fit(model, WV)
@@ -185,10 +186,10 @@ def test_draws_follow_the_paper():
 
 @pytest.mark.parametrize("wrong", [0, -1, 2.5, True, "many"])
 def test_wrong_numbers_of_draws_are_named(wrong):
-    with pytest.raises(gmwm.OptionError, match="draws must be a whole number"):
+    with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number"):
         Sampled(wrong)
 
 
 def test_a_wrong_start_is_named():
-    with pytest.raises(gmwm.OptionError, match="start must be Sampled"):
+    with pytest.raises(gmwm.errors.OptionError, match="start must be Sampled"):
         gmwm.fit(WN(), WV, start="random")

@@ -10,10 +10,10 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm import Calibration, DataError, Fleet, GmwmError, OptionError, ReadError, calibrate, fleet, read, simulate
+from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import GmwmWarning
-from gmwm.fleets import unit_job
+from gmwm.errors import DataError, GmwmWarning, OptionError, ReadError
+from gmwm.fleets import Fleet, unit_job
 from gmwm.fleets.discovery import find_units
 from gmwm.fleets.unit_job import Job, UnitOptions
 from gmwm.fleets.workers import allowing_lost_workers, on_cluster
@@ -31,7 +31,7 @@ BAD = ("lot 0/unit 013.parquet", "lot 1/unit 120.csv")
 
 def made(path, seed, samples=2000, models=ONE):
     path.parent.mkdir(parents=True, exist_ok=True)
-    gmwm.write(simulate(models, rate=100.0, samples=samples, rng=seed), path)
+    simulate(models, rate=100.0, samples=samples, rng=seed).write(path)
     return path
 
 
@@ -370,7 +370,7 @@ def test_what_reading_warns_of_is_kept_with_the_unit(few, tmp_path):
     text = "time,accel_x,accel_y,accel_z\n"
     text += "".join(f"{k / 100:.2f},{v!r},{-v!r},{1 + v!r}\n" for k, v in enumerate(values.tolist()))
     (few / "g.csv").write_text(text)
-    with pytest.warns(gmwm.InferredUnitWarning) as warned:
+    with pytest.warns(gmwm.errors.InferredUnitWarning) as warned:
         read(few / "g.csv")
     said = [str(one.message).removeprefix(f"{few / 'g.csv'}: ") for one in warned]
     found = fleet([few / "g.csv"], tmp_path / "out", within="WN", workers=0)["g.csv"]

@@ -13,7 +13,7 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter
 
 RATE = 100.0
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 
 @pytest.fixture(scope="module")
@@ -61,26 +61,26 @@ def test_a_generator_draws_a_seed_that_the_result_records(fit):
 
 
 def test_options_are_checked(fit):
-    with pytest.raises(gmwm.OptionError, match="between 0 and 1"):
+    with pytest.raises(gmwm.errors.OptionError, match="between 0 and 1"):
         fit.confidence_intervals(95)
-    with pytest.raises(gmwm.OptionError, match="'asymptotic'"):
+    with pytest.raises(gmwm.errors.OptionError, match="'asymptotic'"):
         fit.confidence_intervals(method="exact")
     for draws in (0, 1, 2.5, True):
-        with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 2"):
+        with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number of at least 2"):
             fit.bootstrap(draws=draws)
-    with pytest.raises(gmwm.OptionError, match="belongs to"):
+    with pytest.raises(gmwm.errors.OptionError, match="belongs to"):
         fit.confidence_intervals(method="bootstrap", covariance=fit.sandwich.wavelet)
 
 
 def test_too_few_records_are_refused(fit):
     for level, least in ((0.8, 9), (0.95, 39), (0.99, 199)):
-        with pytest.raises(gmwm.OptionError, match=f"at least {least}, which an interval of"):
+        with pytest.raises(gmwm.errors.OptionError, match=f"at least {least}, which an interval of"):
             fit.confidence_intervals(level, method="bootstrap", draws=least - 1)
     assert set(fit.confidence_intervals(0.8, method="bootstrap", draws=9)) == set(fit.parameters)
-    with pytest.raises(gmwm.OptionError, match="at least 39"):
+    with pytest.raises(gmwm.errors.OptionError, match="at least 39"):
         fit.summary(method="bootstrap", draws=38)
     # A test of so wide an interval needs more than the interval.
-    with pytest.raises(gmwm.OptionError, match="at least 19"):
+    with pytest.raises(gmwm.errors.OptionError, match="at least 19"):
         fit.summary(0.5, method="bootstrap", draws=18)
 
 
@@ -90,7 +90,7 @@ def test_results_are_shown_short(fit):
 
 
 def refused(what):
-    return pytest.raises(gmwm.OptionError, match=what)
+    return pytest.raises(gmwm.errors.OptionError, match=what)
 
 
 def test_a_covariance_must_be_one(fit):
@@ -114,7 +114,7 @@ def test_a_covariance_may_be_of_fewer_directions_and_in_any_unit(fit):
     assert set(fit.confidence_intervals(covariance=np.outer(size, size))) == set(fit.parameters)
     x = 1e-9 * WN(sigma2=4.0).simulate(5000, RATE, 1)
     tiny = gmwm.fit("WN", x, RATE)
-    low, high = tiny.confidence_intervals(covariance=gmwm.empirical_covariance(x, RATE))["WN.sigma2"]
+    low, high = tiny.confidence_intervals(covariance=gmwm.covariance.empirical_covariance(x, RATE))["WN.sigma2"]
     assert low < 4e-18 < high
 
 
@@ -127,7 +127,7 @@ def test_a_fit_without_noise_has_no_intervals():
         fit.confidence_intervals,
         lambda: fit.confidence_intervals(method="bootstrap", draws=39),
     ):
-        with pytest.raises(gmwm.ModelError, match="DR as estimated has no noise at some level"):
+        with pytest.raises(gmwm.errors.ModelError, match="DR as estimated has no noise at some level"):
             ask()
     for text in (fit.summary(), fit.summary(method="bootstrap", draws=39), fit._repr_html_()):
         assert "no intervals: DR as estimated has no noise at some level" in text
@@ -216,5 +216,5 @@ def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():
     assert fit.parameters["P.q"] == pytest.approx(4.0, rel=0.05)
     assert any("weights are those that the data show" in note for note in fit.diagnostics.notes())
     assert "no intervals" in fit.summary()
-    with pytest.raises(gmwm.MissingTheoryError):
+    with pytest.raises(gmwm.errors.MissingTheoryError):
         gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE, weighting="optimal")

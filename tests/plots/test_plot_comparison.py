@@ -73,13 +73,13 @@ def test_fits_are_compared_too():
     ],
 )
 def test_errors(items, labels, words):
-    with pytest.raises(gmwm.OptionError, match=words):
+    with pytest.raises(gmwm.errors.OptionError, match=words):
         gmwm.compare(*items, labels=labels)
 
 
 def test_units_must_be_one():
     other = gmwm.WaveletVariance.from_values(X.variance, 4096, 100.0, unit="m/s²")
-    with pytest.raises(gmwm.OptionError, match="one unit"):
+    with pytest.raises(gmwm.errors.OptionError, match="one unit"):
         gmwm.compare(X, other)
 
 
@@ -89,5 +89,5 @@ def test_several_curves_in_the_panel_of_an_axis():
     assert left.title == "Gyroscope X"
     assert {mark.label for mark in left.marks} >= {"classical", "robust"}
     assert "classical" not in {mark.label for mark in right.marks}
-    with pytest.raises(gmwm.OptionError, match="split"):
+    with pytest.raises(gmwm.errors.OptionError, match="split"):
         imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)

@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm.errors import ModelError
-from gmwm.processes import AR, AR1, ARMA, DR, GM, MA, QN, RW, SARMA, WN, Model, fixed, parse_model, registry
+from gmwm.processes import AR, AR1, ARMA, DR, GM, MA, QN, RW, SARMA, WN, Model, fixed, registry
 
 profile = settings(derandomize=True, deadline=None, max_examples=150, database=None)
 FINITE = {
@@ -44,7 +44,7 @@ def models(draw):
 @profile
 @given(models())
 def test_text_and_model_are_the_same_thing_both_ways(model):
-    again = parse_model(str(model))
+    again = Model.parse(str(model))
     assert again == model
     assert str(again) == str(model)
     # Equality takes -0.0 for 0.0; the text does not.
@@ -58,7 +58,7 @@ def test_values_without_names_are_the_parameters_in_their_order(process):
         p.name: inside[p.domain] if p.limits == (-1.0, 1.0) else sum(p.limits) / 2 + 0.01 for p in process.parameters
     }
     text = f"{process.name}({', '.join(map(str, given.values()))})"
-    assert parse_model(text) == Model((process(**given),))
+    assert Model.parse(text) == Model((process(**given),))
 
 
 @profile
@@ -73,10 +73,10 @@ def test_the_representation_of_a_process_is_python(model):
 @given(st.text(alphabet="GMWNQRDA13*+-()=,. efixdbtasgm2_\n\"'[]é", max_size=40) | st.text(max_size=20))
 def test_any_text_is_a_model_or_a_model_error(text):
     try:
-        model = parse_model(text)
+        model = Model.parse(text)
     except ModelError:
         return
-    assert parse_model(str(model)) == model
+    assert Model.parse(str(model)) == model
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_any_text_is_a_model_or_a_model_error(text):
     ],
 )
 def test_texts_that_are_models(text, model):
-    assert parse_model(text) == Model.parse(text) == model
+    assert Model.parse(text) == Model.parse(text) == model
 
 
 @pytest.mark.parametrize(
@@ -161,12 +161,12 @@ def test_texts_that_are_models(text, model):
 )
 def test_an_error_points_at_the_piece(text, message):
     with pytest.raises(ModelError, match=message):
-        parse_model(text)
+        Model.parse(text)
 
 
 def test_only_a_string_is_parsed():
     with pytest.raises(ModelError, match="must be a string"):
-        parse_model(3)
+        Model.parse(3)
 
 
 @pytest.mark.parametrize(
@@ -182,10 +182,10 @@ def test_only_a_string_is_parsed():
     ],
 )
 def test_coefficients_at_once(text, same):
-    assert str(parse_model(text)) == str(parse_model(same))
+    assert str(Model.parse(text)) == str(Model.parse(same))
 
 
 @pytest.mark.parametrize("text", ["AR(phi=[1.4, -0.6)", "AR(phi=[1.4,, 2])", "AR(phi=[0.1], phi=[0.2])", "AR(p=two)"])
 def test_wrong_lists_of_coefficients(text):
     with pytest.raises(ModelError, match="cannot read the model"):
-        parse_model(text)
+        Model.parse(text)

@@ -78,7 +78,7 @@ def test_a_calibration_takes_it():
 
 def test_a_stream_gives_the_same_kind_of_result(tmp_path):
     path = tmp_path / "static.csv"
-    gmwm.write(IMU, path)
+    IMU.write(path)
     streamed = gmwm.stream(path).wavelet_variance()
     assert isinstance(streamed, WaveletVariances)
     for axis, wv in streamed.items():

@@ -77,12 +77,11 @@ def demo(
 def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """A recording with this truth, written to a file."""
     from gmwm.simulation import simulate
-    from gmwm.writers import write
 
     with progress("simulating"):
         imu = simulate(truth, rate=RATE, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
-        write(imu, file)
+        imu.write(file)
     return imu
 
 

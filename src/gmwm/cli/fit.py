@@ -155,9 +155,10 @@ def fit(
     of the objective a better one could gain at most. Processes with several parameters of their shape, as AR(2),
     have none: theirs is the best of what a scan of all shapes leads to.
     """
-    from gmwm import Imu, Sampled, parse_model
+    from gmwm import Imu, Model
+    from gmwm.estimation import Sampled
 
-    parsed, strength = parse_model(model), chosen_efficiency(robust, efficiency)
+    parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
     if likelihood:
         require_states(parsed, LIKELIHOOD[0])
     how = _interval_method(confidence, bootstrap_draws, seed)

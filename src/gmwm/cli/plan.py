@@ -180,10 +180,10 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
 
     Without the terms that were estimated as zero; those that act as another process are that process.
     """
-    from gmwm import Model, parse_model
+    from gmwm import Model
     from gmwm.processes.equivalence import likeness
 
-    model, notes = parse_model(found["model"]), []
+    model, notes = Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         notes.append(f"left out, as the pilot recording does not show it: {', '.join(zero)}")

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import covariance
+from gmwm.covariance.api import covariance
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import drawn, mixture
 from gmwm.errors import DataError
@@ -90,7 +90,7 @@ def empirical_covariance(
     Examples
     --------
     >>> import numpy as np
-    >>> from gmwm import wavelet_covariance
+    >>> from gmwm.covariance import wavelet_covariance
     >>> x = np.random.default_rng(1).laplace(size=2**16)
     >>> v = empirical_covariance(x, rate=100.0, levels=6)
     >>> ratio = np.diag(v) / np.diag(wavelet_covariance("WN(sigma2=2.0)", 2**16, 100.0, levels=6))

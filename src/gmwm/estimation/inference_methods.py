@@ -275,7 +275,26 @@ class InferenceMethods:
     def datasheet(self, level: float = 0.95) -> Datasheet:
         """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
 
-        See `gmwm.datasheet` for the definitions.
+            N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
+            B = √B² of a flicker term, or else min over τ of the model's Allan deviation / √(2 ln 2/π)
+            A = √(2P)   f_0 of a line
+
+        If the model has a flicker term that is not zero, B is the coefficient of that term, as the standard defines it.
+        Otherwise B is read at the lowest point of the Allan deviation of the model without its lines. The second kind
+        of B includes the parts of N and K at that point and is at least as large as the first, so do not compare the
+        two. If the flicker term is estimated as zero, its upper limit is given as B_f.
+
+        A term that acts as another process on these data is added to that process: a Gauss-Markov term that acts as
+        white noise adds to N², and one that acts as a random walk adds to K². A process that the model does not contain
+        gives no number. An AR1 gives T_c and q_c of the Gauss-Markov process with the same samples, if φ > 0.
+
+        Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
+        If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
+        sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
+        upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
+
+        The fit must be of a wavelet variance whose unit says what the sensor measures. Without a known unit the numbers
+        are in "u", the unit of the data, and have no datasheet units.
 
         Parameters
         ----------
@@ -291,6 +310,22 @@ class InferenceMethods:
         ------
         OptionError
             If `level` is not between 0 and 1.
+
+        References
+        ----------
+        IEEE Std 952-1997, annex C.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
+        >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
+        >>> list(found)
+        ['N', 'B', 'K']
+        >>> found["N"].low < 1e-4 < found["N"].high
+        True
+        >>> found["N"].in_units("datasheet")[3]
+        'deg/√h'
         """
         from gmwm.datasheets import datasheet
 

@@ -112,7 +112,7 @@ def fleet(
     >>> folder = tempfile.TemporaryDirectory()
     >>> for k in range(3):
     ...     path = pathlib.Path(folder.name, f"unit{k}.parquet")
-    ...     gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, rng=k), path)
+    ...     gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, rng=k).write(path)
     >>> found = fleet(folder.name, pathlib.Path(folder.name, "results"), within="WN + RW", workers=0)
     >>> found
     Fleet(3 of 3 units calibrated)

@@ -28,7 +28,8 @@ from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.warm_up import warm_up_of
 from gmwm.readers.streams import Chunk, Stream
-from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
+from gmwm.signals import Imu, Signal, axis_quantity
+from gmwm.time_base import TimeBase
 from gmwm.time_ranges import CUT
 from gmwm.units import SI_UNIT
 

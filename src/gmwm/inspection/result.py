@@ -9,7 +9,7 @@ from gmwm._text import Summarised, counted, moment
 from gmwm.cautions import span
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from gmwm.readers.base import Rows
 from gmwm.readers.columns import Choice
 from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 
 
 @dataclass(frozen=True, eq=False)

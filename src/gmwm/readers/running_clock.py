@@ -13,7 +13,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import ReadError
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.readers.time_stamps import FARTHEST, Timing, burst_of, nominal_interval, reach_of, segments_of, troubles_of
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 KEPT = 4 * FARTHEST

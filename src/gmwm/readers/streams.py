@@ -34,7 +34,7 @@ from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import multiply
 from gmwm.readers.time_stamps import as_stamps, troubles_of
 from gmwm.readers.trimming import Kept, trimmed
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.time_ranges import CUT, range_words
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class Stream:
         >>> import tempfile, pathlib, gmwm
         >>> folder = tempfile.TemporaryDirectory()
         >>> path = pathlib.Path(folder.name, "static.parquet")
-        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, rng=1), path)
+        >>> gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, rng=1).write(path)
         >>> gmwm.stream(path).wavelet_variance()
         WaveletVariances(gyro_x: haar, 12 levels, 5000 samples at 100 Hz)
         >>> folder.cleanup()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
 from gmwm.readers.rate_check import require_one_rate, require_order
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 GAP = 1.5
