@@ -16,8 +16,10 @@ from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
+
+__all__ = ["Verdict", "contamination"]
 
 HUGE = 10.0
 """Excess from which on it is told as a factor."""
@@ -288,8 +290,8 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError("x must be a signal, or two wavelet variances of it: (classical, robust)")
     if not pair:
-        classical = wavelet_variance(x, rate)
-        return classical, wavelet_variance(x, rate, robust=True, efficiency=efficiency)
+        classical = signal_wavelet_variance(x, rate)
+        return classical, signal_wavelet_variance(x, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(f"wavelet variances must come as (classical, robust), got ({kinds})")

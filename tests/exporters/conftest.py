@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.processes import parse_model
+from gmwm.processes import Model
 from gmwm.variance.api import wavelet_variance
 
 RATE, SAMPLES = 200.0, 400_000
@@ -45,7 +45,7 @@ TRUTHS = {
 def exact_curve(axis, truth):
     """The wavelet variance of a model, as if it had been measured."""
     like = wavelet_variance(np.random.default_rng(0).standard_normal(SAMPLES), RATE)
-    ratio = parse_model(truth).wavelet_variance(like.levels, RATE) / like.variance
+    ratio = Model.parse(truth).wavelet_variance(like.levels, RATE) / like.variance
     values = {name: getattr(like, name) * ratio for name in ("variance", "lower", "upper")}
     return replace(like, **values, axis=axis, unit=UNITS[axis.partition("_")[0]], slope=None)
 

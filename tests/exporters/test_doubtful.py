@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import export, export_formats
 from gmwm.calibration.misfit import undescribed
 from gmwm.calibration.summary_text import rejected
-from gmwm.exporters import export_all
+from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.base import find_exporter
 from gmwm.reports.verdict import verdict
 
@@ -34,7 +33,7 @@ def bad():
 
 @pytest.mark.parametrize("format", sorted(export_formats()))
 def test_axes_that_their_models_do_not_describe_stand_in_every_file(bad, format):
-    said = words(export(bad, format=format))
+    said = words(bad.export(format=format))
     (caution,) = re.findall(r"the models? of ([^:]*) data; numbers of (?:this axis|these axes) may be wrong", said)
     assert re.findall(r"(?:gyro|accel)_\w", caution) == ["gyro_z", "accel_x"]
     assert caution.endswith("do not describe their")
@@ -45,16 +44,16 @@ def test_they_are_those_that_the_report_says_cannot_be_used(bad):
     far = undescribed({axis: bad.axes[axis] for axis in rejected(bad)})
     assert list(far) == ["gyro_z", "accel_x"]
     assert "2 of 6 axes cannot be used (gyro_z, accel_x)" in verdict(bad)["headline"]
-    said = words(export(bad))
+    said = words(bad.export())
     for axis, at in far.items():
         much = f"{at.times:.2g} times too {'large' if at.ratio > 1 else 'small'}"
         assert f"{axis} (its variance at {at.tau:.3g} s is {much})" in said
-    (text,) = json.loads(export(bad, format="json"))["cautions"]
+    (text,) = json.loads(bad.export(format="json"))["cautions"]
     assert text in said
 
 
 def test_one_axis_is_told_as_one():
-    said = words(export(calibrated({**TRUTHS["no-walk"], "gyro_z": HUMP}, "WN + RW")))
+    said = words(calibrated({**TRUTHS["no-walk"], "gyro_z": HUMP}, "WN + RW").export())
     assert re.search(r"CAUTION: the model of gyro_z \(its [^()]*\) does not describe its data; numbers of this", said)
 
 
@@ -67,8 +66,8 @@ def test_a_rejected_model_that_describes_its_curve_is_no_caution():
     axes = {**found.axes, "gyro_z": gmwm.calibrate({"gyro_z": wave}, "WN + RW").axes["gyro_z"]}
     found = replace(found, axes=axes)
     assert rejected(found) == ["gyro_z"]
-    assert "CAUTION" not in export(found)
-    assert json.loads(export(found, format="json"))["cautions"] == []
+    assert "CAUTION" not in found.export()
+    assert json.loads(found.export(format="json"))["cautions"] == []
 
 
 # White noise so large on gyro_z that its limit of K lies above what the others have; on accel_x it lies far below.
@@ -82,27 +81,27 @@ def mixed():
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_limit_among_measured_values_names_its_axis(mixed, format):
-    said = words(export(mixed, format=format, axes="worst"))
-    limit = export(mixed, format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2]
+    said = words(mixed.export(format=format, axes="worst"))
+    limit = mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2]
     assert said.count("UPPER LIMIT") == 1
     assert (
         "UPPER LIMIT, not a measured value: K of the gyroscopes is the upper limit of gyro_z, whose data cannot tell "
         "it from zero (97.5 %). Axis by axis, before inflation, in rad/s/sqrt(s): gyro_x 4.47e-05 (measured), gyro_y "
         f"7.75e-05 (measured), gyro_z <= {float(limit):.2e}."
     ) in said
-    walk = CONSUMERS[format](export(mixed, format=format, axes="worst"))["gyro"][1]
+    walk = CONSUMERS[format](mixed.export(format=format, axes="worst"))["gyro"][1]
     assert walk == pytest.approx(float(limit), rel=2e-6)
 
 
 def test_what_is_said_is_not_inflated(mixed):
-    plain, inflated = (words(export(mixed, inflation=factor)) for factor in (1.0, 10.0))
+    plain, inflated = (words(mixed.export(inflation=factor)) for factor in (1.0, 10.0))
     told = [text[text.index("UPPER LIMIT") : text.index(" rostopic")] for text in (plain, inflated)]
     assert told[0] == told[1]
 
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_mean_with_a_limit_names_the_axes(mixed, format):
-    said = words(export(mixed, format=format, axes="mean"))
+    said = words(mixed.export(format=format, axes="mean"))
     assert "K of the gyroscopes is a root mean square with the upper limit of gyro_z, whose data" in said
     assert "K of the accelerometers is a root mean square with the upper limit of accel_x, whose data" in said
     assert re.search(r"in m/s\^2/sqrt\(s\): accel_x <= \S+, accel_y 1.41e-04 \(measured\), accel_z", said)
@@ -110,7 +109,7 @@ def test_a_mean_with_a_limit_names_the_axes(mixed, format):
 
 
 def test_limits_of_all_axes_and_of_some_are_told_apart():
-    said = words(export(calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"})))
+    said = words(calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"}).export())
     assert (
         "K of the accelerometers. The data cannot tell it from zero; they only say that it is not larger (97.5 %, "
     ) in said
@@ -119,7 +118,7 @@ def test_limits_of_all_axes_and_of_some_are_told_apart():
 
 @pytest.mark.parametrize("format", PER_AXIS)
 def test_each_axis_has_its_own(mixed, format):
-    said = words(export(mixed, format=format, axes="each"))
+    said = words(mixed.export(format=format, axes="each"))
     assert "UPPER LIMIT, not a measured value: K of gyro_z, K of accel_x. The data cannot tell these from zero;" in said
     assert "Axis by axis" not in said
 
@@ -129,15 +128,13 @@ RATE = 200.00116000672804
 
 @pytest.mark.parametrize("format", sorted(f for f in CONSUMERS if "rate" in find_exporter(f).takes))
 def test_rates_have_six_digits_and_numbers_the_rate_itself(units, format):
-    text = export(units["quantized"], format=format, rate=RATE)
+    text = units["quantized"].export(format=format, rate=RATE)
     assert "200.0011" not in text
     has_none = format in ("gtsam", "gtsam-python", "liosam")
     assert len(re.findall(r"\b200\.001\b", text)) == (0 if has_none else 1)
     if format in ("vins", "fastlio"):
         key, power = {"vins": ("acc_n", 0.5), "fastlio": ("acc_cov", 1.0)}[format]
-        ratio = [
-            float(re.search(rf"{key}: (\S+)", one)[1]) for one in (text, export(units["quantized"], format=format))
-        ]
+        ratio = [float(re.search(rf"{key}: (\S+)", one)[1]) for one in (text, units["quantized"].export(format=format))]
         assert ratio[0] / ratio[1] == pytest.approx((RATE / 200.0) ** power, rel=1e-6)
 
 
@@ -148,7 +145,7 @@ def test_json_keeps_all_digits_of_a_rate(units):
     told = replace(
         calibration, axes={**calibration.axes, "gyro_x": replace(found, fit=replace(found.fit, wavelet_variance=wave))}
     )
-    assert json.loads(export(told, format="json"))["axes"]["gyro_x"]["rate"] == RATE
+    assert json.loads(told.export(format="json"))["axes"]["gyro_x"]["rate"] == RATE
 
 
 def test_all_at_once_has_them_too(bad, tmp_path):
@@ -161,6 +158,6 @@ def test_all_at_once_has_them_too(bad, tmp_path):
 
 def test_a_ramp_in_matrices_is_told():
     drifting = {**TRUTHS["no-walk"], "gyro_z": "WN(sigma2=1e-6) + DR(omega=1e-6)"}
-    said = words(export(calibrated(drifting, "WN + DR"), format="state-space"))
+    said = words(calibrated(drifting, "WN + DR").export(format="state-space"))
     assert "CAUTION: DR of gyro_z: the ramp of this recording, known without error here (P0 = 0)." in said
-    assert "P0 = 0" not in words(export(calibrated(TRUTHS["no-walk"], "WN + RW"), format="state-space"))
+    assert "P0 = 0" not in words(calibrated(TRUTHS["no-walk"], "WN + RW").export(format="state-space"))

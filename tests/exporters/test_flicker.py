@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from gmwm import GM, export, export_formats
+from gmwm import GM
 from gmwm.errors import MissingTheoryError
+from gmwm.exporters import export_formats
 
 from .conftest import RATE, SAMPLES, calibrated
 from .consumers import CONSUMERS
@@ -34,7 +35,7 @@ OTHERS = ("matlab", "kfgins", "gazebo")
 
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(OTHERS)))
 def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
-    text = export(unit, format=format, horizon=2.0)
+    text = unit.export(format=format, horizon=2.0)
     read = CONSUMERS[format](text)
     for sensor, b2 in B2.items():
         assert read[sensor][1] == pytest.approx(math.sqrt(3 * FLAT * b2 / 2.0), rel=1e-4)
@@ -48,7 +49,7 @@ def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
 
 @pytest.mark.parametrize("format", ["kfgins", "gazebo"])
 def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
-    text = export(unit, format=format, horizon=2.0)
+    text = unit.export(format=format, horizon=2.0)
     time = SAMPLES / RATE
     for sensor, b2 in B2.items():
         bias = GM(beta=1 / time, sigma2=float(np.max(CONSUMERS[format](text)[sensor][1])) ** 2 * time / 2)
@@ -57,7 +58,7 @@ def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
 
 
 def test_matlab_has_a_parameter_for_it(unit):
-    text = export(unit, format="matlab", inflation=2.0)
+    text = unit.export(format="matlab", inflation=2.0)
     code = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
     for maker, b2 in (("gyroparams", B2["gyro"]), ("accelparams", B2["accel"])):
         call = code[code.index(maker) :]
@@ -84,14 +85,14 @@ def test_the_filter_of_matlab_holds_flicker_noise_as_long_as_is_said():
 
 
 def test_ros_leaves_it_out_and_says_so(unit):
-    assert "Flicker and power-law noise have none either, and are left out too." in words(export(unit, format="ros"))
+    assert "Flicker and power-law noise have none either, and are left out too." in words(unit.export(format="ros"))
 
 
 def test_matrices_name_the_axis_and_the_way_out(unit):
     with pytest.raises(
         MissingTheoryError, match=r"gyro_x: FN has no state space .* Gauss-Markov processes in its place"
     ):
-        export(unit, format="state-space")
-    assert '"matrices": null' in export(unit, format="json")
+        unit.export(format="state-space")
+    assert '"matrices": null' in unit.export(format="json")
     for format in set(export_formats()) - {"state-space"}:
-        assert export(unit, format=format)
+        assert unit.export(format=format)

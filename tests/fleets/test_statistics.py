@@ -188,7 +188,7 @@ def test_healthy_units_raise_an_alarm_as_seldom_as_said(n, ends):
 
 
 def test_a_fleet_of_many_numbers_raises_no_more():
-    alarms = [bool(fleet_statistics(fleet(10, seed=seed)).outliers) for seed in range(25)]
+    alarms = [bool(fleet_statistics(fleet(10, rng=seed)).outliers) for seed in range(25)]
     # The size is 5 %: of 25 fleets 6 or more would come by chance once in a thousand times.
     assert sum(alarms) < 6
 

@@ -28,57 +28,7 @@ def export(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> str:
-    """The noise of a unit as another program reads it: as text, and in a file where `path` is given.
-
-    Most programs know two numbers of a sensor, white noise N and a random walk K of the bias. They are those of
-    `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β of the terms correlated for less than the horizon, K_eff² = K² +
-    Σ 2βσ²_GM of the others. Where the model has nothing of the kind, or the data cannot tell it from zero, the file has
-    the upper limit that the data give in the model with such a term, and says that it is one: never a zero, and never
-    a made-up value. The head of each file says units, continuous or discrete, axes, inflation, horizon, models, source.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    path : path, optional
-        Written whole or not at all.
-    format : str
-        One of `export_formats()`.
-    axes : "worst", "mean" or "each", optional
-        Of the axes of a sensor the largest, the root mean square, or one for each where the format takes such; by
-        default the largest for filters, each for simulators and messages.
-    inflation : float
-        Factor on standard deviations and densities; variances grow by its square.
-    horizon : float
-        How long (s) the consumer relies on the sensor alone.
-    rate : float, optional
-        Samples per second (Hz) that the consumer will get; that of the recording by default.
-
-    Returns
-    -------
-    str
-        The text of the file.
-
-    Raises
-    ------
-    OptionError
-        If an option is not one of those it may be, or has no meaning for the format.
-    DataError
-        If a sensor that the consumer needs was not calibrated, or the data do not even bound a number.
-    MissingTheoryError
-        If the theory of a process in a model does not suffice.
-
-    Examples
-    --------
-    >>> import gmwm
-    >>> truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_x": "WN(sigma2=2e-5)"}
-    >>> imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=1)
-    >>> text = export(gmwm.calibrate(imu, "WN + RW"), format="kalibr")
-    >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
-    ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',
-     'update_rate: 100.0  # Hz']
-    >>> "UPPER LIMIT, not a measured value: K of the accelerometers." in text
-    True
-    """
+    """The noise of a unit in the format of another program: see `Calibration.export`."""
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
     options = _options(exporter, given)

@@ -67,7 +67,7 @@ class Exporter(ABC):
     Attributes
     ----------
     name : str
-        For `gmwm.export(…, format=)`.
+        For `calibration.export(…, format=)`.
     title : str
         What the file is for, in words.
     extension : str
