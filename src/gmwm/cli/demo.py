@@ -15,6 +15,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.cli.calibrate import calibrated, calibration_files, failures
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
+from gmwm.cli.options import Json
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def demo(
         "demo-output"
     ),
     seed: Annotated[int, typer.Option(help="Another seed is another recording of the same unit.", min=0)] = 2018,
+    json: Json = False,
 ) -> Outcome:
     """Simulate a six-axis IMU, write it to a file, calibrate it from that file, and compare with the truth.
 
@@ -48,14 +50,16 @@ def demo(
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
     imu = _simulated(truth, seed, file)
-    begin = (
-        f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n"
-    )
+    # It takes a minute: what is known is printed at once.
+    say = _silent if json else print
+    say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n")
     with progress(f"reading {file}"):
         imu = read(file)
     with progress("inspecting"):
         inspection = inspect(imu)
+    say(inspection.summary() + "\n")
     found = calibrated(imu, CalibrationOptions()).of_file(file)
+    say(found.summary())
     rows, kalibr = _comparison(truth, found), kalibr_file(found, output)
     files = (*calibration_files(found, output), *kalibr.files, _allan(found, output))
     return Outcome(
@@ -64,7 +68,7 @@ def demo(
             "file": str(file), "seed": seed, "comparison": rows, "calibration": found.to_dict(),
             "inspection": inspection.to_dict(), "written": [str(file), *file_names(files)],
         },
-        text="\n".join([begin, inspection.summary() + "\n", found.summary(), _comparison_text(rows, truth, found)]),
+        text=_comparison_text(rows, truth, found),
         files=files,
         together=True,
         obsolete=kalibr.obsolete,
@@ -84,6 +88,10 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     with progress(f"writing {file}"):
         write(imu, file)
     return imu
+
+
+def _silent(_: str) -> None:
+    """In place of `print` where stdout is for JSON alone."""
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
