@@ -17,8 +17,8 @@ _OTHERS = {"axes": "--axis"}
 def option_of(argument: str) -> str:
     """The option for an argument of the library.
 
-    >>> option_of("in_pieces"), option_of("axes")
-    ('--in-pieces', '--axis')
+    >>> option_of("chunked"), option_of("axes")
+    ('--chunked', '--axis')
     """
     return _OTHERS.get(argument, f"--{argument.replace('_', '-')}")
 

@@ -153,7 +153,7 @@ def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
     ):
         for sentence in sentences:
             warnings.warn(f"{file}: {sentence}", category, stacklevel=3)
-    if options.stretches is not None:
+    if options.ranges is not None:
         imu = cut(imu, options.start, options.stop, options.skip)
     return imu.longest() if options.gaps == "longest" else imu
 

@@ -47,7 +47,7 @@ HEAD = 1 << 18
 """Rows at least by which units, rate and time stamps are understood, if there are as many."""
 
 CHUNK = 1_000_000
-"""Samples in a piece, if no other number is asked for."""
+"""Samples in a chunk, if no other number is asked for."""
 LARGE = 300_000_000
 """Bytes of a file from which on commands and fleets read it in chunks."""
 
@@ -320,9 +320,7 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     found = understand(layout, choice, head, path=file, options=options)
     tell(found, file)
     origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
-    return Stream(
-        source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
-    )
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges)
 
 
 def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
@@ -359,7 +357,7 @@ def understand(
     path: Path,
     options: ReadOptions,
 ) -> Interpretation:
-    """Interpret the columns and time stamps of a recording by its first rows."""
+    """Interpret the columns and time stamps of a recording by its first rows and the options of reading."""
     rate, units, integrals = options.rate, options.units, options.integrals
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
