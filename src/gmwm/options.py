@@ -72,8 +72,8 @@ class ReadOptions:
             object.__setattr__(self, name, value)
 
     @property
-    def stretches(self) -> list[tuple[float, float]] | None:
-        """The stretches of time (s) that start, stop and skip keep; None if all three have their defaults."""
+    def ranges(self) -> list[tuple[float, float]] | None:
+        """The ranges of time (s) that start, stop and skip keep; None if all three have their defaults."""
         if self.start is None and self.stop is None and not self.skip:
             return None
         return kept_ranges(self.start, self.stop, self.skip)

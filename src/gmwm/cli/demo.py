@@ -16,6 +16,7 @@ from gmwm.calibration.summary_text import summary
 from gmwm.cli.calibrate import calibrated, calibration_files
 from gmwm.cli.command import command
 from gmwm.cli.export import kalibr_file
+from gmwm.cli.options import Json
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
 from gmwm.inspection.result import text as inspection_text
 from gmwm.remarks import Dialect
@@ -39,6 +40,7 @@ def demo(
         "demo-output"
     ),
     seed: Annotated[int, typer.Option(help="Another seed is another recording of the same unit.", min=0)] = 2018,
+    json: Json = False,
 ) -> Outcome:
     """Simulate a six-axis IMU, write it to a file, calibrate it from that file, and compare with the truth.
 
@@ -51,14 +53,16 @@ def demo(
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
     imu = _simulated(truth, seed, file)
-    begin = (
-        f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n"
-    )
+    # It takes a minute: what is known is printed at once.
+    say = _silent if json else print
+    say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n")
     with progress(f"reading {file}"):
         imu = read(file)
     with progress("inspecting"):
         inspection = inspect(imu)
+    say(inspection_text(inspection, Dialect.SHELL) + "\n")
     found = calibrated(imu, CalibrationOptions()).of_file(file)
+    say(summary(found, Dialect.SHELL))
     rows, kalibr = _comparison(truth, found), kalibr_file(found, output)
     files = (*calibration_files(found, output), *kalibr.files, _allan(found, output))
     return Outcome(
@@ -67,10 +71,7 @@ def demo(
             "file": str(file), "seed": seed, "comparison": rows, "calibration": found.to_dict(),
             "inspection": inspection.to_dict(), "written": [str(file), *file_names(files)],
         },
-        text="\n".join([
-            begin, inspection_text(inspection, Dialect.SHELL) + "\n", summary(found, Dialect.SHELL),
-            _comparison_text(rows, truth, found),
-        ]),
+        text=_comparison_text(rows, truth, found),
         files=files,
         together=True,
         obsolete=kalibr.obsolete,
@@ -89,6 +90,10 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     with progress(f"writing {file}"):
         imu.write(file)
     return imu
+
+
+def _silent(_: str) -> None:
+    """In place of `print` where stdout is for JSON alone."""
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:

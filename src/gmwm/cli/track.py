@@ -122,9 +122,7 @@ def track(
         files.append(NewFile(output, partial(_write, tracks, label), f"writing {output.name}"))
     if plot is not None:
         first = next(iter(tracks.values()))
-        files.append(
-            NewFile(plot, partial(_draw, first, label, level=confidence, datasheet=datasheet), f"drawing {plot.name}")
-        )
+        files.append(NewFile(plot, partial(_draw, first, label, confidence, datasheet), f"drawing {plot.name}"))
     axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
     parts = [
         tracks_text(name, models[name], found=found, level=confidence, datasheet=datasheet)

@@ -102,7 +102,7 @@ def _measured(
     scheduler: str | None,
     workers: int | None,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis, of a recording in memory or in pieces; cautions are told."""
+    """The wavelet variance of each axis, of a recording in memory or in chunks; cautions are told."""
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes
     from gmwm.readers.streams import Stream

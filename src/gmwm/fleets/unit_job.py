@@ -34,13 +34,13 @@ _WARNINGS = threading.Lock()
 class UnitOptions:
     """Options of every unit: how its recording is read, and how it is calibrated."""
 
-    options: CalibrationOptions
+    calibration: CalibrationOptions
     reading: ReadOptions
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, lists and texts, as JSON gives them back."""
-        axes = None if self.options.wanted is None else list(self.options.wanted)
-        return {"settings": self.options.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
+        axes = None if self.calibration.wanted is None else list(self.calibration.wanted)
+        return {"settings": self.calibration.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # before it is read: what changes from here on is seen next time
     recording, warned = _read(path, options.reading)
-    found = calibrate_recording(recording, options.options, threads=job.threads).of_file(path)
+    found = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
     new = tuple(remark for remark in warned if remark not in found.recording_remarks)
     found = replace(found, recording_remarks=(*found.recording_remarks, *new))
     return found, {**stamp, **options.to_dict()}

@@ -49,7 +49,7 @@ HEAD = 1 << 18
 1 ms give the rate to better than 1e-6 of itself."""
 
 CHUNK = 1_000_000
-"""Samples in a piece, if no other number is asked for."""
+"""Samples in a chunk, if no other number is asked for."""
 LARGE = 300_000_000
 """Size of a file (bytes) from which commands and fleets stream it. It is a choice: smaller files fit into the memory of
 any computer together with the copies that an estimate needs."""
@@ -325,9 +325,7 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     found = understand(layout, choice, head, path=file, options=options)
     warn(found.remarks, stacklevel=3)
     origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
-    return Stream(
-        source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
-    )
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges)
 
 
 def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
