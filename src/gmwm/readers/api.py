@@ -141,7 +141,7 @@ def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
     signals = _signals(layout, choice, raw=raw, scales=scales, time=time)
     imu = Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=temperature)
     warn(remarks, stacklevel=3)
-    if options.stretches is not None:
+    if options.ranges is not None:
         imu = cut(imu, options.start, options.stop, options.skip)
     return imu.longest() if options.gaps == "longest" else imu
 
