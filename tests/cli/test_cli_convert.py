@@ -67,12 +67,19 @@ def test_a_temperature_that_is_left_out_is_told(gmwm, tmp_path):
 def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_path):
     out = tmp_path / "a.imu"
     cases = {
-        "pass --format 'imu:LN200' or --format 'imu:LN200IG'": (survey, tmp_path / "a.csv"),
-        "needs the type of its records; pass --to, one of imu:IMAR": (survey, out, "--format", "imu:LN200"),
+        "with --format; these fit: imu:LN200 and imu:LN200IG": (survey, tmp_path / "a.csv"),
+        "needs the type of its records. Pass --to, one of imu:IMAR": (survey, out, "--format", "imu:LN200"),
         "--to must be one of imu:IMAR": (survey, out, "--format", "imu:LN200", "--to", "imu:X"),
-        "--to is for .imu files alone": (survey, tmp_path / "a.csv", "--format", "imu:LN200", "--to", "imu:IMAR"),
+        "--to must be left out for a file other than .imu": (
+            survey,
+            tmp_path / "a.csv",
+            "--format",
+            "imu:LN200",
+            "--to",
+            "imu:IMAR",
+        ),
         "no gyro_y, gyro_z": (unlabelled, out, "--rate", 50, "--units", "gyro=deg/s", "--to", "imu:IMAR"),
-        "path must end in .csv, .parquet or .imu, got 'a.xlsx'": (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR"),
+        "path that ends in .csv, .parquet or .imu; got 'a.xlsx'": (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR"),
         "OUT must be another file than FILE": (survey, survey, "--format", "imu:LN200", "--to", "imu:LN200"),
         "format must be one of": (survey, out, "--format", "imu"[:2]),
         "does not exist": (tmp_path / "none.csv", out),

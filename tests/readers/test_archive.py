@@ -155,7 +155,7 @@ def test_cut_anywhere(tmp_path):
 def test_bombs(tmp_path, monkeypatch):
     head = "t [s],gx [rad/s]\n"
     path = zipped(tmp_path, log=head + "0,1\n" * (32 << 20))
-    with pytest.raises(ReadError, match="which no recording does"):
+    with pytest.raises(ReadError, match=r"log.csv unpacks from .* MB to 67 MB or more"):
         read(path)
     path = zipped(tmp_path, log=head + "1" * (80 << 20))
     monkeypatch.setattr(byte_sources, "MAX_RATIO", 10**6)
@@ -177,5 +177,5 @@ def test_what_cannot_be_unpacked_and_what_holds_nothing(tmp_path):
     with raises(ReadError, "Metadata.csv, b.csv", advises=["columns="]):
         read(zipped(tmp_path, Metadata=METADATA, b="a,b\n1,2\n"))
     path.write_bytes(b"PK\x03\x04 and nothing else")
-    with pytest.raises(ReadError, match="no complete zip archive"):
+    with pytest.raises(ReadError, match="not a complete zip archive"):
         read(path)

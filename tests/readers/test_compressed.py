@@ -75,13 +75,13 @@ def test_a_bomb_is_not_unpacked(tmp_path, suffix):
         content = packed.getvalue()
     else:
         content = zstd_library().compress(line * 40)
-    with pytest.raises(ReadError, match="which no recording does"):
+    with pytest.raises(ReadError, match=r"unpacks from .* MB to .* MB or more"):
         read(saved(tmp_path, content, suffix), columns=["time", "gyro_x", None], units={"gyro": "rad/s", "time": "s"})
 
 
 @pytest.mark.parametrize("suffix", PACK)
 def test_what_is_packed_is_no_text(tmp_path, suffix):
-    with pytest.raises(ReadError, match="no text when unpacked"):
+    with pytest.raises(ReadError, match="not text when unpacked"):
         read(saved(tmp_path, PACK[suffix](bytes(range(256)) * 9), suffix))
     with pytest.raises(ReadError, match="is empty when unpacked"):
         read(saved(tmp_path, PACK[suffix](b""), suffix))

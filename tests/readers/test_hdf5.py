@@ -86,7 +86,7 @@ def test_nothing_outside_the_file_is_followed(path, tmp_path):
 def test_a_promise_of_numbers_that_are_not_there(path):
     with h5py.File(path, "w") as file:
         file.create_dataset("gyro", (10**9, 3), "f8", chunks=(1000, 3), compression="gzip")[:5] = 1.0
-    with pytest.raises(ReadError, match="which no recording does"):
+    with pytest.raises(ReadError, match=r"a.h5:gyro unpacks from .* MB to 24000 MB or more"):
         read(path, rate=1)
 
 
@@ -110,7 +110,7 @@ def test_cut_anywhere_and_flipped(path):
 def test_mislabelled_and_without_the_library(path, monkeypatch):
     path.write_text("time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
     assert len(read(path)) == 20
-    with pytest.raises(ReadError, match="no complete HDF5 file"):
+    with pytest.raises(ReadError, match="not a complete HDF5 file"):
         read(path, format="hdf5")
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'gmwm\[hdf5\]'"):

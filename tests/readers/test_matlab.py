@@ -109,7 +109,7 @@ def test_a_bomb_is_not_unpacked(tmp_path):
     packed = zlib.compress(bytes(256 << 20), 9)
     path = saved(tmp_path, "5", gyro=VALUES[:, :3])
     path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
-    with pytest.raises(ReadError, match="which no recording does"):
+    with pytest.raises(ReadError, match=r"unpacks from .* MB to 67 MB or more"):
         read(path, rate=1)
 
 
@@ -119,5 +119,5 @@ def test_nothing_in_it_and_mislabelled(tmp_path):
     path = tmp_path / "b.mat"
     path.write_text("time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
     assert len(read(path)) == 20
-    with pytest.raises(ReadError, match="no complete MATLAB file"):
+    with pytest.raises(ReadError, match="not a complete MATLAB file"):
         read(path, format="matlab")

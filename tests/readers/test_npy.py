@@ -90,7 +90,7 @@ def test_pickles_are_not_opened(tmp_path):
             return (pytest.fail, ("a pickle was opened",))
 
     np.save(tmp_path / "a.npy", np.array([Trap()], object), allow_pickle=True)
-    with pytest.raises(ReadError, match="Python objects, which are not opened"):
+    with pytest.raises(ReadError, match="Python objects, which are not read"):
         read(tmp_path / "a.npy", rate=1)
     (tmp_path / "b.npy").write_bytes(pickle.dumps(Trap()))
     with pytest.raises(ReadError, match="none of the formats"):
@@ -138,7 +138,7 @@ def test_the_content_decides_and_a_wrong_name_is_told(tmp_path):
     assert len(read(tmp_path / "a.csv", rate=1, units=UNITS)) == 60
     (tmp_path / "b.npy").write_text("time [s],gx [rad/s]\n" + "".join(f"{k},{k % 3}\n" for k in range(20)))
     assert len(read(tmp_path / "b.npy")) == 20
-    for format, says in (("npy", "no complete NumPy file"), ("npz", "no complete zip archive")):
+    for format, says in (("npy", "not a complete NumPy file"), ("npz", "not a complete zip archive")):
         with pytest.raises(ReadError, match=says):
             read(tmp_path / "b.npy", format=format)
 

@@ -54,14 +54,14 @@ def test_errors(tmp_path):
         read(saved(tmp_path, **{"gyro_x [rad/s]": np.empty(0)}), rate=1)
     whole = saved(tmp_path, **{"gyro_x [rad/s]": NOISE}).read_bytes()
     (tmp_path / "cut.parquet").write_bytes(whole[:-30])
-    with pytest.raises(ReadError, match=r"no complete Parquet file .*was it copied whole"):
+    with pytest.raises(ReadError, match=r"not a complete Parquet file .*Copy the file again"):
         read(tmp_path / "cut.parquet", rate=1)
 
 
 def test_numbers_beyond_int64_are_told(tmp_path):
     frame = pl.DataFrame({"time": pl.Series([1, 2, 2**63 + 5], dtype=pl.UInt64), "gyro_x": [0.1, 0.2, 0.3]})
     frame.write_parquet(tmp_path / "big.parquet")
-    with pytest.raises(ReadError, match="beyond 2\\^63"):
+    with pytest.raises(ReadError, match="'time' holds integers above 2⁶³"):
         read(tmp_path / "big.parquet", units={"gyro": "rad/s"})
 
 

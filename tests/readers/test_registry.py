@@ -57,7 +57,7 @@ def test_a_format_carries_units_increments_rate_and_remarks(tmp_path, increments
     np.testing.assert_allclose(imu["accel_y"].values, np.arange(12) * 2 * 9.80665, rtol=1e-15)
     assert imu.remarks[0] == Remark.of("layout-known", format="made up")
     path.write_text("INCR imu0 imu1")
-    with pytest.raises(ReadError, match=r"holds 2 recordings, expected one; choose one with topic=: imu0 .*, imu1 "):
+    with pytest.raises(ReadError, match=r"holds 2 recordings: imu0 .*, imu1 .*topic="):
         read(path)
 
 

@@ -251,7 +251,7 @@ def test_what_is_not_read_says_why_and_the_way_out(tmp_path, kind):
         ("NaT", "line 42: column 'time' holds 'NaT', expected a time as in the first row"),
         ("12:00:05.000", "line 42: .* expected a time as in the first row"),
         ("2024-05-02T00:00:00.000", "line 42: .* without an offset from UTC, unlike the first row"),
-        ("2024-02-30T00:00:00.000Z", "line 42: .* a time that does not exist; repair or remove the line"),
+        ("2024-02-30T00:00:00.000Z", "line 42: .* a time that does not exist.*Repair or remove the line"),
         ("1714564800", "line 42: .* expected a time as in the first row"),
     ],
 )
@@ -434,7 +434,7 @@ def test_a_name_for_a_date_and_a_time_parted_by_a_blank(tmp_path, head):
 
 def test_a_comma_before_the_fraction_that_parts_columns_too(tmp_path):
     path = saved(tmp_path, [iso(t, 3, " ", point=",") for t in clock("regular").tolist()])
-    with pytest.raises(ReadError, match=r"line 2: .*a comma before the fraction .*55,000'.*write a point.*quotes"):
+    with pytest.raises(ReadError, match=r"line 2: .*a comma before the fraction .*55,000'.*Write a point.*quotes"):
         read(path)
 
 
@@ -448,7 +448,7 @@ def test_in_parquet_as_text_and_as_dates(tmp_path):
         pl.DataFrame({"time [s]": column, **axes}).write_parquet(path)
         assert known_of(path) == expected
     pl.DataFrame({"time": [*cells[:700], "NaT", *cells[701:]], **axes}).write_parquet(path)
-    with pytest.raises(ReadError, match=r"column 'time' holds 'NaT', expected .* in row 701; repair it"):
+    with pytest.raises(ReadError, match=r"column 'time' holds 'NaT', expected .* in row 701.*Repair"):
         read(path)
     pl.DataFrame({"time": [cell[11:23] for cell in cells], **axes}).write_parquet(path)
     with pytest.raises(ReadError, match="holds String, expected numbers"):

@@ -57,7 +57,7 @@ class ImrReader(Reader):
         dtype = record("i4", header.order)
         whole_records(path, dtype, _HEADER_BYTES)
         advice = "Check the byte order in its header, the ninth byte: 0 is little-endian, 1 is big-endian."
-        require_times(path, dtype, _HEADER_BYTES, advice)
+        require_times(path, dtype, _HEADER_BYTES, advice=advice)
         channels = record_channels(("deg/s", "m/s²"), header.scales, header.increments)
         return (Layout(channels, rate=header.rate, remarks=(*header.remarks, *_rate(path, header)), state=header),)
 

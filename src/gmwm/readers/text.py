@@ -355,8 +355,8 @@ class _Parser:
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
             f"{what_is_wrong(cell, self.stamps[column])}",
-            advice=_advice(block, line, number)
-            + " Or leave the column out with {--columns=time:none} and pass {--rate}.",
+            advice=_advice(block, line, number).removesuffix(".")
+            + ", or leave the column out with {--columns=time:none} and pass {--rate}.",
         )
 
     def _name(self, column: int) -> str:

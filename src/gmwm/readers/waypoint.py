@@ -219,7 +219,7 @@ def _layout(path: Path, kind: RecordType, name: str) -> Layout:
         head = file.read(HEAD_BYTES)
     others = [other for other in _fitting(head) if other.dtype != kind.dtype]
     advice = "Records of the other size fit; name their type with {--format}, one of {formats}." if others else ""
-    require_times(path, kind.dtype, 0, advice, _formats(others))
+    require_times(path, kind.dtype, advice=advice, formats=_formats(others))
     whole_records(path, kind.dtype)
     remarks: list[Remark] = []
     if not _heavy(head, kind):
