@@ -1,4 +1,4 @@
-"""From a calibration to the files that others read."""
+"""Write the noise of a calibrated unit as files for other programs."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ def export(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> str:
-    """The noise of a unit as another program reads it: as text, and in a file where `path` is given.
+    """Export the noise of a calibrated unit in the format of another program.
 
-    Most programs know two numbers of a sensor, white noise N and a random walk K of the bias. They are those of
-    `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β of the terms correlated for less than the horizon, K_eff² = K² +
-    Σ 2βσ²_GM of the others. Where the model has nothing of the kind, or the data cannot tell it from zero, the file has
-    the upper limit that the data give in the model with such a term, and says that it is one: never a zero, and never
-    a made-up value. The head of each file says units, continuous or discrete, axes, inflation, horizon, models, source.
+    Most programs have two parameters for a sensor, white noise N and a random walk K of the bias. The file has the
+    numbers of `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β of the terms with a correlation time below the horizon, and
+    K_eff² = K² + Σ 2βσ²_GM of the others. If the model has no such noise, or the data do not distinguish it from zero,
+    the file has its upper limit and marks it as one; it never has a zero or an assumed value. The head of each file
+    states the units, continuous or discrete numbers, the axes, the inflation, the horizon, the models and the source.
 
     Parameters
     ----------
     calibration : Calibration
     path : path, optional
-        Written whole or not at all.
+        File to write; an error leaves an existing file unchanged.
     format : str
         One of `export_formats()`.
     axes : "worst", "mean" or "each", optional
-        Of the axes of a sensor the largest, the root mean square, or one for each where the format takes such; by
-        default the largest for filters, each for simulators and messages.
+        How the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis if
+        the format allows it. The default is the largest for filters, and each for simulators and messages.
     inflation : float
-        Factor on standard deviations and densities; variances grow by its square.
+        Factor for standard deviations and densities; variances grow by its square.
     horizon : float
-        How long (s) the consumer relies on the sensor alone.
+        Time (s) over which the consumer relies on the sensor alone.
     rate : float, optional
-        Samples per second (Hz) that the consumer will get; that of the recording by default.
+        Sampling rate (Hz) of the consumer; by default that of the recording.
 
     Returns
     -------
@@ -61,11 +61,11 @@ def export(
     Raises
     ------
     OptionError
-        If an option is not one of those it may be, or has no meaning for the format.
+        If an option has an invalid value, or the format does not use it.
     DataError
-        If a sensor that the consumer needs was not calibrated, or the data do not even bound a number.
+        If a sensor that the consumer needs was not calibrated, or the data do not determine an upper limit.
     MissingTheoryError
-        If the theory of a process in a model does not suffice.
+        If a process of a model does not define the theory that the format needs.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def export(
     >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
     ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',
      'update_rate: 100.0  # Hz']
-    >>> "UPPER LIMIT, not a measured value: K of the accelerometers." in text
+    >>> "UPPER LIMIT, not a measured value: K of the accelerometers" in text
     True
     """
     exporter = find_exporter(format)
@@ -84,8 +84,8 @@ def export(
     settings = _settings(exporter, given)
     for name, value in given.items():
         if name not in exporter.takes and value != _DEFAULTS[name]:
-            takes = f"it takes {', '.join(sorted(exporter.takes))}" if exporter.takes else "it takes no options"
-            raise OptionError(f"{name} has no meaning for {format!r}: {takes}")
+            used = ", ".join(sorted(exporter.takes)) or "none of these options"
+            raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
     text = exporter.export(calibration, settings)
     if path is not None:
         write_text(path, text)
@@ -101,22 +101,22 @@ def export_all(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:
-    """Every format, in a file of its name each; options are used where they have a meaning.
+    """Export a calibration in every format; each format uses the options that apply to it.
 
     Parameters
     ----------
     calibration, axes, inflation, horizon, rate
-        As for `export`. "each" is taken for "worst" where a format has one number for a sensor.
+        As for `export`. For `axes="each"`, formats with one number for a sensor use their default.
     folder : path
-        A directory that is there.
+        An existing folder. Each file has the name of its format.
 
     Returns
     -------
     mapping of format to Path, mapping of format to str
-        What was written, and why others were not.
+        The files, and the reason for each format that was not written.
     """
     written: dict[str, Path] = {}
-    left: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     for exporter in registered():
         given: dict[str, Any] = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
         given = {name: value if name in exporter.takes else _DEFAULTS[name] for name, value in given.items()}
@@ -126,16 +126,16 @@ def export_all(
         try:
             text = exporter.export(calibration, settings)
         except (DataError, MissingTheoryError) as error:
-            left[exporter.name] = str(error)
+            reasons[exporter.name] = str(error)
             continue
         target = Path(folder) / f"{exporter.name}{exporter.extension}"
         write_text(target, text)
         written[exporter.name] = target
-    return written, left
+    return written, reasons
 
 
 def export_formats() -> dict[str, str]:
-    """The formats that `export` writes: name and what it is for.
+    """Return the formats that `export` writes: the name and the program of each.
 
     >>> export_formats()["kalibr"]
     'Kalibr (imu.yaml)'
@@ -149,7 +149,7 @@ _DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZ
 def _settings(exporter: Exporter, given: Mapping[str, Any]) -> Settings:
     axes, inflation, rate = given["axes"], given["inflation"], given["rate"]
     if axes is not None and axes not in RULES:
-        raise OptionError(f"axes must be one of {', '.join(map(repr, RULES))}; got {axes!r}")
+        raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
     return Settings(
         exporter.default_axes if axes is None else axes,
         _positive("inflation", inflation),
@@ -160,5 +160,5 @@ def _settings(exporter: Exporter, given: Mapping[str, Any]) -> Settings:
 
 def _positive(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise OptionError(f"{name} must be a positive number, got {value!r}")
+        raise OptionError(argument=name, expected="a positive number", got=value)
     return float(value)
