@@ -23,8 +23,8 @@ from gmwm.variance.result import WaveletVariance
 HUGE = 10.0
 """Excess from which on text states it as a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
-"""Levels with at most this many degrees of freedom M_j / 2^j are not tested: the tail of the distribution of the ratio is
-not known well enough there (docs/validation/contamination-test.md)."""
+"""Levels with at most this many degrees of freedom M_j / 2^j are not tested: the tail of the distribution of the ratio
+is not known well enough there (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
 """Shares of zero coefficients above which a level, or every level, is not tested.
 

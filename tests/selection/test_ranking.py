@@ -200,8 +200,12 @@ def test_the_same_seed_gives_the_same_ranking(wv, ranking):
 
 
 def test_signal_array_and_wavelet_variance_are_one(wv, ranking):
-    for again in (gmwm.select(GENERAL, simulated(), RATE), gmwm.select(GENERAL, [wv])):
+    signal = gmwm.Signal(simulated(), RATE, "rad/s", "gyro_x")
+    for again in (gmwm.select(GENERAL, signal), gmwm.select(GENERAL, [wv])):
         assert again.to_dict() == ranking.to_dict()
+    array = gmwm.select(GENERAL, simulated(), RATE)
+    assert array.remarks == tuple(remark.about("") for remark in ranking.remarks)
+    assert {**array.to_dict(), "remarks": []} == {**ranking.to_dict(), "remarks": []}
 
 
 def test_what_is_held_is_in_every_candidate(wv):

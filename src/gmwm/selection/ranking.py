@@ -240,13 +240,12 @@ class Ranking:
         ]
         head, rows = self.table(limit)
         widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-        texts = {0, 1, len(head) - 1}
+        left = {0, 1, len(head) - 1}
         for row in [head, *rows]:
-            cells = [v.ljust(w) if k in texts else v.rjust(w) for k, (v, w) in enumerate(zip(row, widths, strict=True))]
+            cells = [v.ljust(w) if k in left else v.rjust(w) for k, (v, w) in enumerate(zip(row, widths, strict=True))]
             lines.append("  ".join(cells).rstrip())
-        left = len(self.distinct) - len(rows)
-        if left:
-            lines.append(f"… and {left} more")
+        if more := len(self.distinct) - len(rows):
+            lines.append(f"… and {more} more")
         lines += ["* recommended, = as good as the best model", ""]
         remarks = texts(remark.about("") for remark in self.remarks)
         return "\n".join([*lines, *(part for text in remarks for part in wrap(text, WIDTH, subsequent_indent="  "))])
