@@ -15,7 +15,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench docs pictures validate lint cpp-test wheel format vendor clean
+.PHONY: help demo test bench docs stub pictures validate lint cpp-test wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -23,7 +23,7 @@ help: ## list these commands
 demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
 	$(BIN)/gmwm demo --output demo-output
 
-test: lint cpp-test ## everything that guards main: lint, types, floors, C++ tests, Python tests
+test: lint cpp-test ## everything that guards main: lint, types, layers, C++ tests, Python tests
 	$(BIN)/python -m pytest -n logical --dist loadfile
 
 bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
@@ -34,13 +34,16 @@ docs: $(VENV)/.dev ## build the site of the documentation, strictly, into build/
 	@echo "build/docs/index.html"
 	$(if $(OPEN),@$(BIN)/python -m webbrowser "file://$(CURDIR)/build/docs/index.html")
 
+stub: $(VENV)/.dev ## write src/gmwm/_core.pyi, the types of the kernels, from the built module
+	$(BIN)/python -m nanobind.stubgen -q -m gmwm._core -o src/gmwm/_core.pyi
+
 pictures: $(VENV)/.dev ## draw every picture of the documentation anew, and what its pages print; the same bytes again
 	$(BIN)/python -m docs.pictures
 
 validate: $(VENV)/.dev ## rerun every statistical study into docs/validation
 	$(BIN)/python -m validation
 
-lint: $(VENV)/.dev ## ruff, mypy and the floors alone
+lint: $(VENV)/.dev ## ruff, mypy and the import layers
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
@@ -68,7 +71,7 @@ vendor: ## fetch what the HTML report carries (needs npm and the network) and ch
 	  tar -xzf "$$(npm pack --silent $(PLOTLY))" package/plotly-basic.min.js package/LICENSE package/package.json
 	cp build/vendor/package/plotly-basic.min.js $(VENDOR)/plotly-basic.min.js
 	cp build/vendor/package/LICENSE $(VENDOR)/plotly-basic.LICENSE
-	echo "$(PLOTLY), MIT, from registry.npmjs.org by make vendor" > $(VENDOR)/VERSION
+	echo "$(PLOTLY), MIT" > $(VENDOR)/VERSION
 ifeq ($(SUMS),write)
 	cd $(VENDOR) && sha256sum plotly-basic.min.js plotly-basic.LICENSE VERSION > SHA256SUMS
 endif

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.harness import Case
 from gmwm import filters
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes import parse_model
 
@@ -28,9 +28,9 @@ MODELS = (
 )
 
 
-def setting(samples: int, efficiency: float | None = None, filter: filters.WaveletFilter = filters.HAAR) -> Setting:
+def design(samples: int, efficiency: float | None = None, filter: filters.WaveletFilter = filters.HAAR) -> Design:
     levels = np.arange(1, filter.deepest_level(samples) + 1)
-    return Setting(levels, samples, 100.0, filter, efficiency=efficiency)
+    return Design(levels, samples, 100.0, filter, efficiency=efficiency)
 
 
 def normals(rng: np.random.Generator, buffer: NDArray[np.float64], times: int) -> None:
@@ -44,25 +44,25 @@ def cases() -> Iterable[Case]:
     for text in MODELS:
         model = parse_model(text)
         terms = len(model.processes)
-        run = partial(simulated_variances, model, setting(SAMPLES), DRAWS, 1, threads=1)
+        run = partial(simulated_variances, model, design(SAMPLES), DRAWS, 1, threads=1)
         draw = partial(normals, rng, buffer, DRAWS * terms)
         name = f"{DRAWS} paths of {model.structure}, 10^5 samples"
         yield Case(name, run, "as many normals", draw, 9, 1.5, items=DRAWS * SAMPLES * terms)
 
     model = parse_model(MODELS[4])
     for samples, draws in ((1000, 2620), (10**6, 4)):
-        run = partial(simulated_variances, model, setting(samples), draws, 1, threads=1)
+        run = partial(simulated_variances, model, design(samples), draws, 1, threads=1)
         draw = partial(normals, rng, buffer, 2 * draws * samples // SAMPLES)
         name = f"{draws} paths of {model.structure}, {samples} samples"
         yield Case(name, run, "as many normals", draw, 9, 1.5, items=2 * draws * samples)
 
     draw = partial(normals, rng, buffer, 2 * DRAWS)
     for name, kind in (
-        ("efficiency 0.6", setting(SAMPLES, 0.6)),
-        ("filter la8", setting(SAMPLES, filter=filters.find_filter("la8"))),
+        ("efficiency 0.6", design(SAMPLES, 0.6)),
+        ("filter la8", design(SAMPLES, filter=filters.find_filter("la8"))),
     ):
         run = partial(simulated_variances, model, kind, DRAWS, 1, threads=1)
         yield Case(f"the same of 10^5 samples, {name}", run, "as many normals", draw, 5, items=2 * DRAWS * SAMPLES)
 
-    one, two = (partial(simulated_variances, model, setting(SAMPLES), 40, 1, threads=threads) for threads in (1, 2))
+    one, two = (partial(simulated_variances, model, design(SAMPLES), 40, 1, threads=threads) for threads in (1, 2))
     yield Case(f"40 paths of {model.structure}, two threads", two, "one thread", one, 9)

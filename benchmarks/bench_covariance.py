@@ -9,7 +9,7 @@ import numpy as np
 
 import gmwm
 from benchmarks.harness import Case
-from gmwm.covariance import Setting, variances
+from gmwm.covariance import Design, variances
 
 MODELS = (
     "WN(sigma2=1e-6) + QN(q2=2e-6) + RW(gamma2=1e-13)",
@@ -29,8 +29,8 @@ def cases() -> Iterable[Case]:
         model = gmwm.parse_model(text)
         run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0)
         yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
-    setting = Setting(np.arange(1, 20), 10**6, 100.0)
-    yield Case("its diagonal", partial(variances, model, setting), "np.cumsum of 10^6", cumsum, 15, 1.5)
+    design = Design(np.arange(1, 20), 10**6, 100.0)
+    yield Case("its diagonal", partial(variances, model, design), "np.cumsum of 10^6", cumsum, 15, 1.5)
     run = partial(gmwm.wavelet_covariance, model, 10**6, 100.0, robust=True)
     yield Case("the same, robust", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
     for text, repeats in ((AUTOREGRESSION, 3), (f"{AUTOREGRESSION} + RW(gamma2=1e-4)", 1)):

@@ -1,4 +1,4 @@
-"""Wavelet variance of a record in pieces, against the same record in memory and against `numpy.cumsum`."""
+"""Wavelet variance of a record in chunks, against the same record in memory and against `numpy.cumsum`."""
 
 from __future__ import annotations
 

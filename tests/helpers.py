@@ -1,4 +1,4 @@
-"""What many tests share: remarks by their codes, errors by their data."""
+"""Assertions on errors and remarks that do not depend on their wording."""
 
 from __future__ import annotations
 
@@ -17,19 +17,48 @@ def codes(remarks: Iterable[Remark]) -> list[str]:
     return [remark.code for remark in remarks]
 
 
-def only(remarks: Iterable[Remark], code: str) -> Remark:
-    """The one remark of a code."""
-    found = [remark for remark in remarks if remark.code == code]
-    assert len(found) == 1, f"{len(found)} remarks of {code} among {codes(remarks)}"
+def only(remarks: Iterable[Remark], code: str, subject: str | None = None) -> Remark:
+    """The only remark of a code, and of a subject if it is given."""
+    every = list(remarks)
+    found = [one for one in every if one.code == code and subject in (None, one.subject)]
+    assert len(found) == 1, f"{len(found)} remarks of {code} among {codes(every)}"
     return found[0]
 
 
 @contextmanager
-def raises(kind: type[GmwmError], **expected: Any) -> Iterator[pytest.ExceptionInfo[GmwmError]]:
-    """An error of this kind whose attributes (`argument`, `got`, …) or facts are these."""
+def raises(
+    kind: type[GmwmError], *facts: object, argument: str | None = None, advises: Iterable[str] = (), **expected: Any
+) -> Iterator[pytest.ExceptionInfo[GmwmError]]:
+    """Expect an error of exactly this type, with facts in its message and options or values in its advice.
+
+    Parameters
+    ----------
+    kind : type
+    *facts : object
+        Names and numbers that its message must state.
+    argument : str, optional
+        The argument that it must blame.
+    advises : iterable of str
+        What its advice must name, as Python users read it.
+    **expected
+        Other attributes or facts of the error, and their values.
+    """
     with pytest.raises(kind) as caught:
         yield caught
     error = caught.value
+    assert type(error) is kind
+    message = error.text().removesuffix(advice_of(error))
+    for fact in facts:
+        assert str(fact) in message, f"{fact!r} is not in {message!r}"
+    if argument is not None:
+        assert error.argument == argument
+    for text in advises:
+        assert text in advice_of(error), f"{text!r} is not in {advice_of(error)!r}"
     for name, value in expected.items():
         found = getattr(error, name) if hasattr(error, name) else error.facts[name]
         assert found == value, f"{name} is {found!r}, expected {value!r}"
+
+
+def advice_of(error: GmwmError) -> str:
+    """The advice of an error as Python users read it."""
+    return type(error)("", advice=error.advice, **error.facts).text().partition(". ")[2]

@@ -17,7 +17,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 RATE = 100.0
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
 SLOW = WN(sigma2=6e-7) + GM(beta=2.0, sigma2=1e-7) + GM(beta=0.03, sigma2=1.5e-8)
-OF_DATA = "the limit is that of the data"
 
 
 def exact(model: gmwm.Model = SLOW, filter: str = "haar", unit: str = "rad/s") -> WaveletVariance:
@@ -31,7 +30,7 @@ def sheet(model: str, wv: WaveletVariance) -> Datasheet:
 
 
 def by_data(found: Datasheet) -> bool:
-    return any(OF_DATA in note for note in found.notes)
+    return any(remark.code == "b-limit" and remark.facts["source"] == "data" for remark in found.remarks)
 
 
 def test_the_limit_is_that_of_the_data():
@@ -43,7 +42,6 @@ def test_the_limit_is_that_of_the_data():
     assert found["B"].low == 0
     assert found["B"].high == pytest.approx(math.sqrt(2 * wv.upper[at]) / FLOOR, rel=1e-9, abs=0)
     assert found["B"].high > math.sqrt(2 * float(wv.lower.min())) / FLOOR > found["B"].value
-    assert found.notes[-1].endswith("; the limit is that of the data")
     assert Datasheet.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False))).summary() == found.summary()
 
 

@@ -19,6 +19,7 @@ from gmwm.errors import OptionError
 from gmwm.processes import Process, registry
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.units import datasheet_units, noise_unit
+from tests.helpers import codes, only
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
 
@@ -130,7 +131,8 @@ def test_what_has_no_meaning_is_left_out_and_said():
     assert Process.physical(WN(sigma2=1.0), RATE) == ()
     found = sheet_of("AR1 + WN", exact(AR1(phi=-0.8, sigma2=1e-6) + WN(sigma2=1e-6)))
     assert list(found) == ["N", "B"]
-    assert "AR1 says nothing of itself in the terms of datasheets: no numbers of it" in found.notes
+    facts = only(found.remarks, "no-numbers").facts
+    assert (facts["term"], facts["because"]) == ("AR1", "none")
     with pytest.raises(KeyError, match="gives no K; it gives N, B"):
         found["K"]
     assert found.get("K") is None
@@ -157,7 +159,8 @@ def test_a_process_of_ones_own_may_say_nothing():
     own = Own(theta=fixed(0.5))
     found = sheet_of(own + RW(), exact(Own(theta=0.5, sigma2=1e-6) + RW(gamma2=1e-10), levels=9, samples=2**12))
     assert list(found) == ["B", "K"]
-    assert "Own says nothing of itself in the terms of datasheets: no numbers of it" in found.notes
+    facts = only(found.remarks, "no-numbers").facts
+    assert (facts["term"], facts["because"]) == ("Own", "none")
 
 
 # --- bias instability ---------------------------------------------------------------------------------
@@ -186,17 +189,17 @@ def test_bias_that_the_data_only_bound():
     assert falling["B"].tau == falling.horizon
     assert falling["B"].value == near(1e-4 / math.sqrt(falling.horizon) / FLOOR)
     assert (falling["B"].low, falling["B"].text()[:2]) == (0.0, "≤ ")
-    assert "still falls" in falling.notes[0]
+    assert only(falling.remarks, "b-limit").facts["because"] == "falls"
     rising = sheet_of("RW", exact(RW(gamma2=1e-12)))
     assert rising["B"].upper_only
     assert rising["B"].tau == 1 / RATE
-    assert "rises from the first" in rising.notes[0]
+    assert only(rising.remarks, "b-limit").facts["because"] == "rises"
     # A walk so weak that it might be none: its minimum is not to be relied on.
     doubtful = sheet_of("WN + RW", exact(WN(sigma2=1e-6) + RW(gamma2=6e-15)))
     assert doubtful["B"].tau < doubtful.horizon
     assert doubtful["B"].upper_only
     assert doubtful["K"].upper_only
-    assert "is not sure" in doubtful.notes[0]
+    assert only(doubtful.remarks, "b-limit").facts["because"] == "unsure"
 
 
 @pytest.mark.parametrize("last", [1, 2, 3, 7, 1000, 2**20])
@@ -265,7 +268,7 @@ def test_a_zero_markov_term_has_no_numbers():
     term = next(t for t in fit.diagnostics.not_supported if t.startswith("GM"))
     found = fit.datasheet()
     assert term.replace("GM", "T_c") not in found
-    assert f"{term} is not supported by these data: no numbers of it" in found.notes
+    assert (term, "zero") in [(r.facts["term"], r.facts["because"]) for r in found.remarks if r.code == "no-numbers"]
 
 
 def test_held_parameters_are_said_to_be_held():
@@ -297,7 +300,8 @@ def test_a_term_that_acts_as_another_is_counted_to_it(beta, name, symbol):
     found, wanted = fit.datasheet(), apart.datasheet()
     assert set(found) == {"N", "B", "K"}
     assert found[symbol].term == "GM"
-    assert found.notes == (f"GM acts as {name}, and is counted to it",)
+    (remark,) = found.remarks
+    assert (remark.code, remark.facts) == ("counted-to", {"term": "GM", "process": name})
     for key in wanted:
         assert (found[key].value, found[key].low, found[key].high) == near(
             (wanted[key].value, wanted[key].low, wanted[key].high), 1e-3
@@ -327,7 +331,7 @@ def test_without_theory_there_are_numbers_but_no_intervals():
     assert found["R"].value == near(1e-4)
     assert (found["R"].low, found["R"].high) == (None, None)
     assert found["R"].text("si") == "1.000e-04 rad/s²"
-    assert found.notes[0].startswith("no intervals: ")
+    assert codes(found.remarks)[0] == "no-intervals"
     assert Datasheet.from_dict(json.loads(json.dumps(found.to_dict())))["R"] == found["R"]
 
 
@@ -343,13 +347,13 @@ def test_datasheets_have_frequency_and_amplitude_and_no_minimum_of_the_line():
     assert found["B"].upper_only
     alone = gmwm.fit("WN", exact(WN(sigma2=1e-6))).datasheet()
     assert found["B"].value == near(alone["B"].value)
-    assert any("still falls at the longest averaging time" in note for note in found.notes)
+    assert only(found.remarks, "b-limit").facts["because"] == "falls"
     two = gmwm.fit("2*SIN + WN", exact(truth + SIN(frequency=20.0, power=2e-6))).datasheet()
     assert [two[f"f_0[{k}]"].value for k in (1, 2)] == [near(0.7), near(20.0)]
     assert [two[f"A[{k}]"].value for k in (1, 2)] == [near(4e-3), near(2e-3)]
-    only = gmwm.fit("SIN", exact(SIN(frequency=0.7, power=8e-6))).datasheet()
-    assert list(only) == ["f_0", "A"]
-    assert "no bias instability: SIN has no noise" in only.notes
+    line = gmwm.fit("SIN", exact(SIN(frequency=0.7, power=8e-6))).datasheet()
+    assert list(line) == ["f_0", "A"]
+    assert only(line.remarks, "no-bias-instability").facts["reason"] == "SIN has no noise"
 
 
 def test_a_flicker_term_that_is_zero_leaves_the_lowest_point_of_the_curve():
@@ -394,7 +398,7 @@ def test_effective_noise_of_one_term_is_that_term():
 def test_a_fast_term_is_counted_to_white_noise():
     fit = gmwm.fit("GM + WN", exact(GM(beta=50.0, sigma2=1e-6) + WN(sigma2=1e-6)))
     found, counted = fit.datasheet(), gmwm.effective_noise(fit, 1.0)["N_eff"]
-    assert found.notes[0] == "N counts GM (T_c 0.020 s), which is white noise where N is read, at 1 s"
+    assert only(found.remarks, "n-includes").facts["terms"] == ("GM (T_c = 0.020 s)",)
     assert (found["N"].value, found["N"].low, found["N"].high) == (counted.value, counted.low, counted.high)
     slow = gmwm.fit("GM + WN", exact(GM(beta=2.0, sigma2=1e-6) + WN(sigma2=1e-6))).datasheet()
     assert slow["N"].term == "WN"
@@ -487,7 +491,7 @@ def test_the_round_trip_through_json(text):
 
 
 def test_what_the_data_do_not_determine_survives_json():
-    entry = Entry("T_c", "correlation time", 3.0, 0.0, math.inf, "s", "GM")
+    entry = Entry(symbol="T_c", title="correlation time", value=3.0, low=0.0, high=math.inf, unit="s", term="GM")
     assert Entry.from_dict(json.loads(json.dumps(entry.to_dict(), allow_nan=False))) == entry
     assert entry.text() == "not determined"
 
@@ -561,7 +565,8 @@ def test_a_sensor_that_is_not_known():
     ],
 )
 def test_as_many_digits_as_the_interval_deserves(numbers, text):
-    assert Entry("B", "bias", *numbers, unit="u").text() == text
+    value, low, high = numbers
+    assert Entry(symbol="B", title="bias", value=value, low=low, high=high, unit="u").text() == text
 
 
 def test_words():
@@ -587,6 +592,6 @@ def test_words():
 
 @pytest.mark.parametrize("text", ["µg/√Hz", "ug/sqrt(Hz)", "µg/rtHz", "ug / √hz"])
 def test_units_are_found_however_they_are_spelt(text):
-    entry = Entry("N", "white noise density", 9.80665e-5, None, None, "m/s²/√Hz")
+    entry = Entry(symbol="N", title="white noise density", value=9.80665e-5, low=None, high=None, unit="m/s²/√Hz")
     value, _, _, name = entry.in_units(text)
     assert (round(value, 9), name) == (10.0, "µg/√Hz")

@@ -113,6 +113,15 @@ def test_level_filter_gain_and_autocorrelation_are_one_another(name, level):
 
 
 @every_filter
+def test_the_first_moment_has_all_its_digits(name):
+    f = find_filter(name)
+    taps = oracle.orthonormal(list(f.scaling), f.vanishing_moments)
+    with oracle.mp.workdps(oracle.DIGITS):
+        exact = float(sum(l * (-1) ** l * tap for l, tap in enumerate(reversed(taps))))  # noqa: E741
+    assert f.first_moment == pytest.approx(exact if f.vanishing_moments == 1 else 0.0, rel=1e-15, abs=0)
+
+
+@every_filter
 def test_deep_autocorrelation_stays_small_work(name):
     f = find_filter(name)
     r = f.autocorrelation([[0, 1], [2**30, f.width(30)]], 30)

@@ -9,15 +9,15 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
+from typing import Any
 
 import pytest
 
 import gmwm
-from gmwm._late import LateMethod, LateProperty
 from gmwm.processes import registry
 from tests.docs.shown import missing
 
@@ -25,56 +25,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "src" / "gmwm"
 HEAVY = ("matplotlib", "plotly", "polars", "dask", "scipy", "typer", "rich")
 LONGEST_FILE = 600
-
-# Every method of a result whose code lives on a higher floor, and where it lives.
-LATE_METHODS = {
-    "gmwm.calibration.result.Calibration.export": "gmwm.exporters:export",
-    "gmwm.calibration.result.Calibration.plot": "gmwm.plots.imu:plot_imu",
-    "gmwm.calibration.result.Calibration.report": "gmwm.reports:report",
-    "gmwm.estimation.result.Fit._repr_html_": "gmwm.inference.summary:as_html",
-    "gmwm.estimation.result.Fit.bootstrap": "gmwm.inference.bootstrap:bootstrap",
-    "gmwm.estimation.result.Fit.confidence_intervals": "gmwm.inference.intervals:confidence_intervals",
-    "gmwm.estimation.result.Fit.covariance": "gmwm.inference.asymptotic:parameter_covariance",
-    "gmwm.estimation.result.Fit.datasheet": "gmwm.datasheets:datasheet",
-    "gmwm.estimation.result.Fit.goodness_of_fit": "gmwm.inference.goodness:goodness_of_fit",
-    "gmwm.estimation.result.Fit.plot": "gmwm.plots.fit:plot_fit",
-    "gmwm.estimation.result.Fit.sandwich": "gmwm.inference.asymptotic:sandwich",
-    "gmwm.estimation.result.Fit.standard_errors": "gmwm.inference.asymptotic:standard_errors",
-    "gmwm.estimation.result.Fit.wic": "gmwm.inference.criterion:wic",
-    "gmwm.estimation.result.Fit.summary": "gmwm.inference.summary:summary",
-    "gmwm.estimation.result.Fit.filter": "gmwm.likelihood.tracks:filter_tracks",
-    "gmwm.estimation.result.Fit.predict": "gmwm.likelihood.tracks:predict_tracks",
-    "gmwm.estimation.result.Fit.residuals": "gmwm.likelihood.innovations:residuals",
-    "gmwm.estimation.result.Fit.smooth": "gmwm.likelihood.tracks:smooth_tracks",
-    "gmwm.fleets.result.Fleet.plot": "gmwm.plots.fleet:plot_fleet",
-    "gmwm.inference.planning.Plan.plot": "gmwm.plots.plan:plot_plan",
-    "gmwm.likelihood.innovations.Residuals.plot": "gmwm.plots.residuals:plot_residuals",
-    "gmwm.likelihood.result.LikelihoodFit._repr_html_": "gmwm.likelihood.summary:as_html",
-    "gmwm.likelihood.result.LikelihoodFit.confidence_intervals": "gmwm.likelihood.intervals:confidence_intervals",
-    "gmwm.likelihood.result.LikelihoodFit.filter": "gmwm.likelihood.tracks:filter_tracks",
-    "gmwm.likelihood.result.LikelihoodFit.plot": "gmwm.plots.fit:plot_fit",
-    "gmwm.likelihood.result.LikelihoodFit.predict": "gmwm.likelihood.tracks:predict_tracks",
-    "gmwm.likelihood.result.LikelihoodFit.residuals": "gmwm.likelihood.innovations:residuals",
-    "gmwm.likelihood.result.LikelihoodFit.smooth": "gmwm.likelihood.tracks:smooth_tracks",
-    "gmwm.likelihood.result.LikelihoodFit.summary": "gmwm.likelihood.summary:summary",
-    "gmwm.likelihood.tracks.Tracks.plot": "gmwm.plots.tracks:plot_tracks",
-    "gmwm.processes.model.Model.filter": "gmwm.likelihood.tracks:filter_tracks",
-    "gmwm.processes.model.Model.loglikelihood": "gmwm.likelihood.estimator:loglikelihood",
-    "gmwm.processes.model.Model.predict": "gmwm.likelihood.tracks:predict_tracks",
-    "gmwm.processes.model.Model.residuals": "gmwm.likelihood.innovations:residuals",
-    "gmwm.processes.model.Model.smooth": "gmwm.likelihood.tracks:smooth_tracks",
-    "gmwm.readers.streams.Stream.parts": "gmwm.readers.parts:parts_of",
-    "gmwm.readers.streams.Stream.wavelet_variance": "gmwm.streaming.passes:stream_variance",
-    "gmwm.selection.ranking.Comparison.plot": "gmwm.plots.ranking:plot_candidates",
-    "gmwm.selection.ranking.Ranking.plot": "gmwm.plots.ranking:plot_ranking",
-    "gmwm.signals.Imu.between": "gmwm.time_ranges:cut",
-    "gmwm.signals.Imu.plot": "gmwm.plots.series:plot_recording",
-    "gmwm.signals.Signal.plot": "gmwm.plots.series:plot_signal",
-    "gmwm.simulation.components.SimulatedSignal.plot": "gmwm.plots.series:plot_components",
-    "gmwm.variance.allan_regression.AllanRegression.plot": "gmwm.plots.allan:plot_avlr",
-    "gmwm.variance.clusters.ClusterVariance.plot": "gmwm.plots.allan:plot_allan",
-    "gmwm.variance.result.WaveletVariance.plot": "gmwm.plots.variance:plot_wavelet_variance",
-}
+LONGEST_COMMAND = 40
+BY_POSITION = (gmwm.StateSpace, gmwm.ContinuousStateSpace)
+"""Their matrices F, Q, H, R … have the order that the field gives them. The kernels of `gmwm._core` are exempt too."""
 
 
 def modules() -> list[str]:
@@ -102,16 +55,6 @@ def project() -> dict[str, object]:
         return tomllib.load(file)["project"]  # type: ignore[no-any-return]
 
 
-def late_methods() -> Iterator[tuple[str, LateMethod[..., object] | LateProperty[object]]]:
-    for name in modules():
-        for _, found in inspect.getmembers(import_module(name), inspect.isclass):
-            if found.__module__ != name:
-                continue
-            for attribute, value in vars(found).items():
-                if isinstance(value, LateMethod | LateProperty):
-                    yield f"{name}.{found.__qualname__}.{attribute}", value
-
-
 # --- the package ------------------------------------------------------------------------------------
 
 
@@ -122,17 +65,118 @@ def test_import_stays_light() -> None:
     assert [name for name in HEAVY if name in loaded] == []
 
 
-def test_late_methods_are_listed_and_lead_to_functions() -> None:
-    found = dict(late_methods())
-    assert {name: method.target for name, method in found.items()} == LATE_METHODS
-    for name, method in found.items():
-        first = next(iter(inspect.signature(method.resolve()).parameters.values()))
-        assert first.kind in (first.POSITIONAL_ONLY, first.POSITIONAL_OR_KEYWORD), name
-        assert method.__doc__, name
+def test_upward_imports_are_local_to_methods() -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        (contract,) = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    ignored = [entry.split(" -> ") for entry in contract["ignore_imports"] if entry != "gmwm.** -> gmwm"]
+    assert len(ignored) > 20
+    for importer, imported in ignored:
+        tree = ast.parse(Path(import_module(importer).__file__ or "").read_text(encoding="utf-8"))
+        owners = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+        methods = [node for owner in owners for node in owner.body if isinstance(node, ast.FunctionDef)]
+        every, local = (
+            [
+                node
+                for top in tops
+                for node in ast.walk(top)
+                if isinstance(node, ast.ImportFrom) and node.module == imported
+            ]
+            for tops in (_without_type_checking(tree), methods)
+        )
+        assert every == local != [], f"{importer} -> {imported}"
+
+
+def _without_type_checking(tree: ast.Module) -> list[ast.stmt]:
+    guard = "TYPE_CHECKING"
+    return [node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == guard)]
+
+
+def test_methods_have_the_parameters_of_the_functions_that_they_call() -> None:
+    pairs = dict(delegating_methods())
+    assert {"InferenceMethods.plot", "KalmanMethods.smooth", "Imu.between", "Stream.parts"} <= set(pairs)
+    assert len(pairs) > 35
+    for name, (method, function) in pairs.items():
+        own, theirs = (list(inspect.signature(one).parameters.values())[1:] for one in (method, function))
+        assert own == theirs, name
+
+
+def delegating_methods() -> Iterator[tuple[str, tuple[Callable[..., object], Callable[..., object]]]]:
+    """Methods that import a function and return its value for their object and parameters: each with it."""
+    for file in python_files():
+        name = ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+        for owner in ast.parse(file.read_text(encoding="utf-8")).body:
+            if not isinstance(owner, ast.ClassDef):
+                continue
+            for node in owner.body:
+                if isinstance(node, ast.FunctionDef) and (place := _delegate(node)):
+                    method = vars(getattr(import_module(name), owner.name))[node.name]
+                    function = getattr(import_module(place[0]), place[1])
+                    yield f"{owner.name}.{node.name}", (getattr(method, "func", method), function)
+
+
+def _delegate(method: ast.FunctionDef) -> tuple[str, str] | None:
+    """Module and name of the function that a method imports and returns the value of, with the object as its first."""
+    imported = {
+        alias.asname or alias.name: (node.module or "", alias.name)
+        for node in method.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    last = method.body[-1]
+    if not (isinstance(last, ast.Return) and isinstance(call := last.value, ast.Call) and call.args):
+        return None
+    is_self = ast.unparse(call.args[0]) in ("self", "self._fit", "self._modelled")
+    passes_on = all(isinstance(given, ast.Name) for given in [*call.args[1:], *(k.value for k in call.keywords)])
+    return imported.get(ast.unparse(call.func)) if is_self and passes_on else None
+
+
+def test_at_most_four_arguments_are_passed_by_position() -> None:
+    count, wrong = 0, []
+    for name in modules():
+        module = import_module(name)
+        file = Path(module.__file__ or "")
+        if file.suffix != ".py":
+            continue
+        for call, called in calls(ast.parse(file.read_text(encoding="utf-8")), vars(module), None):
+            home = getattr(called, "__module__", None) or ""
+            if not home.startswith("gmwm.") or home == "gmwm._core" or called in BY_POSITION:
+                continue
+            count += 1
+            if len(call.args) > 4 and not _takes_any_number(called):
+                wrong.append(f"{file.relative_to(ROOT)}:{call.lineno} {ast.unparse(call.func)}")
+    assert wrong == []
+    assert count > 5000
+
+
+def calls(node: ast.AST, names: Mapping[str, Any], owner: type | None) -> Iterator[tuple[ast.Call, Any]]:
+    """Each call under a node, with what is called as far as its name tells: None for a method of an unknown object."""
+    if isinstance(node, ast.ClassDef):
+        owner = names.get(node.name, owner)
+    if isinstance(node, ast.FunctionDef):
+        local = [part for part in ast.walk(node) if isinstance(part, ast.ImportFrom) and part.module]
+        found = {a.asname or a.name: (part.module, a.name) for part in local for a in part.names}
+        ours = {name: place for name, place in found.items() if str(place[0]).startswith("gmwm.")}
+        names = {**names, **{name: getattr(import_module(str(module)), own) for name, (module, own) in ours.items()}}
+    if isinstance(node, ast.Call):
+        yield node, _called(node.func, names, owner)
+    for child in ast.iter_child_nodes(node):
+        yield from calls(child, names, owner)
+
+
+def _called(function: ast.expr, names: Mapping[str, Any], owner: type | None) -> Any:
+    if isinstance(function, ast.Name):
+        return owner if function.id in ("cls", "self") else names.get(function.id)
+    if isinstance(function, ast.Attribute):
+        return getattr(_called(function.value, names, owner), function.attr, None)
+    return None
+
+
+def _takes_any_number(called: Callable[..., object]) -> bool:
+    return any(p.kind is p.VAR_POSITIONAL for p in inspect.signature(called).parameters.values())
 
 
 def test_only_the_command_line_imports_from_the_package_itself() -> None:
-    # The floors in pyproject.toml leave out `from gmwm import _core`; nothing else may slip through there.
+    # The layers in pyproject.toml leave out `from gmwm import _core`; nothing else may slip through there.
     upstairs = {PACKAGE / "__init__.py", PACKAGE / "__main__.py", *(PACKAGE / "cli").glob("*.py")}
     wrong = []
     for file in sorted(set(python_files()) - upstairs):
@@ -174,6 +218,24 @@ def test_no_source_file_is_too_long() -> None:
     assert len(files) > len(python_files())
     lengths = {str(file.relative_to(ROOT)): len(file.read_text(encoding="utf-8").splitlines()) for file in files}
     assert {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE} == {}
+
+
+def test_commands_are_short_and_return_an_outcome() -> None:
+    # Options, one call of the library, an outcome: what is longer is a task that has a function of its own.
+    from gmwm.cli.main import app
+
+    names = [command.callback.__name__ for command in app.registered_commands]  # type: ignore[union-attr]
+    assert len(names) > 10
+    lengths, wrong = {}, []
+    for name in names:
+        tree = ast.parse((PACKAGE / "cli" / f"{name}.py").read_text(encoding="utf-8"))
+        (found,) = (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == name)
+        body = found.body[1:]  # without the docstring
+        lengths[name] = found.body[-1].end_lineno - body[0].lineno + 1  # type: ignore[operator]
+        if [ast.unparse(one) for one in found.decorator_list] != ["command"] or ast.unparse(found.returns) != "Outcome":  # type: ignore[arg-type]
+            wrong.append(name)
+    assert {name: lines for name, lines in lengths.items() if lines > LONGEST_COMMAND} == {}
+    assert wrong == []
 
 
 def test_one_version_everywhere() -> None:

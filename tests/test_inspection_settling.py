@@ -89,10 +89,10 @@ def test_a_stream_says_the_same(tmp_path):
     samples = 40_000
     path = tmp_path / "warm.csv"
     gmwm.write(made(NOISE, samples, 2, settling(samples, 5e-3, 60.0)), path)
-    whole, pieces = inspect(gmwm.read(path)), inspect(gmwm.stream(path, chunk=997))
+    whole, chunked = inspect(gmwm.read(path)), inspect(gmwm.stream(path, chunk=997))
     assert len(whole.warm_ups) == 1
-    assert whole.warm_ups == pieces.warm_ups
-    assert whole.warnings == pieces.warnings
+    assert whole.warm_ups == chunked.warm_ups
+    assert whole.warnings == chunked.warnings
 
 
 @pytest.mark.parametrize("values", [np.full(20_000, 0.3), np.round(np.linspace(0, 3, 20_000))])

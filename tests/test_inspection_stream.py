@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.inspection.axis_statistics import Look
+from gmwm.inspection.axis_statistics import AxisStatistics
 from gmwm.inspection.time_grid import Extent
 from gmwm.signals import Imu
 
@@ -34,12 +34,12 @@ def test_a_stream_is_looked_at_as_the_recording(tmp_path, chunk):
     stamps = np.arange(40_000) / RATE + 3.0
     stamps[31_003:] += 7.0
     path = written(tmp_path, values, stamps)
-    whole, pieces = gmwm.inspect(gmwm.read(path)), gmwm.inspect(gmwm.stream(path, chunk=chunk))
+    whole, chunked = gmwm.inspect(gmwm.read(path)), gmwm.inspect(gmwm.stream(path, chunk=chunk))
     assert len(whole.knocks) == 2
     assert len(whole.steps) == 1
     assert not whole.static
     assert whole.segments == 2
-    a, b = whole.to_dict(), pieces.to_dict()
+    a, b = whole.to_dict(), chunked.to_dict()
     assert [k["time"] for k in a["knocks"]] == [k["time"] for k in b["knocks"]]
     assert a["warnings"] == b["warnings"]
     assert_alike(a, b)
@@ -66,19 +66,19 @@ def test_however_it_is_cut(segments):
     x = rng.normal(size=5000)
     x[[3, 2000, 2399, 4990]] += 40
     extent = Extent(RATE, segments, tuple(first / RATE + k for k, (first, _) in enumerate(segments)))
-    whole = Look(extent, 0.0)
-    whole.take(x)
+    whole = AxisStatistics(extent, 0.0)
+    whole.update(x)
     for cuts in ([1], [999, 1000, 1001], sorted(rng.integers(0, 5000, 60).tolist())):
-        look = Look(extent, 0.0)
+        parted = AxisStatistics(extent, 0.0)
         for part in np.split(x, cuts):
-            look.take(part)
-        for a, b in zip(whole.outliers(), look.outliers(), strict=True):
+            parted.update(part)
+        for a, b in zip(whole.outliers(), parted.outliers(), strict=True):
             np.testing.assert_array_equal(a, b)
-        for of in ("all", "differences", "pieces", "calm", "steps"):
-            np.testing.assert_allclose(getattr(look, of).means, getattr(whole, of).means, rtol=1e-9, atol=1e-12)
-            np.testing.assert_allclose(getattr(look, of).variances(), getattr(whole, of).variances(), rtol=1e-9)
-            np.testing.assert_array_equal(getattr(look, of).counts, getattr(whole, of).counts)
-        for (first, a), (again, b) in zip(whole.levels(), look.levels(), strict=True):
+        for of in ("all", "differences", "windows", "calm", "steps"):
+            np.testing.assert_allclose(getattr(parted, of).means, getattr(whole, of).means, rtol=1e-9, atol=1e-12)
+            np.testing.assert_allclose(getattr(parted, of).variances(), getattr(whole, of).variances(), rtol=1e-9)
+            np.testing.assert_array_equal(getattr(parted, of).counts, getattr(whole, of).counts)
+        for (first, a), (again, b) in zip(whole.levels(), parted.levels(), strict=True):
             assert first == again
             np.testing.assert_array_equal(a, b)
 
@@ -86,12 +86,12 @@ def test_however_it_is_cut(segments):
 def test_moments_are_those_of_numpy():
     rng = np.random.default_rng(3)
     x = 1e3 + rng.normal(size=5000)
-    look = Look(Extent(RATE, ((0, 2100), (2100, 5000)), (0.0, 30.0)), 0.0)
-    look.take(x)
-    assert look.all.means[0] == pytest.approx(x.mean(), rel=1e-14)
-    assert look.all.variances()[0] == pytest.approx(x.var(), rel=1e-9)
+    parted = AxisStatistics(Extent(RATE, ((0, 2100), (2100, 5000)), (0.0, 30.0)), 0.0)
+    parted.update(x)
+    assert parted.all.means[0] == pytest.approx(x.mean(), rel=1e-14)
+    assert parted.all.variances()[0] == pytest.approx(x.var(), rel=1e-9)
     steps = np.delete(np.diff(x), 2099)
-    assert look.differences.means[0] == pytest.approx(np.mean(steps**2), rel=1e-12)
+    assert parted.differences.means[0] == pytest.approx(np.mean(steps**2), rel=1e-12)
 
 
 def test_what_is_no_recording():

@@ -115,6 +115,12 @@ def test_nothing_is_built_for_this_processor_alone():
     assert _core.clone() in {"default", "x86-64-v3", "x86-64-v4", "portable"}
 
 
+def test_the_group_of_development_tools_is_the_extra():
+    extra = described()["project"]["optional-dependencies"]["dev"]
+    assert {"pytest", "ruff", "mypy"} <= {re.split(r"[<>=]", requirement)[0] for requirement in extra}
+    assert described()["dependency-groups"]["dev"] == ["gmwm[dev]"]
+
+
 # --- the workflows ------------------------------------------------------------------------------------
 
 

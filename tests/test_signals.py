@@ -25,10 +25,14 @@ def test_from_arrays_converts_to_si():
     ("arguments", "error", "message"),
     [
         (({"gyrox": [1.0]}, 1), OptionError, "axis must be one of"),
-        ((np.ones((6, 100)), 1), DataError, "pass its transpose"),
-        (([1.0, 2.0], 1), DataError, r"got shape \(2,\)"),
+        ((np.ones((6, 100)), 1), DataError, "Pass its transpose"),
+        (([1.0, 2.0], 1), DataError, r"got \(2,\)"),
         (({"gyro_x": [1.0, np.nan]}, 1), DataError, "gyro_x must be finite"),
-        (({"gyro_x": [1.0], "gyro_y": [1.0, 2.0]}, 1), DataError, "share length"),
+        (
+            ({"gyro_x": [1.0], "gyro_y": [1.0, 2.0]}, 1),
+            DataError,
+            "same length, .*gyro_y .*2 samples.*gyro_x .*1 samples",
+        ),
         (({"gyro_x": [1.0]}, 0), OptionError, "rate must be positive"),
         (({}, 1), DataError, "at least one axis"),
     ],
@@ -41,7 +45,7 @@ def test_from_arrays_refuses(arguments, error, message):
 def test_from_arrays_refuses_units():
     with pytest.raises(UnitError):
         Imu.from_arrays({"gyro_x": [1.0]}, 1, units={"gyro": "g"})
-    with pytest.raises(OptionError, match="gyro or accel"):
+    with pytest.raises(OptionError, match=r"units must be.*gyro and accel.*'time'"):
         Imu.from_arrays({"gyro_x": [1.0]}, 1, units={"time": "s"})
 
 
@@ -58,7 +62,7 @@ def test_segments_without_starts_are_never_contiguous():
 
 
 def test_starts_must_fit_the_segments():
-    with pytest.raises(DataError, match="one time for each of 2 segments, got 1"):
+    with pytest.raises(DataError, match="one time for each of 2 segments; got"):
         Signal(np.arange(6.0), 1.0, segments=((0, 2), (2, 6)), starts=(0.0,))
 
 
@@ -71,7 +75,7 @@ def test_pickle_keeps_everything_read_only():
 
 
 def test_temperature_has_the_length_of_the_recording():
-    with pytest.raises(DataError, match="temperature must hold one value"):
+    with pytest.raises(DataError, match="temperature has 8 values for 9 samples"):
         Imu({"gyro_x": Signal(np.arange(9.0), 1.0)}, temperature=np.arange(8.0))
 
 
@@ -108,8 +112,8 @@ def test_missing_samples_are_gaps_to_every_estimate():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ([NAN, NAN], "no sample that is there: all 2 are missing"),
-        ([1.0, np.inf, NAN], r"got 1 infinite \(first at 1\): make them NaN"),
+        ([NAN, NAN], "all 2 samples of the signal are missing"),
+        ([1.0, np.inf, NAN], "1 infinite value, the first at index 1.*NaN"),
         (np.ones((2, 2)), "one-dimensional"),
     ],
 )

@@ -11,6 +11,7 @@ from gmwm.readers import read
 from gmwm.signals import AXES
 from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal, write_components
 from gmwm.units import STANDARD_GRAVITY
+from tests.helpers import only
 
 WHITE = "WN(sigma2=1e-6)"
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
@@ -95,12 +96,11 @@ def test_rounded_to_a_decimal_is_short_in_a_file():
     assert max(len(repr(value)) for value in imu["gyro_x"].values.tolist()) <= len("-0.01234")
 
 
-def test_units_notes_and_source_say_what_it_is():
+def test_units_remarks_and_source_say_what_it_is():
     imu = simulate({"gyro": WHITE, "accel_y": "QN(q2=1e-6)"}, rate=50.0, duration=1, seed=7)
     assert imu.axes == ("gyro_x", "gyro_y", "gyro_z", "accel_y")
     assert (imu["gyro_z"].unit, imu["accel_y"].unit, imu["accel_y"].axis) == ("rad/s", "m/s²", "accel_y")
-    assert "accel_y is simulated: QN(q2=1e-06)" in imu.notes
-    assert "seed 7" in imu.notes[-1]
+    assert only(imu.remarks, "simulated", "accel_y").facts == {"model": "QN(q2=1e-06)", "seed": 7}
     assert "seed 7" in imu.source
 
 
@@ -127,7 +127,7 @@ def test_a_recording_is_the_same_with_its_latent_processes(gravity):
     options = {"rate": 100.0, "samples": 200, "seed": 8, "gravity": gravity, "resolution": {"accel_x": 0.01}}
     alone = simulate(reference_imu(), **options)
     made = simulate(reference_imu(), **options, components=True)
-    assert made.imu.notes == alone.notes
+    assert made.imu.remarks == alone.remarks
     assert tuple(made) == AXES
     for axis, one in made.axes.items():
         assert np.array_equal(made.imu[axis].values, alone[axis].values)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 
 RATE = 100.0
@@ -47,9 +47,9 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def setting() -> Setting:
+def design() -> Design:
     """How every recording is measured."""
-    return Setting(np.arange(1, LEVELS + 1), samples=SAMPLES, rate=RATE)
+    return Design(np.arange(1, LEVELS + 1), samples=SAMPLES, rate=RATE)
 
 
 def truths(reduced: bool) -> tuple[str, ...]:
@@ -65,7 +65,7 @@ def count(reduced: bool) -> int:
 @cache
 def simulated(text: str, count: int, seed: int) -> Array:
     """Wavelet variances (count, J) of recordings of the model `text`."""
-    return simulated_variances(gmwm.parse_model(text).sorted(RATE), setting(), count, seed)
+    return simulated_variances(gmwm.parse_model(text).sorted(RATE), design(), count, seed)
 
 
 def fitted(structure: str, variance: Array, weighting: str, samples: int = SAMPLES, rate: float = RATE) -> gmwm.Fit:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import as_setting, covariance
+from gmwm.covariance import as_design, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.asymptotic import sandwich_of
 from validation.likelihood import fisher_errors, haar_gains, moment_errors, most_likely, octave_gains
@@ -91,11 +91,11 @@ def _theory(truth: gmwm.Model, bound: NDArray[np.float64]) -> list[tuple[str, li
         ("Haar, no ends", moment_errors(*shape, SAMPLES, haar_gains(2 ** np.arange(levels)))),
     ]
     for name in ("haar", "d4", "la8"):
-        setting = as_setting(SAMPLES, RATE, None, name, "modwt", None)
-        wavelet = covariance(truth, setting)
+        design = as_design(SAMPLES, RATE, None, name, "modwt", None)
+        wavelet = covariance(truth, design)
         weights = {"optimal": precision(wavelet), "diagonal": np.diag(1 / np.diag(wavelet))}
         for weighting, matrix in weights.items():
-            found = sandwich_of(truth, setting, matrix, wavelet)
+            found = sandwich_of(truth, design, matrix, wavelet)
             ratios.append((f"{name}, {len(wavelet)} levels, {weighting}", np.sqrt(np.diag(found.relative))))
     return [(moments, (errors / bound).tolist()) for moments, errors in ratios]
 
@@ -104,8 +104,8 @@ def _length(beta: float) -> dict[str, float]:
     """Standard errors of optimal weights over the bound, and how many correlation times the record holds."""
     truth = gmwm.parse_model(TRUTHS["slow"]).with_values({"GM.beta": beta}).sorted(RATE)
     bound = fisher_errors(*_shape(truth), SAMPLES)
-    wavelet = covariance(truth, setting := as_setting(SAMPLES, RATE, None, "haar", "modwt", None))
-    found = sandwich_of(truth, setting, precision(wavelet), wavelet)
+    wavelet = covariance(truth, design := as_design(SAMPLES, RATE, None, "haar", "modwt", None))
+    found = sandwich_of(truth, design, precision(wavelet), wavelet)
     ratios = dict(zip(found.names, (np.sqrt(np.diag(found.relative)) / bound).tolist(), strict=True))
     return {"correlation_times": beta * SAMPLES / RATE, "bound": float(bound[0]), **ratios}
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
 from gmwm.inference.simulated_curves import simulated_variances
@@ -122,9 +122,9 @@ class _Posed:
 
 @cache
 def _posed(place: int, weighting: str) -> _Posed:
-    case, setting, truth = CASES[place], _setting(place), _truth(place)
-    wavelet = covariance(truth, setting)
-    wv = _measured(case, truth.wavelet_variance(setting.levels, setting.rate, setting.filter))
+    case, design, truth = CASES[place], _setting(place), _truth(place)
+    wavelet = covariance(truth, design)
+    wv = _measured(case, truth.wavelet_variance(design.levels, design.rate, design.filter))
     weights: dict[str, Callable[[], recordings.Array]] = {
         "diagonal": lambda: np.diag(1 / np.diag(wavelet)),
         "optimal": lambda: precision(wavelet),
@@ -142,9 +142,9 @@ def _truth(place: int) -> gmwm.Model:
     return gmwm.parse_model(CASES[place].truth).sorted(CASES[place].rate)
 
 
-def _setting(place: int) -> Setting:
+def _setting(place: int) -> Design:
     case = CASES[place]
-    return Setting(np.arange(1, case.samples.bit_length()), samples=case.samples, rate=case.rate)
+    return Design(np.arange(1, case.samples.bit_length()), samples=case.samples, rate=case.rate)
 
 
 def _measured(case: Case, variance: recordings.Array) -> gmwm.WaveletVariance:

@@ -12,7 +12,7 @@ import numpy as np
 
 import gmwm
 from gmwm._arrays import Vector
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 
 NAME = "plan"
@@ -62,8 +62,8 @@ def run(reduced: bool = False) -> dict[str, Any]:
 def fitted(truth: gmwm.Model, samples: int, recordings: int, seed: int) -> dict[str, Vector]:
     """Estimate / truth of each parameter in many recordings."""
     levels = samples.bit_length() - 1
-    setting = Setting(np.arange(1, levels + 1), samples, RATE)
-    measured = simulated_variances(truth, setting, recordings, seed)
+    design = Design(np.arange(1, levels + 1), samples, RATE)
+    measured = simulated_variances(truth, design, recordings, seed)
     fits = [
         gmwm.fit(truth.structure, gmwm.WaveletVariance.from_values(row, samples, RATE), certify=False)
         for row in measured

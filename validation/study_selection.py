@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.selection.structure import structure_of, within
 from validation import recordings
@@ -33,11 +33,11 @@ TRUTHS = (
 def run(reduced: bool = False) -> dict[str, Any]:
     """What was recommended, and what was in the equivalent set, for each truth and weighting."""
     count, draws = (4, 100) if reduced else (200, 500)
-    setting = Setting(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
+    design = Design(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
     rows = []
     for place, text in enumerate(TRUTHS[:2] if reduced else TRUTHS):
         truth = gmwm.parse_model(text).sorted(RATE)
-        drawn = simulated_variances(truth, setting, count, SEED + place)
+        drawn = simulated_variances(truth, design, count, SEED + place)
         for weighting in ("optimal",) if reduced else ("optimal", "diagonal"):
             chosen = recordings.everywhere(partial(_selected, weighting, draws, truth.structure), list(drawn))
             recommended = [c["recommended"] for c in chosen]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import gmwm
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.inference.simulated_curves import simulated_variances
 from validation import recordings
 
@@ -36,11 +36,11 @@ def outcome(structure: str, weighting: str, variance: recordings.Array) -> recor
 def run(reduced: bool = False) -> dict[str, Any]:
     """Share of intervals that hold the truth, and the spread of estimates beside the standard errors."""
     count, truths = (20, TRUTHS[:1]) if reduced else (500, TRUTHS)
-    setting = Setting(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
+    design = Design(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
     rows = []
     for number, text in enumerate(truths):
         model = gmwm.parse_model(text).sorted(RATE)
-        drawn = simulated_variances(model, setting, count, SEED + number)
+        drawn = simulated_variances(model, design, count, SEED + number)
         # The usual weights are "optimal" where a process has several parameters of its shape.
         for weighting in ("optimal",) if number else ("optimal", "diagonal"):
             found = np.array(recordings.everywhere(partial(outcome, model.structure, weighting), drawn))

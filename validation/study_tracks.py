@@ -47,6 +47,7 @@ of 3 × 10⁻⁵ rad/s/√s, which is 50 °/h in a minute."""
 
 PARAMETERS = ("true", "GMWM", "ML")
 KINDS = ("filter", "smooth")
+METHODS = {"filter": "kalman_filter", "smooth": "smooth"}
 TITLES = {"filter": "Bias, filtered: from the samples so far", "smooth": "Bias, smoothed: from all samples"}
 DRAWN = 600
 """Columns of the picture of a study, of at most four points each."""
@@ -76,7 +77,7 @@ def outcome(text: str, seed: int) -> Array:
     found = np.empty((len(PARAMETERS), len(KINDS) + 1, len(FIELDS)))
     for k, model in enumerate(models):
         for i, kind in enumerate(KINDS):
-            found[k, i] = _agreement(getattr(model, kind)(signal), bias)
+            found[k, i] = _agreement(getattr(model, METHODS[kind])(signal), bias)
         left = model.residuals(signal)
         found[k, -1] = left.ljung_box().p_value
     return found
@@ -153,9 +154,9 @@ def _words(result: Result) -> Iterator[str]:
         f"{result['recordings']} records of each of these gyroscopes (rad/s, {rate:g} Hz, "
         f"{result['samples'] / rate / 60:g} min, bias at switch-on {result['offset']:g}, {gap:g} s missing): {values}. "
         "They are simulated process by process, so that the bias, the offset and all that wanders, is known. It is "
-        "estimated by `filter`, from the samples so far, and by `smooth`, from all of them, with the true parameters "
-        "and with those that `fit` (GMWM) and `fit_ml` (ML) find in the same record. RMS error: against the truth, in "
-        "10⁻⁶ rad/s (0.2 °/h), over all records, without the gap and the first and the last "
+        "estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all of them, with the true "
+        "parameters and with those that `fit` (GMWM) and `fit_ml` (ML) find in the same record. RMS error: against "
+        "the truth, in 10⁻⁶ rad/s (0.2 °/h), over all records, without the gap and the first and the last "
         f"{SETTLED / rate:g} s. Said: the RMS of the standard deviations that go with the estimates. Over true: the "
         "error over that with the true parameters. Gap: the same where samples are missing."
     )
@@ -209,7 +210,7 @@ def picture() -> Figure:
     model = gmwm.parse_model(TRUTHS[0])
     rows = []
     for kind, title in TITLES.items():
-        (over,), (alone,) = tracks_figure(getattr(model, kind)(signal), truth=bias).rows
+        (over,), (alone,) = tracks_figure(getattr(model, METHODS[kind])(signal), truth=bias).rows
         assert over is not None
         assert alone is not None
         rows += [over] * (not rows) + [replace(alone, title=title)]

@@ -87,12 +87,12 @@ def shares(
 
 def relative_error(text: str, name: str, weighting: str) -> float | None:
     """Standard error of the variance, or of the square of the drift, over its value; None where that is zero."""
-    model, setting = gmwm.parse_model(text).sorted(recordings.RATE), recordings.setting()
+    model, design = gmwm.parse_model(text).sorted(recordings.RATE), recordings.design()
     value = model.parameters[name]
     if not value:
         return None
-    matrix = implied_weights(weighting, model, setting)
-    error = sandwich_of(model, setting, matrix, covariance(model, setting)).errors[name] / value
+    matrix = implied_weights(weighting, model, design)
+    error = sandwich_of(model, design, matrix, covariance(model, design)).errors[name] / value
     return error if name.endswith("2") else 2 * error
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gmwm
-from gmwm.covariance import as_setting, covariance
+from gmwm.covariance import as_design, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.asymptotic import relative_jacobian
 
@@ -147,11 +147,11 @@ def _theory() -> list[dict[str, Any]]:
     rows = []
     for text in RIGHT:
         model = gmwm.parse_model(text).sorted(RATE)
-        setting = as_setting(SAMPLES, RATE, None, "haar", "modwt", None)
-        wavelet = covariance(model, setting)
+        design = as_design(SAMPLES, RATE, None, "haar", "modwt", None)
+        wavelet = covariance(model, design)
         optimal = precision(wavelet)
-        slopes = relative_jacobian(model, setting, model.names)
-        disturbances = _disturbances(setting.levels)
+        slopes = relative_jacobian(model, design, model.names)
+        disturbances = _disturbances(design.levels)
         # Each as large as gives the best test of one known disturbance three standard deviations.
         sizes = np.sqrt(np.einsum("ij,jk,ik->i", disturbances, optimal, disturbances))
         disturbances *= 3 / sizes[:, None]

@@ -1,5 +1,4 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 
 #include <array>
@@ -8,20 +7,17 @@
 #include <span>
 #include <stdexcept>
 
+#include "arrays.hpp"
 #include "gmwm/arma.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
 using Orders = std::array<std::size_t, 5>;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Lags = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Out1 = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Out2 = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Out3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Lags = Input<std::int64_t, 1>;
 
 void require(bool fits, const char* what) {
   if (!fits) throw std::invalid_argument(what);
@@ -34,64 +30,54 @@ gmwm::ArmaOrders orders_of(const Orders& given, std::size_t parameters) {
   return orders;
 }
 
-template <class A>
-std::span<const double> view(const A& array) {
-  return {array.data(), array.size()};
-}
-
-template <class A>
-std::span<double> writable(const A& array) {
-  return {array.data(), array.size()};
-}
-
-void shapes(const Orders& given, const Rows& parameters, const Values& odd, const Out2& out) {
+void shapes(const Orders& given, const Matrix& parameters, const Vector& odd, const OutMatrix& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.shape(1));
   require(out.shape(0) == parameters.shape(0), "out must have a row for each row of parameters");
   const nb::gil_scoped_release release;
-  gmwm::arma_shapes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(1), writable(out));
+  gmwm::arma_shapes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(1), view(out));
 }
 
-void slopes(const Orders& given, const Rows& parameters, const Values& odd, const Out3& out) {
+void slopes(const Orders& given, const Matrix& parameters, const Vector& odd, const OutCube& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.shape(1));
   require(out.shape(0) == parameters.shape(0) && out.shape(1) == parameters.shape(1),
           "out must have a row for each parameter of each row");
   const nb::gil_scoped_release release;
-  gmwm::arma_slopes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(2), writable(out));
+  gmwm::arma_slopes(orders, view(parameters), parameters.shape(0), view(odd), out.shape(2), view(out));
 }
 
-void coordinates(const Rows& coefficients, const Out2& out) {
+void coordinates(const Matrix& coefficients, const OutMatrix& out) {
   require(coefficients.shape(1) >= 1, "coefficients must have at least one column");
   require(out.shape(0) == coefficients.shape(0) && out.shape(1) == coefficients.shape(1),
           "out must have the shape of coefficients");
-  gmwm::arma_coordinates(view(coefficients), coefficients.shape(1), writable(out));
+  gmwm::arma_coordinates(view(coefficients), coefficients.shape(1), view(out));
 }
 
-std::span<const std::int64_t> ascending(const Lags& lags, const Out1& out) {
+std::span<const std::int64_t> ascending(const Lags& lags, const OutVector& out) {
   require(lags.size() == out.size(), "out must be as long as the lags");
   for (std::size_t k = 0; k < lags.size(); ++k)
     require(lags.data()[k] >= (k == 0 ? 0 : lags.data()[k - 1]), "lags must ascend from 0 or more");
   return {lags.data(), lags.size()};
 }
 
-void autocovariance(const Orders& given, const Values& parameters, const Lags& lags, bool from_zero, const Out1& out) {
+void autocovariance(const Orders& given, const Vector& parameters, const Lags& lags, bool from_zero,
+                    const OutVector& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
-  gmwm::arma_autocovariance(orders, view(parameters), ascending(lags, out), from_zero, writable(out));
+  gmwm::arma_autocovariance(orders, view(parameters), ascending(lags, out), from_zero, view(out));
 }
 
-void block_variance(const Orders& given, const Values& parameters, const Lags& sizes, const Out1& out) {
+void block_variance(const Orders& given, const Vector& parameters, const Lags& sizes, const OutVector& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
-  gmwm::arma_block_variance(orders, view(parameters), ascending(sizes, out), writable(out));
+  gmwm::arma_block_variance(orders, view(parameters), ascending(sizes, out), view(out));
 }
 
-void recursion(const Orders& given, const Values& parameters, const Out1& phi, const Out1& theta,
-               const Out2& predictors, const Out1& deviations) {
+void recursion(const Orders& given, const Vector& parameters, const OutVector& phi, const OutVector& theta,
+               const OutMatrix& predictors, const OutVector& deviations) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
   const std::size_t p = orders.full_ar();
   require(phi.size() == p && theta.size() == orders.full_ma(), "phi and theta must be as long as the polynomials");
   require(predictors.shape(0) == p && predictors.shape(1) == p && deviations.size() == p,
           "predictors and deviations must have a row for each coefficient of phi");
-  gmwm::arma_recursion(orders, view(parameters), writable(phi), writable(theta), writable(predictors),
-                       writable(deviations));
+  gmwm::arma_recursion(orders, view(parameters), view(phi), view(theta), view(predictors), view(deviations));
 }
 
 }  // namespace

@@ -1,5 +1,4 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/pair.h>
 
 #include <cstddef>
@@ -9,28 +8,18 @@
 #include <string>
 #include <utility>
 
-#include "gmwm/buffer.hpp"
+#include "arrays.hpp"
 #include "gmwm/clusters.hpp"
 #include "gmwm/haar.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
-
-Output to_numpy(gmwm::AlignedArray values, std::size_t n) {
-  double* data = values.get();
-  auto kept = std::make_unique<gmwm::AlignedArray>(std::move(values));
-  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<gmwm::AlignedArray*>(p); });
-  kept.release();
-  return Output(data, {n}, owner);
-}
-
-std::pair<Output, Output> octave_second_differences(const Input& x, std::size_t octaves) {
+std::pair<Result, Result> octave_second_differences(const Vector& x, std::size_t octaves) {
   const std::size_t n = x.shape(0);
   if (octaves < 1 || octaves > gmwm::max_level || (std::size_t{1} << octaves) > n)
     throw std::invalid_argument("octaves must be from 1 to log2 of the number of samples, got " +
@@ -44,7 +33,7 @@ std::pair<Output, Output> octave_second_differences(const Input& x, std::size_t 
   return {to_numpy(std::move(phase), n + 1), to_numpy(std::move(sums), octaves)};
 }
 
-void check(const Input& phase, std::size_t n, std::size_t stride, std::size_t most) {
+void check(const Vector& phase, std::size_t n, std::size_t stride, std::size_t most) {
   if (n < 1 || n > most)
     throw std::invalid_argument("n must be from 1 to " + std::to_string(most) + " for " +
                                 std::to_string(phase.shape(0)) + " values of the phase, got " + std::to_string(n));
@@ -52,29 +41,29 @@ void check(const Input& phase, std::size_t n, std::size_t stride, std::size_t mo
 }
 
 // Largest cluster size whose differences of this order fit.
-std::size_t largest(const Input& phase, std::size_t order) {
+std::size_t largest(const Vector& phase, std::size_t order) {
   return phase.shape(0) == 0 ? 0 : (phase.shape(0) - 1) / order;
 }
 
-double second_differences(const Input& phase, std::size_t n, std::size_t stride) {
+double second_differences(const Vector& phase, std::size_t n, std::size_t stride) {
   check(phase, n, stride, largest(phase, 2));
   const nb::gil_scoped_release release;
   return gmwm::second_differences({phase.data(), phase.shape(0)}, n, stride);
 }
 
-double third_differences(const Input& phase, std::size_t n, std::size_t stride) {
+double third_differences(const Vector& phase, std::size_t n, std::size_t stride) {
   check(phase, n, stride, largest(phase, 3));
   const nb::gil_scoped_release release;
   return gmwm::third_differences({phase.data(), phase.shape(0)}, n, stride);
 }
 
-double moving_second_differences(const Input& phase, std::size_t n) {
+double moving_second_differences(const Vector& phase, std::size_t n) {
   check(phase, n, 1, phase.shape(0) / 3);
   const nb::gil_scoped_release release;
   return gmwm::moving_second_differences({phase.data(), phase.shape(0)}, n);
 }
 
-double reflected_second_differences(const Input& phase, std::size_t n) {
+double reflected_second_differences(const Vector& phase, std::size_t n) {
   check(phase, n, 1, phase.shape(0) < 3 ? 0 : phase.shape(0) - 2);
   const nb::gil_scoped_release release;
   return gmwm::reflected_second_differences({phase.data(), phase.shape(0)}, n);

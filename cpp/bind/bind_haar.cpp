@@ -1,5 +1,4 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
 #include <cstddef>
 #include <memory>
@@ -8,27 +7,15 @@
 #include <string>
 #include <utility>
 
-#include "gmwm/buffer.hpp"
+#include "arrays.hpp"
 #include "gmwm/clones.hpp"
 #include "gmwm/haar.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
-
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
-
-std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
-
-Output to_numpy(gmwm::AlignedArray values, std::size_t n) {
-  double* data = values.get();
-  auto kept = std::make_unique<gmwm::AlignedArray>(std::move(values));
-  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<gmwm::AlignedArray*>(p); });
-  kept.release();
-  return Output(data, {n}, owner);
-}
 
 std::size_t checked_levels(std::size_t levels, std::size_t samples) {
   if (levels < 1 || levels > gmwm::max_level || (std::size_t{1} << levels) > samples)
@@ -37,13 +24,13 @@ std::size_t checked_levels(std::size_t levels, std::size_t samples) {
   return levels;
 }
 
-double mean(const Input& x) {
+double mean(const Vector& x) {
   if (x.shape(0) == 0) throw std::invalid_argument("x must not be empty");
   const nb::gil_scoped_release release;
   return gmwm::mean(view(x)).value;
 }
 
-Output running_sum(const Input& x) {
+Result running_sum(const Vector& x) {
   const std::size_t n = x.shape(0);
   if (n == 0) throw std::invalid_argument("x must not be empty");
   gmwm::AlignedArray sum = gmwm::aligned_array(n + 1);
@@ -55,7 +42,7 @@ Output running_sum(const Input& x) {
   return to_numpy(std::move(sum), n + 1);
 }
 
-Output haar_sums_of_squares(const Input& running_sum, std::size_t levels, std::size_t begin, std::size_t end) {
+Result haar_sums_of_squares(const Vector& running_sum, std::size_t levels, std::size_t begin, std::size_t end) {
   const std::size_t n = running_sum.shape(0);
   if (n < 2) throw std::invalid_argument("running_sum must have at least 2 values, got " + std::to_string(n));
   checked_levels(levels, n - 1);
@@ -71,7 +58,7 @@ Output haar_sums_of_squares(const Input& running_sum, std::size_t levels, std::s
   return to_numpy(std::move(sums), levels);
 }
 
-Output haar_variance(const Input& x, std::size_t levels) {
+Result haar_variance(const Vector& x, std::size_t levels) {
   checked_levels(levels, x.shape(0));
   gmwm::AlignedArray variance = gmwm::aligned_array(levels);
   {

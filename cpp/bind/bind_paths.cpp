@@ -1,41 +1,38 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
 #include <cstddef>
 #include <span>
 #include <stdexcept>
 
+#include "arrays.hpp"
 #include "gmwm/paths.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Values = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
-std::span<double> view(const Rows& rows) {
+std::span<double> all_rows(const OutMatrix& rows) {
   if (rows.shape(1) == 0) throw std::invalid_argument("values must have at least one column");
   return {rows.data(), rows.shape(0) * rows.shape(1)};
 }
 
-void autoregress(const Rows& values, double phi, double first, double rest) {
-  const std::span<double> all = view(values);
+void autoregress(const OutMatrix& values, double phi, double first, double rest) {
+  const std::span<double> all = all_rows(values);
   const nb::gil_scoped_release release;
   gmwm::autoregress(all, values.shape(1), phi, first, rest);
 }
 
-void accumulate(const Rows& values, double scale) {
-  const std::span<double> all = view(values);
+void accumulate(const OutMatrix& values, double scale) {
+  const std::span<double> all = all_rows(values);
   const nb::gil_scoped_release release;
   gmwm::accumulate(all, values.shape(1), scale);
 }
 
-void mix(const Rows& values, const Values& phi, const Values& theta, const Table& predictors,
-         const Values& deviations, double rest) {
-  const std::span<double> all = view(values);
+void mix(const OutMatrix& values, const Vector& phi, const Vector& theta, const Matrix& predictors,
+         const Vector& deviations, double rest) {
+  const std::span<double> all = all_rows(values);
   const std::size_t p = phi.size();
   if (predictors.shape(0) != p || predictors.shape(1) != p || deviations.size() != p)
     throw std::invalid_argument("predictors and deviations must have a row for each coefficient of phi");

@@ -1,20 +1,18 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 
 #include <span>
 #include <stdexcept>
 
+#include "arrays.hpp"
 #include "gmwm/polynomial.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-void polynomial(const Input& coefficients, const Input& x, const Output& out) {
+void polynomial(const Vector& coefficients, const Vector& x, const OutVector& out) {
   if (coefficients.shape(0) == 0) throw std::invalid_argument("coefficients must not be empty");
   if (x.shape(0) != out.shape(0)) throw std::invalid_argument("out must be as long as x");
   gmwm::polynomial({coefficients.data(), coefficients.shape(0)}, {x.data(), x.shape(0)}, {out.data(), out.shape(0)});

@@ -1,5 +1,5 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
 
 #include <cstddef>
 #include <memory>
@@ -8,29 +8,17 @@
 #include <string>
 #include <utility>
 
-#include "gmwm/buffer.hpp"
+#include "arrays.hpp"
 #include "gmwm/haar.hpp"
 #include "gmwm/pyramid.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
-
-std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
-
-Output to_numpy(gmwm::AlignedArray values, std::size_t n) {
-  double* data = values.get();
-  auto kept = std::make_unique<gmwm::AlignedArray>(std::move(values));
-  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<gmwm::AlignedArray*>(p); });
-  kept.release();
-  return Output(data, {n}, owner);
-}
-
-void check_filters(const Input& scaling, const Input& wavelet) {
+void check_filters(const Vector& scaling, const Vector& wavelet) {
   if (scaling.shape(0) < 2 || scaling.shape(0) != wavelet.shape(0))
     throw std::invalid_argument("scaling and wavelet must have the same number of taps, 2 or more, got " +
                                 std::to_string(scaling.shape(0)) + " and " + std::to_string(wavelet.shape(0)));
@@ -42,7 +30,7 @@ void check_same(std::size_t n, std::size_t other, std::size_t stride) {
                                 std::to_string(n) + ", " + std::to_string(other) + " and " + std::to_string(stride));
 }
 
-Output pyramid_variance(const Input& x, const Input& scaling, const Input& wavelet, std::size_t levels) {
+Result pyramid_variance(const Vector& x, const Vector& scaling, const Vector& wavelet, std::size_t levels) {
   check_filters(scaling, wavelet);
   const std::size_t n = x.shape(0), reach = scaling.shape(0) - 1;
   // The first and last condition together: n - (2^levels - 1) reach >= 1, without overflow.
@@ -57,7 +45,8 @@ Output pyramid_variance(const Input& x, const Input& scaling, const Input& wavel
   return to_numpy(std::move(variance), levels);
 }
 
-nb::tuple pyramid_step(const Input& smooth, const Input& scaling, const Input& wavelet, std::size_t stride) {
+std::pair<Result, Result> pyramid_step(const Vector& smooth, const Vector& scaling, const Vector& wavelet,
+                                       std::size_t stride) {
   check_filters(scaling, wavelet);
   const std::size_t n = smooth.shape(0);
   check_same(n, n, stride);
@@ -66,10 +55,10 @@ nb::tuple pyramid_step(const Input& smooth, const Input& scaling, const Input& w
     const nb::gil_scoped_release release;
     gmwm::pyramid_step(view(smooth), view(scaling), view(wavelet), stride, {next.get(), n}, {detail.get(), n});
   }
-  return nb::make_tuple(to_numpy(std::move(next), n), to_numpy(std::move(detail), n));
+  return {to_numpy(std::move(next), n), to_numpy(std::move(detail), n)};
 }
 
-Output pyramid_unstep(const Input& smooth, const Input& detail, const Input& scaling, const Input& wavelet,
+Result pyramid_unstep(const Vector& smooth, const Vector& detail, const Vector& scaling, const Vector& wavelet,
                       std::size_t stride) {
   check_filters(scaling, wavelet);
   const std::size_t n = smooth.shape(0);

@@ -1,5 +1,4 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -12,31 +11,20 @@
 #include <utility>
 #include <vector>
 
+#include "arrays.hpp"
 #include "gmwm/haar.hpp"
 #include "gmwm/robust.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 using Values = std::vector<double>;
 
-std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
-
-Output to_numpy(Values values) {
-  auto kept = std::make_unique<Values>(std::move(values));
-  double* data = kept->data();
-  const std::size_t n = kept->size();
-  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<Values*>(p); });
-  kept.release();
-  return Output(data, {n}, owner);
-}
-
 // The number of Haar coefficients at a level that must exist.
-std::size_t checked_count(const Input& running_sum, std::size_t level) {
+std::size_t checked_count(const Vector& running_sum, std::size_t level) {
   const std::size_t n = running_sum.shape(0);
   if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))
     throw std::invalid_argument("level must be from 1 to log2 of the number of samples, got " + std::to_string(level) +
@@ -44,14 +32,14 @@ std::size_t checked_count(const Input& running_sum, std::size_t level) {
   return n - (std::size_t{1} << level);
 }
 
-std::tuple<double, double> biweight_sums(const Input& values, double limit) {
+std::tuple<double, double> biweight_sums(const Vector& values, double limit) {
   if (!(limit > 0.0)) throw std::invalid_argument("limit must be positive, got " + std::to_string(limit));
   const nb::gil_scoped_release release;
   const gmwm::BiweightSums sums = gmwm::biweight_sums(view(values), limit);
   return {sums.cubed, sums.fourth};
 }
 
-std::tuple<Output, Output, Output> haar_biweight_sums(const Input& running_sum, const Input& limits,
+std::tuple<Result, Result, Result> haar_biweight_sums(const Vector& running_sum, const Vector& limits,
                                                       std::size_t every, std::size_t begin) {
   const std::size_t levels = limits.shape(0);
   checked_count(running_sum, levels);
@@ -73,7 +61,7 @@ std::tuple<Output, Output, Output> haar_biweight_sums(const Input& running_sum, 
   return {to_numpy(std::move(cubed)), to_numpy(std::move(fourth)), to_numpy(std::move(count))};
 }
 
-Output haar_sample(const Input& running_sum, std::size_t level, std::size_t size) {
+Result haar_sample(const Vector& running_sum, std::size_t level, std::size_t size) {
   Values out(std::min(size, checked_count(running_sum, level)));
   {
     const nb::gil_scoped_release release;
@@ -82,7 +70,7 @@ Output haar_sample(const Input& running_sum, std::size_t level, std::size_t size
   return to_numpy(std::move(out));
 }
 
-std::tuple<std::size_t, Output> haar_between(const Input& running_sum, std::size_t level, double low, double high) {
+std::tuple<std::size_t, Result> haar_between(const Vector& running_sum, std::size_t level, double low, double high) {
   checked_count(running_sum, level);
   Values between;
   std::size_t below = 0;

@@ -1,5 +1,4 @@
 #include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
 #include <cstddef>
@@ -12,34 +11,27 @@
 #include <utility>
 #include <vector>
 
+#include "arrays.hpp"
 #include "gmwm/haar.hpp"
 #include "gmwm/sketch.hpp"
 
 namespace nb = nanobind;
+using namespace gmwm_bind;
 using namespace nb::literals;
 
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, std::int64_t, nb::ndim<1>>;
-using Counts = std::tuple<std::uint64_t, std::uint64_t, std::size_t, Output, Output>;
+using Counts = std::tuple<std::uint64_t, std::uint64_t, std::size_t, Output<std::int64_t>, Output<std::int64_t>>;
 
-std::span<const double> view(const Input& array) { return {array.data(), array.shape(0)}; }
-
-Output to_numpy(const std::vector<std::uint64_t>& values) {
-  auto kept = std::make_unique<std::vector<std::int64_t>>(values.begin(), values.end());
-  std::int64_t* data = kept->data();
-  const std::size_t n = kept->size();
-  nb::capsule owner(kept.get(), [](void* p) noexcept { delete static_cast<std::vector<std::int64_t>*>(p); });
-  kept.release();
-  return Output(data, {n}, owner);
+Output<std::int64_t> whole_numbers(const std::vector<std::uint64_t>& values) {
+  return to_numpy(std::vector<std::int64_t>(values.begin(), values.end()));
 }
 
 Counts to_python(const gmwm::SketchCounts& found) {
-  return {found.zeros, found.beyond, found.first, to_numpy(found.counts), to_numpy(found.sums)};
+  return {found.zeros, found.beyond, found.first, whole_numbers(found.counts), whole_numbers(found.sums)};
 }
 
-Counts sketch_values(const Input& values) {
+Counts sketch_values(const Vector& values) {
   gmwm::SketchCounts found;
   {
     const nb::gil_scoped_release release;
@@ -48,7 +40,7 @@ Counts sketch_values(const Input& values) {
   return to_python(found);
 }
 
-Counts haar_sketch(const Input& running_sum, std::size_t level, std::size_t begin, std::size_t end) {
+Counts haar_sketch(const Vector& running_sum, std::size_t level, std::size_t begin, std::size_t end) {
   const std::size_t n = running_sum.shape(0);
   if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))
     throw std::invalid_argument("level must be from 1 to log2 of the number of samples, got " + std::to_string(level) +

@@ -1,19 +1,14 @@
-"""The package's docstrings for Sphinx: plain text with formulas in it; late methods as the methods that they are."""
+"""The package's docstrings for Sphinx: plain text with formulas in it."""
 
 from __future__ import annotations
 
 import inspect
 import re
 import sys
-from collections.abc import Callable
 from functools import cache, cached_property
 from importlib import import_module
 from pathlib import Path
-from pkgutil import walk_packages
 from typing import TYPE_CHECKING, Any
-
-import gmwm
-from gmwm._late import LateMethod, LateProperty
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -150,54 +145,8 @@ def as_called(app: Sphinx, what: str, name: str, thing: Any, options: object, ca
     return (CONSTANT.sub(value, call).replace("<factory>", "...") if call else call), gives
 
 
-def late_members() -> list[tuple[type, str, LateMethod[..., Any] | LateProperty[Any]]]:
-    """Every late method and property of the package, with its class."""
-    found = {}
-    for module in walk_packages(gmwm.__path__, "gmwm."):
-        if module.name == "gmwm.__main__":
-            continue
-        for _, owner in inspect.getmembers(import_module(module.name), inspect.isclass):
-            if owner.__module__.startswith("gmwm"):
-                late = {
-                    name: value for name, value in vars(owner).items() if isinstance(value, LateMethod | LateProperty)
-                }
-                found.update({(owner, name): value for name, value in late.items()})
-    return [(owner, name, value) for (owner, name), value in found.items()]
-
-
-def as_method(owner: type, name: str, late: LateMethod[..., Any]) -> Callable[..., Any]:
-    """A function like the one behind a late method: its signature, and its words but for those of the object."""
-    target = late.resolve()
-
-    def method(*args: Any, **kwargs: Any) -> Any:
-        return target(*args, **kwargs)
-
-    words = inspect.getdoc(target) or late.__doc__ or ""
-    first = next(iter(inspect.signature(target).parameters))
-    method.__doc__ = _without_parameter(words, first)
-    method.__signature__ = inspect.signature(target)  # type: ignore[attr-defined]
-    method.__name__, method.__module__, method.__qualname__ = name, owner.__module__, f"{owner.__qualname__}.{name}"
-    return method
-
-
-def _without_parameter(words: str, name: str) -> str:
-    """Without the entry of a parameter, and without a section that it was alone in."""
-    words = re.sub(rf"^{re.escape(name)} : .*\n(?:(?: +.*)?\n)*?(?=\S|\Z)", "", words, count=1, flags=re.MULTILINE)
-    return re.sub(r"^Parameters\n-+\n\s*(?=^\w+\n-+\n|\Z)", "", words, flags=re.MULTILINE)
-
-
-def bind(app: Sphinx) -> None:
-    """Put the methods where the late ones are: for this process, which only writes the site."""
-    for owner, name, late in late_members():
-        if isinstance(late, LateMethod):
-            setattr(owner, name, as_method(owner, name, late))
-        else:
-            setattr(owner, name, property(late.resolve(), doc=late.__doc__))
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
     """Before napoleon, which reads the sections, and before anything is documented."""
-    app.connect("builder-inited", bind)
     app.connect("autodoc-process-docstring", as_text, priority=100)
     app.connect("autodoc-process-signature", as_called)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

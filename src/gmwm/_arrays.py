@@ -77,7 +77,7 @@ def _require_samples(values: object, name: str) -> None:
             f"{name} must be a signal or its samples, got {values!r}; a file is read first: gmwm.read(path), and then "
             "an axis of it"
         )
-    # An Imu, a SimulatedImu and a SimulatedSignal, which live on higher floors.
+    # An Imu, a SimulatedImu and a SimulatedSignal, which are in higher layers.
     for attribute, way in (("signals", "[{!r}]"), ("axes", ".imu[{!r}]"), ("components", ".signal")):
         held = getattr(values, attribute, None)
         if isinstance(held, Mapping) and (attribute != "axes" or hasattr(values, "imu")):

@@ -1,145 +1,184 @@
-"""The C++ kernels (cpp/bind): contiguous float64 arrays and sizes in, arrays out. Others' types are refused."""
+"""
+The C++ kernels: arrays and sizes in, arrays out; what they mean is stated in Python.
+"""
 
-import numpy as np
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy
 from numpy.typing import NDArray
 
-_Vector = NDArray[np.float64]
-_Matrix = NDArray[np.float64]
-_Cube = NDArray[np.float64]
 
-# haar.hpp
+def arma_shapes(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], odd: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Write the wavelet variances (rows, levels) of ARMA processes of rows of parameters to out.
+    """
 
-def clone() -> str: ...
-def mean(x: _Vector) -> float: ...
-def running_sum(x: _Vector) -> _Vector: ...
-def haar_sums_of_squares(running_sum: _Vector, levels: int, begin: int, end: int) -> _Vector: ...
-def haar_variance(x: _Vector, levels: int) -> _Vector: ...
+def arma_slopes(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], odd: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """Write their derivatives (rows, parameters, levels) to out."""
 
-# clusters.hpp
+def arma_coordinates(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> None:
+    """
+    Write artanh of the partial autocorrelations of each row to out; NaN where it is not stationary.
+    """
 
-def octave_second_differences(x: _Vector, octaves: int) -> tuple[_Vector, _Vector]: ...
-def second_differences(phase: _Vector, n: int, stride: int = 1) -> float: ...
-def third_differences(phase: _Vector, n: int, stride: int = 1) -> float: ...
-def moving_second_differences(phase: _Vector, n: int) -> float: ...
-def reflected_second_differences(phase: _Vector, n: int) -> float: ...
+def arma_autocovariance(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lags: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], from_zero: bool, out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """Write the autocovariance at ascending lags, less that at 0 if wanted."""
 
-# robust.hpp
+def arma_block_variance(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], sizes: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """Write the variances of sums of ascending numbers of samples to out."""
 
-def biweight_sums(values: _Vector, limit: float) -> tuple[float, float]: ...
-def haar_biweight_sums(
-    running_sum: _Vector, limits: _Vector, every: int, begin: int = 0
-) -> tuple[_Vector, _Vector, _Vector]: ...
-def haar_sample(running_sum: _Vector, level: int, size: int) -> _Vector: ...
-def haar_between(running_sum: _Vector, level: int, low: float, high: float) -> tuple[int, _Vector]: ...
+def arma_recursion(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], phi: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], theta: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], predictors: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], deviations: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """
+    Write the full polynomials, and the predictors and their errors that paths start by.
+    """
 
-# sketch.hpp
+def clone() -> str:
+    """Name of the version of the kernels that runs on this processor."""
 
-_Counts = tuple[int, int, int, NDArray[np.int64], NDArray[np.int64]]
+def mean(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> float:
+    """Mean of x; NaN if any value is not finite."""
 
-def sketch_values(values: _Vector) -> _Counts: ...
-def haar_sketch(running_sum: _Vector, level: int, begin: int, end: int) -> _Counts: ...
+def running_sum(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Running sum of x - mean(x), N + 1 values from 0; all but the first NaN if a value is not finite.
+    """
 
-# pyramid.hpp
+def haar_sums_of_squares(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int, begin: int, end: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Sum of the squared Haar coefficients W_{j,t}, j = 1 ... levels, over begin <= t < end and t >= 2^j - 1.
+    """
 
-def pyramid_variance(x: _Vector, scaling: _Vector, wavelet: _Vector, levels: int) -> _Vector: ...
-def pyramid_step(smooth: _Vector, scaling: _Vector, wavelet: _Vector, stride: int) -> tuple[_Vector, _Vector]: ...
-def pyramid_unstep(smooth: _Vector, detail: _Vector, scaling: _Vector, wavelet: _Vector, stride: int) -> _Vector: ...
+def haar_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Haar wavelet variance of x at levels 1 ... levels; all NaN if a value is not finite.
+    """
 
-# cone.hpp
+most_slopes: int = 32
 
-def nonnegative_least_squares(target: _Vector, columns: _Vector) -> tuple[_Vector, float]: ...
-def cone_refine(
-    target: _Vector,
-    fixed: _Vector,
-    positive: _Vector,
-    values: _Vector,
-    slopes: _Vector,
-    margins: _Vector,
-    starts: _Vector,
-) -> tuple[_Vector, float]: ...
-def cone_search(
-    target: _Vector,
-    fixed: _Vector,
-    positive: _Vector,
-    values: _Vector,
-    slopes: _Vector,
-    margins: _Vector,
-    count: int,
-    gap: float,
-    max_nodes: int,
-    starts: _Vector,
-) -> tuple[list[tuple[float, _Vector]], float, float, int]: ...
+def kalman_innovations(F: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], Q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], H: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], R: float, P0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], series: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], standardised: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> tuple[bool, int, int, float, Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    Sums of the innovations of a record and its regressors (k, n), and the standardised ones of the record.
+    """
 
-# lags.hpp
+def kalman_score(F: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], Q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], H: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], R: float, P0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], dF: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], dQ: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], dH: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], dR: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], dP0: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], series: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple[bool, int, int, float, float, Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """The same sums with their derivatives, and the information."""
 
-def covariance_lags(
-    levels: NDArray[np.int64], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool
-) -> tuple[NDArray[np.int64], _Vector, _Vector, _Vector, _Vector, NDArray[np.uint8]]: ...
+def kalman_tracks(F: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], Q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], H: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], R: float, P0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], series: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], states: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], shares: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], smooth: bool, means: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], variances: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')]) -> bool:
+    """Filtered or smoothed sums of states, their means and variances."""
 
-# differences.hpp
+def nonnegative_least_squares(target: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
+    """
+    Weights, none negative, whose sum of the rows of `columns` comes nearest to target, and the objective.
+    """
 
-def white_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
-def walk_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
-def spike_differences(fine: _Vector, coarse: _Vector, lag: _Vector) -> _Vector: ...
-def exponential_differences(fine: _Vector, coarse: _Vector, lag: _Vector, decay: float) -> _Vector: ...
+def cone_refine(target: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], positive: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], margins: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], starts: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], float]:
+    """
+    Descend from starts on the curve to a local optimum: its places on the curve, and the objective.
+    """
 
-# paths.hpp
+def cone_search(target: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], positive: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], slopes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], margins: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], count: int, gap: float, max_nodes: int, starts: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[list[tuple[float, Annotated[NDArray[numpy.float64], dict(shape=(None,))]]], float, float, int]:
+    """
+    Search for the global optimum by branch and bound: the best points with their objectives, the lower bound, that of the convex relaxation, and the number of nodes.
+    """
 
-def autoregress(values: _Matrix, phi: float, first: float, rest: float) -> None: ...
-def accumulate(values: _Matrix, scale: float) -> None: ...
-def mix(
-    values: _Matrix, phi: _Vector, theta: _Vector, predictors: _Matrix, deviations: _Vector, rest: float
-) -> None: ...
+def octave_second_differences(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], octaves: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    Running sum of x - mean(x), N + 1 values from 0, and the sums of its squared second differences at lags 1, 2, 4, ...; all but the first NaN if a value is not finite.
+    """
 
-# kalman.hpp
+def second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int, stride: int = 1) -> float:
+    """
+    Sum of the squared second differences of the phase at lag n, at every stride-th place.
+    """
 
-most_slopes: int
+def third_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int, stride: int = 1) -> float:
+    """
+    Sum of the squared third differences of the phase at lag n, at every stride-th place.
+    """
 
-def kalman_innovations(
-    F: _Matrix, Q: _Matrix, H: _Vector, R: float, P0: _Matrix, series: _Matrix, standardised: _Vector
-) -> tuple[bool, int, int, float, _Vector]: ...
-def kalman_score(
-    F: _Matrix,
-    Q: _Matrix,
-    H: _Vector,
-    R: float,
-    P0: _Matrix,
-    dF: _Cube,
-    dQ: _Cube,
-    dH: _Matrix,
-    dR: _Vector,
-    dP0: _Cube,
-    series: _Matrix,
-) -> tuple[bool, int, int, float, float, _Vector, _Vector, _Vector, _Vector, _Vector]: ...
-def kalman_tracks(
-    F: _Matrix,
-    Q: _Matrix,
-    H: _Vector,
-    R: float,
-    P0: _Matrix,
-    series: _Matrix,
-    states: _Matrix,
-    shares: _Matrix,
-    smooth: bool,
-    means: _Matrix,
-    variances: _Matrix,
-) -> bool: ...
+def moving_second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int) -> float:
+    """
+    Sum of the squares of the moving sums, over n places, of the second differences at lag n.
+    """
 
-# arma.hpp
+def reflected_second_differences(phase: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], n: int) -> float:
+    """
+    Sum of the squared second differences at lag n of the phase, continued beyond its ends by half a turn.
+    """
 
-_Orders = tuple[int, int, int, int, int]
+def biweight_sums(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: float) -> tuple[float, float]:
+    """
+    Sums of v q^3 and of v q^4 over the values, v = min(value^2 / limit, 1), q = 1 - v.
+    """
 
-def arma_shapes(orders: _Orders, parameters: _Matrix, odd: _Vector, out: _Matrix) -> None: ...
-def arma_slopes(orders: _Orders, parameters: _Matrix, odd: _Vector, out: NDArray[np.float64]) -> None: ...
-def arma_coordinates(coefficients: _Matrix, out: _Matrix) -> None: ...
-def arma_autocovariance(
-    orders: _Orders, parameters: _Vector, lags: NDArray[np.int64], from_zero: bool, out: _Vector
-) -> None: ...
-def arma_block_variance(orders: _Orders, parameters: _Vector, sizes: NDArray[np.int64], out: _Vector) -> None: ...
-def arma_recursion(
-    orders: _Orders, parameters: _Vector, phi: _Vector, theta: _Vector, predictors: _Matrix, deviations: _Vector
-) -> None: ...
+def haar_biweight_sums(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], every: int, begin: int = 0) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    Those sums over the Haar coefficients of each level with its own limit (0 leaves it out), and their number; one tile of 4096 samples in `every` is read, and of it what ends at sample `begin` or after.
+    """
 
-# polynomial.hpp
+def haar_sample(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, size: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    |W_{j,t}| at `size` places spread over the level; all of them, in order, where there are no more.
+    """
 
-def polynomial(coefficients: _Vector, x: _Vector, out: _Vector) -> None: ...
+def haar_between(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, low: float, high: float) -> tuple[int, Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """How many |W_{j,t}| are <= low, and those in (low, high]."""
+
+def sketch_values(values: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> tuple[int, int, int, Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))]]:
+    """
+    Counts of |value| in bins of 1/128 octave: zeros, infinite ones, the first octave, and of whole octaves from there on the counts and the sums of what lies below each bin's leading bits, in 2^-24 of its width.
+    """
+
+def haar_sketch(running_sum: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], level: int, begin: int, end: int) -> tuple[int, int, int, Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.int64], dict(shape=(None,))]]:
+    """
+    The same of the Haar coefficients W_{j,t} of one level over begin <= t < end and t >= 2^j - 1.
+    """
+
+def pyramid_variance(x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], levels: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Wavelet variance of x at levels 1 ... levels by the MODWT; all NaN if a value is not finite.
+    """
+
+def pyramid_step(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stride: int) -> tuple[Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))]]:
+    """
+    One level of the periodic MODWT: the next scaling and the wavelet coefficients.
+    """
+
+def pyramid_unstep(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], detail: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stride: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """The scaling coefficients from which pyramid_step made these."""
+
+def covariance_lags(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]]:
+    """
+    Pairs of levels, lags and weights at which the covariances of the Haar coefficients are to be summed.
+    """
+
+def white_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Covariances of Haar coefficients of white noise."""
+
+def walk_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Covariances of Haar coefficients of a random walk."""
+
+def spike_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Covariances of Haar coefficients of rounding errors."""
+
+def exponential_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], decay: float) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """Covariances of Haar coefficients of an autocovariance exp(-decay |k|)."""
+
+def autoregress(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], phi: float, first: float, rest: float) -> None:
+    """
+    Turn each row x in place into y_0 = first x_0, y_t = phi y_{t-1} + rest x_t.
+    """
+
+def accumulate(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], scale: float) -> None:
+    """Turn each row x in place into y_t = scale (x_0 + ... + x_t)."""
+
+def mix(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], phi: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], theta: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], predictors: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], deviations: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], rest: float) -> None:
+    """
+    Turn each row x in place into an autoregression z driven by rest x, begun by predictors, and that from theta.size() on into the moving average of z.
+    """
+
+def polynomial(coefficients: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], x: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """
+    Write the polynomial with these coefficients, highest power first, at each x to out, which may be x.
+    """

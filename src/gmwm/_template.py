@@ -43,6 +43,8 @@ _SHELL_OPTIONS: Mapping[str, str] = {"rng": "--seed", "within": "--within", "axe
 """Options of the shell whose name is not that of the Python argument."""
 _MAPPINGS = ("units", "scale", "columns")
 """Arguments that are mappings in Python and `name=value` pairs in the shell."""
+_LISTS = ("columns", "increments")
+"""Arguments that are lists in Python and names between commas in the shell."""
 _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm info": "gmwm.inspect(recording)",
     "gmwm agree": "gmwm.agree(calibrations)",
@@ -59,7 +61,9 @@ def render(template: str, facts: Mapping[str, Fact] | None = None, dialect: Dial
     A field `{name}` is a fact, with an optional format: `{count:#knock}` a count with its noun, `{time:moment}` a time
     to the millisecond, `{time:span}` a length of time in a readable unit, `{share:percent}`, or a number format such as
     `.3g`. A field `{--skip}` or `{--gaps=longest}` is an option: `skip=` and `gaps='longest'` in Python, `--skip` and
-    `--gaps longest` in the shell; the value of `{--start=@first}` is a fact. `{gmwm info}` is a command, or the Python
+    `--gaps longest` in the shell; the value of `{--start=@first}` is a fact. `{--columns=time:none}` leaves a column
+    out:
+    `columns={'time': None}` in Python, `--columns time=` in the shell. `{gmwm info}` is a command, or the Python
     call that does the same. Text between backticks is code.
 
     Parameters
@@ -83,6 +87,8 @@ def render(template: str, facts: Mapping[str, Fact] | None = None, dialect: Dial
     '2 knocks at 612.5 s: cut them out with --skip.'
     >>> render("{--units=gyro:deg/s} or {--gaps=longest}"), render("{--units=gyro:deg/s}", dialect=Dialect.SHELL)
     ("units={'gyro': 'deg/s'} or gaps='longest'", '--units gyro=deg/s')
+    >>> render("{--columns=gyro_x:4,time:none} or {--columns=time,gyro_x}")
+    "columns={'gyro_x': 4, 'time': None} or columns=['time', 'gyro_x']"
     """
     known = facts or {}
     html = dialect is Dialect.HTML
@@ -164,11 +170,19 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect) -> str:
         return f"{name}={number:g}" if python else f"{shell_option(name)} {number:g}"
     literal = fact if isinstance(fact, str) else value
     if not python:
-        return f"{shell_option(name)} {shlex.quote(literal.replace(':', '=') if name in _MAPPINGS else literal)}"
+        pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal
+        return f"{shell_option(name)} {shlex.quote(pairs_of_shell)}"
     if name in _MAPPINGS and ":" in literal:
         pairs = (pair.partition(":") for pair in literal.split(","))
-        return f"{name}={ {key: other for key, _, other in pairs} }"
+        return f"{name}={ {key: _python_value(other) for key, _, other in pairs} }"
+    if name in _LISTS:
+        return f"{name}={[_python_value(item) for item in literal.split(',')]}"
     return f"{name}={_PYTHON_VALUES.get(literal, repr(literal))}"
+
+
+def _python_value(text: str) -> str | int | None:
+    """A name, an index, or None where nothing stands, as Python users write it in a mapping or a list."""
+    return int(text) if text.isdecimal() else None if text in ("", "none") else text
 
 
 _PYTHON_VALUES: Mapping[str, str] = {"yes": "True", "no": "False"}

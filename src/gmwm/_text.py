@@ -9,9 +9,6 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-OVERRULED = "the file says"
-"""Stands in the note on a unit that was declared where the file itself names another one."""
-
 
 def counted(number: int, noun: str) -> str:
     """A number with its noun, in the plural where it is not one.

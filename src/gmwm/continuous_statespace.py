@@ -80,7 +80,7 @@ class ContinuousStateSpace:
         terms: tuple[str, ...] = (),
         left_out: tuple[str, ...] = (),
     ) -> None:
-        arrays = checked(("A", "Qc", "H", "Rc"), A, Qc, H, Rc, m0, P0, diffuse)
+        arrays = checked(("A", "Qc", "H", "Rc"), A, noise=Qc, seen=H, scatter=Rc, m0=m0, P0=P0, diffuse=diffuse)
         for name, value in {**arrays, "terms": tuple(terms), "left_out": tuple(left_out)}.items():
             object.__setattr__(self, name, value)
 

@@ -34,6 +34,10 @@ class GmwmError(Exception):
         Template of what to do, see `gmwm._template.render`; options are written `{--rate}`.
     facts : mapping of name to fact
         What the advice is filled with.
+    option : str or None
+        The shell's option for the argument, if it has another name.
+    prefix : str
+        The argument whose value holds what the message is about, as a model in a text.
 
     Examples
     --------
@@ -58,18 +62,27 @@ class GmwmError(Exception):
         self.message, self.argument, self.expected = message, argument, expected
         self.given, self.got = got is not _NOT_GIVEN, None if got is _NOT_GIVEN else got
         self.advice, self.facts = advice, facts
+        self.option: str | None = None
+        self.prefix = ""
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """The error as text, for one kind of reader."""
         message = self.message
         if not message:
             name = self.argument or "the value"
-            named = name if self.argument is None or dialect is Dialect.PYTHON else shell_option(name)
-            message = f"{named} must be {self.expected}"
+            message = f"{self._named(name, dialect)} must be {self.expected}"
             if self.given:
                 message += f"; got {_shown(self.got)}"
+        if self.prefix:
+            message = f"{self._named(self.prefix, dialect)}: {message}"
         advice = render(self.advice, self.facts, dialect)
         return f"{message}. {advice}" if advice else message
+
+    def _named(self, argument: str, dialect: Dialect) -> str:
+        """The argument, or its option in the shell."""
+        if dialect is Dialect.PYTHON or not (self.argument or self.prefix):
+            return argument
+        return self.option or shell_option(argument)
 
     def __str__(self) -> str:
         return self.text()

@@ -1,7 +1,7 @@
-"""The six types of .imu files: bare records of a time and six increments, known to who reads and who writes them.
+"""The six types of .imu files: records of a time and six increments, for the reader and the writer.
 
-Such a file has no header: neither its type nor the scale of its counts stands in it. A record is the time (s), three
-increments of angle and three of velocity, little-endian, without padding.
+An .imu file has no header that states its type or the scale of its counts. A record is the time (s), three increments
+of angle and three of velocity, little-endian, without padding.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gmwm.signals import AXES
 
 PREFIX = "imu:"
-"""What stands before a type in `format=`."""
+"""Prefix of a type in the `format` option."""
 
 _ARCSECOND = math.pi / 180 / 3600
 
@@ -28,11 +28,11 @@ class RecordType:
     Parameters
     ----------
     name : str
-        The name of the sensor that it is known by.
+        Name of the sensor.
     word : "i4" or "f8"
-        How the six increments are held: 32-bit counts (records of 32 bytes) or doubles (56 bytes).
+        Type of the six increments: 32-bit counts (records of 32 bytes) or doubles (56 bytes).
     gyro, accel : float
-        What one count is, in rad and m/s.
+        Size of one count, in rad and m/s.
     """
 
     name: str
@@ -42,22 +42,22 @@ class RecordType:
 
     @property
     def format(self) -> str:
-        """What `format=` takes for it."""
+        """The value of the `format` option for this type."""
         return f"{PREFIX}{self.name}"
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """A record, field by field."""
+        """NumPy type of a record."""
         return record(self.word)
 
     @property
     def scales(self) -> tuple[float, ...]:
-        """What one count of each of the six axes is, in rad and m/s."""
+        """Size of one count of each of the six axes, in rad and m/s."""
         return (self.gyro,) * 3 + (self.accel,) * 3
 
 
 def record(word: str, order: str = "<") -> np.dtype[Any]:
-    """The time and the six axes as the fields of a record in the byte order "<" or ">"."""
+    """NumPy type of a record with the time and the six axes, in the byte order "<" or ">"."""
     return np.dtype([("time", f"{order}f8"), *((axis, f"{order}{word}") for axis in AXES)])
 
 
@@ -69,28 +69,30 @@ TYPES = (
     RecordType("NAVCHIP_INT", "i4", 6.25e-6, 3.90625e-5),
     RecordType("NAVCHIP_FLT", "f8", _ARCSECOND, 1e-3),
 )
-"""All types. IXSEA and NAVCHIP_FLT are the same but for their name."""
+"""All types. IXSEA and NAVCHIP_FLT differ only in their names."""
 
 
 def counts(values: NDArray[Any], unit: float) -> NDArray[np.int64]:
-    """Increments as whole counts that lose no angle or velocity: what rounding leaves of one goes into the next.
+    """Round increments to whole counts and carry each remainder over to the next increment.
 
-    n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where [·] is the nearest integer: the sum of the counts
-    is never off by more than half of one. Increments that are whole counts already come out as these.
+    n_k = [S_k] − [S_{k−1}] with S_k = (v_1 + … + v_k) / u, where [·] is the nearest integer. The sum of the counts
+    is never off by more than half a count. Increments that are whole counts stay as they are.
 
     Parameters
     ----------
     values : (N,) array
         Increments v, in the unit of u.
     unit : float
-        What one count is, u.
+        Size of one count, u.
 
     >>> counts(np.array([0.4, 0.4, 0.4, 0.4]), 1.0)
     array([0, 1, 0, 1])
     """
     exact = np.asarray(values, dtype=np.float64) / unit
     nearest = np.rint(exact)
-    # Counts that were multiplied by scale and rate and divided again are whole to rounding, which a sum piles up.
+    # Counts that were multiplied by scale and rate and divided again differ from integers by float64 rounding, which a
+    # sum would accumulate. The tolerance of 1e-9 is far above that rounding and far below a count; pinned by
+    # tests/test_writers.py.
     if np.all(np.abs(exact - nearest) <= 1e-9 * np.maximum(np.abs(nearest), 1.0)):
         return nearest.astype(np.int64)
     return np.diff(np.rint(np.cumsum(exact)), prepend=0.0).astype(np.int64)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm._text import Summarised, rounded
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
@@ -44,7 +44,7 @@ _REASONS: Mapping[str, str] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Summarised):
     """The result of the test for outliers, level by level.
 
@@ -272,9 +272,21 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        pvalue <= size, pvalue, robust.levels.copy(), robust.tau.copy(), excess, critical, error, pvalues,
-        dict(sorted(left_out.items())), float(size), int(comparisons), float(tolerance), robust.efficiency, robust.axis,
-    )  # fmt: skip
+        contaminated=pvalue <= size,
+        pvalue=pvalue,
+        levels=robust.levels.copy(),
+        tau=robust.tau.copy(),
+        excess=excess,
+        critical=critical,
+        standard_errors=error,
+        pvalues=pvalues,
+        left_out=dict(sorted(left_out.items())),
+        size=float(size),
+        comparisons=int(comparisons),
+        tolerance=float(tolerance),
+        efficiency=robust.efficiency,
+        axis=robust.axis,
+    )
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:
@@ -289,7 +301,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)
     classical, robust = x
-    if not all(Setting.of(part).running_sum for part in x):
+    if not all(Design.of(part).running_sum for part in x):
         raise OptionError(
             "the test for outliers needs Haar MODWT variances",
             advice="Measure them with {--filter=haar} and {--transform=modwt}.",
@@ -306,7 +318,7 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
 
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
     """Levels that are not tested, with the reason."""
-    freedom = Setting.of(robust).degrees_of_freedom
+    freedom = Design.of(robust).degrees_of_freedom
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
     zeros = np.array(found.get("zeros", np.zeros(len(robust))))

@@ -1,29 +1,37 @@
-"""What was recorded: a Signal is one axis, an Imu is a set of axes on one time base. Both are frozen."""
+"""Recordings in memory: a Signal is one axis, an Imu is a set of axes with one time base. Both are immutable."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
-from gmwm._late import LateMethod
+from gmwm._text import counted
 from gmwm.errors import DataError, OptionError
+from gmwm.remarks import Remark
 from gmwm.units import SI_UNIT, Quantity, parse_unit
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
+
+T = TypeVar("T")
 
 AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 """The names of the six axes of an IMU, in the order in which they are shown."""
 
 MINIMUM_SAMPLES = 8
-"""A segment shorter than this has fewer than three wavelet levels and carries no noise model."""
+"""Shortest segment that is read: 2³ samples give three wavelet levels, fewer than any model has parameters to fit.
+Pinned by tests/test_cuts.py."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +41,7 @@ class Signal:
     Parameters
     ----------
     values : (N,) array, in `unit`
-        The samples, in order; made read-only.
+        The samples in order. The array becomes read-only.
     rate : float
         Samples per second (Hz).
     unit : str
@@ -41,12 +49,18 @@ class Signal:
     axis : str
         Name of the axis, such as "gyro_x".
     start : float
-        Time of the first sample (s), on whatever clock the recording has.
+        Time of the first sample (s) on the clock of the recording.
     segments : tuple of (start, stop)
-        Index ranges that are uniformly sampled; more than one means that samples are missing between them.
+        Index ranges that are uniformly sampled. Samples are missing between one range and the next.
     starts : tuple of float
-        Time of the first sample of each segment (s). Without it each gap is taken as the shortest there is:
-        one sample missing.
+        Time of the first sample of each segment (s). By default one sample is missing in each gap.
+
+    Raises
+    ------
+    DataError
+        If the values are not finite numbers, or the segments or starts do not fit them.
+    OptionError
+        If the rate is not a positive number.
     """
 
     values: Vector
@@ -72,13 +86,15 @@ class Signal:
             vector = freeze(vector.view())
         ranges = tuple((int(a), int(b)) for a, b in segments) or ((0, vector.size),)
         if ranges[0][0] != 0 or ranges[-1][1] != vector.size or any(a >= b for a, b in ranges):
-            raise DataError(f"segments must be non-empty ranges that cover all {vector.size} samples, got {segments!r}")
+            expected = f"non-empty ranges that cover all {vector.size} samples"
+            raise DataError(argument="segments", expected=expected, got=segments)
         if any(left[1] != right[0] for left, right in pairwise(ranges)):
-            raise DataError(f"segments must follow one another without overlap, got {segments!r}")
+            raise DataError(argument="segments", expected="consecutive ranges without overlap", got=segments)
         rate = as_rate(rate)
         times = tuple(map(float, starts)) or tuple(start + (a + k) / rate for k, (a, _) in enumerate(ranges))
         if len(times) != len(ranges):
-            raise DataError(f"starts must hold one time for each of {len(ranges)} segments, got {len(times)}")
+            expected = f"a sequence with one time for each of {len(ranges)} segments"
+            raise DataError(argument="starts", expected=expected, got=tuple(starts))
         for name, value in (
             ("values", vector), ("rate", rate), ("unit", unit), ("axis", axis),
             ("start", times[0]), ("segments", ranges), ("starts", times),
@@ -87,23 +103,23 @@ class Signal:
 
     @classmethod
     def from_missing(cls, values: ArrayLike, rate: float, unit: str = "", axis: str = "", start: float = 0.0) -> Signal:
-        """A signal of samples at equal steps of which some are missing: each stretch between them is a segment.
+        """Make a signal with gaps from an array in which missing samples are NaN or masked.
 
         Parameters
         ----------
         values : (N,) array, in `unit`
-            The samples in order, NaN or masked where one is missing.
+            The samples at equal intervals, NaN or masked where one is missing.
         rate, unit, axis
             As for `Signal`.
         start : float
-            Time of the first value, be it there or missing (s).
+            Time of the first value (s), whether it is missing or not.
 
         Raises
         ------
         DataError
-            If no sample is there, a value is infinite, or the array cannot be used.
+            If all samples are missing, a value is infinite, or the array cannot be used.
         OptionError
-            If the rate is no positive number.
+            If the rate is not a positive number.
 
         Examples
         --------
@@ -114,22 +130,31 @@ class Signal:
         if isinstance(values, np.ma.MaskedArray):
             values = np.ma.filled(values.astype(np.float64), np.nan)
         vector, rate = as_vector(values, axis or "the signal", finite=False), as_rate(rate)
-        there = ~np.isnan(vector)
-        endless = int(np.count_nonzero(np.isinf(vector)))
-        if endless:
+        present = ~np.isnan(vector)
+        infinite = int(np.count_nonzero(np.isinf(vector)))
+        if infinite:
             raise DataError(
-                f"{axis or 'the signal'} must be finite, NaN where a sample is missing; got {endless} infinite (first "
-                f"at {int(np.argmax(np.isinf(vector)))}): make them NaN if they stand for missing ones"
+                f"{axis or 'the signal'} has {counted(infinite, 'infinite value')}, the first at index "
+                f"{int(np.argmax(np.isinf(vector)))}",
+                advice="If infinite values stand for missing samples, replace them with NaN.",
             )
-        if not there.any():
-            raise DataError(f"{axis or 'the signal'} has no sample that is there: all {vector.size} are missing")
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8))).reshape(-1, 2)
+        if not present.any():
+            raise DataError(f"all {vector.size} samples of {axis or 'the signal'} are missing")
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], present, [False])).astype(np.int8))).reshape(-1, 2)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
-        return cls(vector[there], rate, unit, axis, starts[0], list(pairwise(ends)), starts)
+        return cls(
+            values=vector[present],
+            rate=rate,
+            unit=unit,
+            axis=axis,
+            start=starts[0],
+            segments=list(pairwise(ends)),
+            starts=starts,
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy from another process is read-only as well.
+        # The constructor makes the array of a copy read-only as well.
         fields = (self.values, self.rate, self.unit, self.axis, self.start, self.segments, self.starts)
         return Signal, fields
 
@@ -146,11 +171,16 @@ class Signal:
 
     @property
     def duration(self) -> float:
-        """Length of what was recorded, gaps left out (s)."""
+        """Recorded time without the gaps (s)."""
         return len(self) / self.rate
 
     def times(self, indices: ArrayLike | None = None) -> Vector:
-        """Times of the samples with these indices (s), or of all; uniform within a segment.
+        """Times of samples (s), uniform within each segment.
+
+        Parameters
+        ----------
+        indices : array of int, optional
+            Indices of the samples; all by default.
 
         >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3)), starts=(0.0, 5.0)).times()
         array([0. , 0.1, 5. ])
@@ -158,7 +188,7 @@ class Signal:
         return times_of(np.arange(len(self)) if indices is None else indices, self.rate, self.segments, self.starts)
 
     def whole(self) -> Vector:
-        """The values of a signal without gaps.
+        """The values, if the signal has no gaps.
 
         Raises
         ------
@@ -169,41 +199,67 @@ class Signal:
             sizes = ", ".join(str(b - a) for a, b in self.segments[:5])
             raise DataError(
                 f"{self.axis or 'the signal'} has gaps: {len(self.segments)} segments of {sizes}"
-                f"{', …' if len(self.segments) > 5 else ''} samples; segments are never glued. Use signal.longest() "
-                "or read(..., gaps='longest')"
+                f"{', …' if len(self.segments) > 5 else ''} samples",
+                advice="To use only the longest segment, pass {--gaps=longest}.",
             )
         return self.values
 
-    def pieces(self) -> list[Vector]:
-        """The values of each segment.
+    def segment_values(self) -> list[Vector]:
+        """The values of each segment, one array each.
 
-        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).pieces()
+        >>> Signal([1.0, 2.0, 3.0], 10.0, segments=((0, 2), (2, 3))).segment_values()
         [array([1., 2.]), array([3.])]
         """
         return [self.values[first:last] for first, last in self.segments]
 
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_signal", 'The signal over time, as plot(units="si"|"datasheet", ax=…, path=…).'
-    )
+    def plot(
+        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the signal over time, with its line broken where samples are missing.
+
+        If the samples are far from zero, their mean is subtracted, and the title gives it.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the signal does not support it.
+        """
+        from gmwm.plots.series import plot_signal
+
+        return plot_signal(self, units=units, ax=ax, path=path)
 
     def longest(self) -> Signal:
-        """The longest stretch without a gap, as a signal of its own."""
+        """The longest segment as a signal without gaps."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
 
 
 def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
-    """When the samples with these indices were taken (s), by the segments they lie in and when those begin (s)."""
+    """Times of the samples with these indices (s), from the segments and their start times (s)."""
     index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
     segment = np.searchsorted(firsts, index, side="right") - 1
     return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
 
 
 def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """When each segment begins, in seconds from the first sample; never before the one before it has ended.
+    """Start time of each segment in seconds from the first sample, never before the end of the previous segment.
 
-    Where the clock was set back, it is as if one sample had followed the other.
+    If the clock was set back, the segment starts one interval after the last sample before it.
 
     >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
     [0.0, 5.0, 9.0]
@@ -220,8 +276,8 @@ def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence
 
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
-    """A signal like `signal` with other values in one segment."""
-    return Signal(values, signal.rate, signal.unit, signal.axis, start)
+    """A copy of a signal with other values in one segment."""
+    return Signal(values, signal.rate, unit=signal.unit, axis=signal.axis, start=start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,35 +287,39 @@ class Imu:
     Parameters
     ----------
     signals : mapping of axis name to Signal
-        All of the same length, rate and segments.
+        The axes; they have the same length, rate and segments.
     source : str
-        Where it came from, for titles and reports.
-    notes : tuple of str
-        What was understood or inferred on reading, in plain words.
+        File or other origin, for titles and reports.
+    remarks : tuple of Remark
+        How the file was understood on reading: units, rate, columns, time stamps, times left out.
     time_base : TimeBase or None
-        What was learnt of the time stamps on reading.
+        Properties of the time stamps.
     temperature : (N,) array or None
-        Temperature in °C if the recording carries it.
+        Temperature (°C), if the file has a column for it.
+
+    Raises
+    ------
+    DataError
+        If there is no axis, or the axes or the temperature do not fit each other.
     """
 
     signals: Mapping[str, Signal]
     source: str = ""
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     time_base: TimeBase | None = None
     temperature: Vector | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if not self.signals:
-            raise DataError("an Imu needs at least one axis, got none")
+            raise DataError(argument="signals", expected="a mapping of at least one axis", got={})
         signals = list(self.signals.values())
         first = signals[0]
         for name, signal in self.signals.items():
             if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
-                came = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
-                raise DataError(f"all axes of an Imu share length, rate and segments; {came}")
+                given = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
+                raise DataError(f"all axes of an Imu must have the same length, rate and segments, but {given}")
         if self.temperature is not None and len(self.temperature) != len(first):
-            got = f"{len(self.temperature)} for {len(first)} samples"
-            raise DataError(f"temperature must hold one value for each sample, got {got}")
+            raise DataError(f"temperature has {len(self.temperature)} values for {len(first)} samples")
         order = {axis: k for k, axis in enumerate(AXES)}
         ordered = dict(sorted(self.signals.items(), key=lambda item: order.get(item[0], len(AXES))))
         object.__setattr__(self, "signals", MappingProxyType(ordered))
@@ -276,16 +336,16 @@ class Imu:
         segments: Sequence[tuple[int, int]] = (),
         source: str = "",
     ) -> Imu:
-        """An Imu of arrays in memory.
+        """Make an Imu from arrays in memory.
 
         Parameters
         ----------
         arrays : mapping of axis name to (N,) array, or (N, len(axes)) array
-            The samples; the columns of a two-dimensional array are `axes` in their order.
+            The samples. The columns of a two-dimensional array are `axes` in their order.
         rate : float
             Samples per second (Hz).
         units : mapping, optional
-            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; rad/s and m/s² where it is silent.
+            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; rad/s and m/s² by default.
         axes : sequence of str
             Names of the columns of a two-dimensional array.
         start, segments, source
@@ -303,7 +363,7 @@ class Imu:
         given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
         unknown = sorted(set(units or {}) - set(SI_UNIT))
         if unknown:
-            raise OptionError(f"units must name gyro or accel, got {unknown[0]!r}")
+            raise OptionError(argument="units", expected="a mapping of gyro and accel to units", got=units)
         signals = {}
         for axis, values in given.items():
             quantity = axis_quantity(axis)
@@ -311,18 +371,18 @@ class Imu:
             factor = parse_unit((units or {}).get(quantity, si), quantity).factor
             vector = as_vector(values, axis)
             vector = vector if factor == 1 else vector * factor
-            signals[axis] = Signal(vector, rate, si, axis, start, segments)
+            signals[axis] = Signal(values=vector, rate=rate, unit=si, axis=axis, start=start, segments=segments)
         return cls(signals, source, time_base=TimeBase(as_rate(rate), start=start))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
-        return Imu, (dict(self.signals), self.source, self.notes, self.time_base, self.temperature)
+        # A mapping proxy cannot be pickled, a dict can.
+        return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
 
     def __getitem__(self, axis: str) -> Signal:
         try:
             return self.signals[axis]
         except KeyError:
-            raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}") from None
+            raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)
@@ -345,7 +405,7 @@ class Imu:
 
     @property
     def duration(self) -> float:
-        """Length of what was recorded, gaps left out (s)."""
+        """Recorded time without the gaps (s)."""
         return len(self) / self.rate
 
     @property
@@ -353,21 +413,85 @@ class Imu:
         """Index ranges without a gap."""
         return next(iter(self.signals.values())).segments
 
-    between: ClassVar[LateMethod[..., Imu]] = LateMethod(
-        "gmwm.time_ranges:cut",
-        "The part between two times, as between(start, stop, skip=[(from, to), …]) in seconds from the first sample.",
-    )
+    def between(
+        self, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
+    ) -> Imu:
+        """Cut out the part of the recording between two times, without the ranges in `skip`; each leaves a gap.
 
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_recording", 'All axes over time, as plot(units="si"|"datasheet", path=…).'
-    )
+        Times count from the first sample on the recording's clock, gaps included. If the clock was set back, the
+        next sample counts as one sampling interval later. The part includes a sample at `start` and excludes one at
+        `stop`.
+
+        Parameters
+        ----------
+        start, stop : float, optional
+            Times (s); by default the beginning and the end.
+        skip : sequence of (from, to)
+            Ranges to leave out (s), in any order. A range may extend beyond the end, but may not begin after it.
+
+        Returns
+        -------
+        Imu
+            The part, with a remark on the times that are used.
+
+        Raises
+        ------
+        OptionError
+            If a time is negative or not a number, or an end is not after its beginning.
+        DataError
+            If no segment of 8 samples or more is left, or a range to skip begins after the end.
+
+        Warns
+        -----
+        GmwmWarning
+            If `stop` is after the end of the recording.
+
+        Examples
+        --------
+        >>> imu = Imu.from_arrays({"gyro_x": np.arange(100.0)}, rate=10.0)
+        >>> imu.between(2.0, 9.0)
+        Imu(gyro_x: 70 samples at 10 Hz, 7 s)
+        >>> part = imu.between(2.0, skip=[(5.0, 6.0)])
+        >>> part.segments, part["gyro_x"].starts
+        (((0, 30), (30, 70)), (2.0, 6.0))
+        """
+        from gmwm.time_ranges import cut
+
+        return cut(self, start, stop, skip)
+
+    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw all axes over time, gyroscopes next to accelerometers, with lines broken where samples are missing.
+
+        If the samples of an axis are far from zero, as with gravity, their mean is subtracted, and the title gives it.
+        The axes of a sensor have the same scale, unless a curve would be flat.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.plots.series import plot_recording
+
+        return plot_recording(self, units=units, path=path)
 
     def longest(self) -> Imu:
-        """The longest stretch without a gap, as a recording of its own; says so in its notes."""
+        """The longest segment as a recording without gaps; its remarks say so."""
         if len(self.segments) == 1:
             return self
         first, last = longest = max(self.segments, key=lambda s: s[1] - s[0])
-        note = f"cut to the longest of {len(self.segments)} segments: samples {first} to {last - 1}"
+        remark = Remark.of("longest-segment", segments=len(self.segments), first=first, last=last - 1)
         signals = {axis: signal.longest() for axis, signal in self.signals.items()}
         base, start = self.time_base, next(iter(signals.values())).start
         one = self[self.axes[0]]
@@ -375,17 +499,53 @@ class Imu:
         return replace(
             self,
             signals=signals,
-            notes=(*self.notes, note),
-            # Stamps step back between segments only: within one there is neither a gap nor such a step.
+            remarks=(*self.remarks, remark),
+            # Time stamps step backward between segments only, so a single segment has no gap and no such step.
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
 
 
+def sensor_of(axis: str) -> str:
+    """The sensor of an axis; "" if its name has none.
+
+    >>> sensor_of("gyro_x"), sensor_of("temperature")
+    ('gyro', '')
+    """
+    return axis.rpartition("_")[0]
+
+
+def letter_of(axis: str) -> str:
+    """The direction of an axis, x, y or z; the whole name if it has no sensor.
+
+    >>> letter_of("gyro_x")
+    'x'
+    """
+    return axis.rpartition("_")[2]
+
+
+def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
+    """The values of axes, grouped by sensor.
+
+    >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
+    {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
+    """
+    sensors: dict[str, dict[str, T]] = {}
+    for axis, value in axes.items():
+        sensors.setdefault(sensor_of(axis), {})[axis] = value
+    return sensors
+
+
 def axis_quantity(axis: str) -> Quantity:
-    """What an axis of an IMU measures, "gyro" or "accel"; an error if it is not one of `AXES`."""
+    """The quantity that an axis measures, "gyro" or "accel".
+
+    Raises
+    ------
+    OptionError
+        If it is not one of `AXES`.
+    """
     if axis not in AXES:
-        raise OptionError(f"axis must be one of {', '.join(AXES)}; got {axis!r}")
+        raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
     return "gyro" if axis.startswith("gyro") else "accel"
 
 
@@ -393,38 +553,40 @@ def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
     """The columns of a two-dimensional array by axis name."""
     table = np.asarray(array)
     if table.ndim != 2 or table.shape[1] != len(axes):
-        hint = "; pass its transpose" if table.ndim == 2 and table.shape[0] == len(axes) else ""
+        transposed = table.ndim == 2 and table.shape[0] == len(axes)
         raise DataError(
-            f"arrays must be a mapping or of shape (N, {len(axes)}), a column for each of "
-            f"{', '.join(axes)}; got shape {table.shape}{hint}"
+            argument="arrays",
+            expected=f"a mapping or an array of shape (N, {len(axes)}) with columns {', '.join(axes)}",
+            got=table.shape,
+            advice="Pass its transpose." if transposed else "",
         )
     return {axis: table[:, k] for k, axis in enumerate(axes)}
 
 
 @dataclass(frozen=True)
 class TimeBase:
-    """What the time stamps of a recording say about its sampling.
+    """Sampling of a recording, from its time stamps.
 
     Parameters
     ----------
     rate : float
-        1 / median interval (Hz); 1 / mean interval between gaps where rounded stamps make the median drift
-        away from them; the declared rate where there is one.
+        Samples per second (Hz): the declared rate if there is one, otherwise 1 / median interval. If time stamps are
+        so rounded that a clock of the median interval departs from them, it is 1 / mean interval between gaps.
     stamped : bool
-        Whether the recording has time stamps at all.
+        Whether the recording has time stamps.
     start : float
-        First stamp (s).
+        First time stamp (s).
     jitter : float
         Root mean square deviation of the intervals within segments from their median (s).
     gaps : tuple of (index, duration)
-        For each gap, the index of the first sample after it and the time from the sample before (s).
+        For each gap, the index of the first sample after it and the time from the sample before it (s).
     duplicates : int
-        Number of stamps equal to the one before.
+        Number of time stamps that are equal to the one before.
     backward : int
-        Number of stamps earlier than the one before.
+        Number of time stamps that are earlier than the one before.
     left : float
-        Time (s) of the recording before its first sample here, where a beginning was cut off: the first sample was
-        taken so long after that of the whole recording, from which `start`, `stop` and `skip` of `read` count.
+        Time (s) that was left out before the first sample. The times `start`, `stop` and `skip` of `read` count from
+        the first sample of the whole recording, this much earlier.
     """
 
     rate: float

@@ -58,7 +58,9 @@ class StateSpace:
         P0: ArrayLike | None = None,
         diffuse: ArrayLike | None = None,
     ) -> None:
-        for name, array in checked(("F", "Q", "H", "R"), F, Q, H, R, m0, P0, diffuse).items():
+        for name, array in checked(
+            ("F", "Q", "H", "R"), F, noise=Q, seen=H, scatter=R, m0=m0, P0=P0, diffuse=diffuse
+        ).items():
             object.__setattr__(self, name, array)
 
     @property

@@ -1,4 +1,4 @@
-"""A part of a recording: between two times, and without what was handled on the way."""
+"""Cut a recording to a range of time, and leave out ranges within it."""
 
 from __future__ import annotations
 
@@ -12,101 +12,82 @@ from numbers import Real
 import numpy as np
 
 from gmwm._arrays import Vector
+from gmwm._template import joined
 from gmwm._text import moment
 from gmwm.errors import DataError, GmwmWarning, OptionError
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase, begins_of
 
 ROUNDING = 1e-6
-"""Samples: a time that is that of a sample but for rounding."""
-CUT = "cut: "
-"""How the note of a recording that was cut begins."""
+"""Tolerance in samples within which a given time is that of a sample: above the rounding of times in float64 (1e-7 of a
+sample at 1 kHz after a year), below anything that a user types. Pinned by tests/test_cuts.py."""
 
 
 def cut(
     imu: Imu, start: float | None = None, stop: float | None = None, skip: Sequence[tuple[float, float]] = ()
 ) -> Imu:
-    """The part of a recording from `start` to `stop` without what lies in `skip`; what is left out leaves a gap.
-
-    Times count from the first sample of `imu` on its own clock, over gaps too; where that was set back, as if one
-    sample had followed the other. A sample at `start` is kept, one at `stop` is not, in `skip` the other way round.
-    A stretch to skip may reach beyond the end, but not lie behind it.
-
-    Parameters
-    ----------
-    imu : Imu
-        The recording, with its segments.
-    start, stop : float, optional
-        Times (s); the beginning and the end by default.
-    skip : sequence of (from, to)
-        Stretches to leave out (s), in any order.
-
-    Returns
-    -------
-    Imu
-        Its notes say what was kept.
-
-    Raises
-    ------
-    OptionError
-        If a time is negative or not a number, or an end does not come after its beginning.
-    DataError
-        If no segment of 8 samples or more is left, or a stretch to skip lies behind the end.
-
-    Warns
-    -----
-    GmwmWarning
-        If `stop` lies behind the end, so that nothing is cut off there.
-
-    Examples
-    --------
-    >>> imu = Imu.from_arrays({"gyro_x": np.arange(100.0)}, rate=10.0)
-    >>> imu.between(2.0, 9.0)
-    Imu(gyro_x: 70 samples at 10 Hz, 7 s)
-    >>> part = imu.between(2.0, skip=[(5.0, 6.0)])
-    >>> part.segments, part["gyro_x"].starts
-    (((0, 30), (30, 70)), (2.0, 6.0))
-    """
-    kept = kept_stretches(start, stop, skip)
+    """Cut out the part of a recording between two times: see `Imu.between`."""
+    kept = kept_ranges(start, stop, skip)
     first = next(iter(imu.signals.values()))
-    pieces = _pieces(first, kept)
+    ranges = _sample_ranges(first, kept)
     begins = begins_of(first.rate, first.segments, first.starts)
     end = begins[-1] + (first.segments[-1][1] - first.segments[-1][0]) / first.rate
-    require_some(max((last - begin for begin, last, _, _ in pieces), default=0), kept, end)
+    require_some(max((last - begin for begin, last, _, _ in ranges), default=0), kept, end)
     require_inside(kept, end, first.rate)
-    if [(begin, last) for begin, last, _, _ in pieces] == list(first.segments):
+    if [(begin, last) for begin, last, _, _ in ranges] == list(first.segments):
         return imu
-    sizes = [last - begin for begin, last, _, _ in pieces]
+    sizes = [last - begin for begin, last, _, _ in ranges]
     segments = tuple(pairwise(accumulate(sizes, initial=0)))
-    starts = tuple(time for _, _, time, _ in pieces)
+    starts = tuple(time for _, _, time, _ in ranges)
     base = imu.time_base or TimeBase(imu.rate, start=first.start)
 
     def of(values: Vector) -> Vector:
-        parts = [values[begin:last] for begin, last, _, _ in pieces]
+        parts = [values[begin:last] for begin, last, _, _ in ranges]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     signals = {
-        axis: Signal(of(signal.values), signal.rate, signal.unit, axis, starts[0], segments, starts)
+        axis: Signal(
+            values=of(signal.values),
+            rate=signal.rate,
+            unit=signal.unit,
+            axis=axis,
+            start=starts[0],
+            segments=segments,
+            starts=starts,
+        )
         for axis, signal in imu.signals.items()
     }
-    note = f"{CUT}{sum(sizes) / imu.rate:.6g} s of {imu.duration:.6g} s kept, " + stretch_words(kept)
+    remark = Remark.of(
+        "cut",
+        known="yes",
+        kept=Quantity(sum(sizes) / imu.rate, "s"),
+        whole=Quantity(imu.duration, "s"),
+        ranges=range_texts(kept),
+    )
     return replace(
         imu,
         signals=signals,
-        notes=(*imu.notes, note),
-        time_base=cut_base(base, starts, sizes, base.left + pieces[0][3]),
+        remarks=(*imu.remarks, remark),
+        time_base=cut_base(base, starts, sizes, base.left + ranges[0][3]),
         temperature=None if imu.temperature is None else of(imu.temperature),
     )
 
 
-def kept_stretches(
+def kept_ranges(
     start: float | None, stop: float | None, skip: Sequence[tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Stretches of time that are kept, in order."""
+    """Ranges of time that are kept (s), in order.
+
+    Raises
+    ------
+    OptionError
+        If a time is negative or not a number, or a range ends before it begins.
+    """
     begin, end = _seconds(0.0 if start is None else start, "start"), math.inf
     if stop is not None:
         end = _seconds(stop, "stop")
         if not begin < end:
-            raise OptionError(f"stop must come after start={begin:g} s, got {stop!r}")
+            raise OptionError(argument="stop", expected=f"a time after the start at {moment(begin)}", got=stop)
     kept = []
     for pair in sorted(_checked(pair) for pair in skip):
         if begin < min(pair[0], end):
@@ -118,78 +99,100 @@ def kept_stretches(
 
 
 def require_some(longest: int, kept: Sequence[tuple[float, float]], end: float) -> None:
-    """An error if the longest segment of what is kept of a recording, that lasts until `end` (s), is too short."""
+    """Require that the longest segment that is kept has enough samples; the recording lasts until `end` (s).
+
+    Raises
+    ------
+    DataError
+        If it has fewer than `MINIMUM_SAMPLES`.
+    """
     if longest < MINIMUM_SAMPLES:
-        asked = " and ".join(
-            f"{moment(a)} to {moment(b)}" if b < math.inf else f"{moment(a)} on" for a, b in kept
-        ) or "nothing"  # fmt: skip
+        wanted = joined(range_texts(kept)) or "nothing"
         raise DataError(
-            f"nothing is left between start=, stop= and skip= that has {MINIMUM_SAMPLES} samples or more without a "
-            f"gap: the recording lasts {moment(end)}, counted from its first sample, wanted is {asked}"
+            f"no segment of {MINIMUM_SAMPLES} samples or more is left of the recording, which lasts {moment(end)}; "
+            f"wanted is {wanted}",
+            advice="Times count from the first sample; check {--start}, {--stop} and {--skip}.",
         )
 
 
 def require_inside(kept: Sequence[tuple[float, float]], end: float, rate: float) -> None:
-    """An error if what was to be skipped lies behind the end (s) of a recording, a warning if only `stop` does."""
+    """Require that skipped ranges begin before the end of the recording (s), and warn if only `stop` is after it.
+
+    Raises
+    ------
+    DataError
+        If a range to skip begins after the end.
+    """
     for (_, begin), (last, _) in pairwise(kept):
         if begin >= end:
             raise DataError(
-                f"skip= from {moment(begin)} to {moment(last)} lies outside the recording, which lasts {moment(end)}: "
-                "times count from its first sample"
+                f"the recording lasts {moment(end)}, so {moment(begin)} to {moment(last)} cannot be left out",
+                advice="Times count from the first sample; check {--skip}.",
             )
     if kept and end + 1 / rate < kept[-1][1] < math.inf:
-        warnings.warn(
-            f"stop= at {moment(kept[-1][1])} lies outside the recording, which lasts {moment(end)}, and cuts nothing "
-            "off: times count from its first sample",
-            GmwmWarning,
-            stacklevel=3,
-        )
+        remark = Remark.of("stop-outside", stop=Quantity(kept[-1][1], "s"), end=Quantity(end, "s"))
+        warnings.warn(GmwmWarning(remark), stacklevel=3)
 
 
 def _checked(pair: tuple[float, float]) -> tuple[float, float]:
+    """A range to skip, checked."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
-        raise OptionError(f"skip must hold pairs (from, to) in seconds, got {pair!r}")
+        raise OptionError(argument="skip", expected="a list of pairs (from, to) in seconds", got=pair)
     begin, end = (_seconds(time, "skip") for time in pair)
     if not begin < end:
-        raise OptionError(f"skip must hold pairs with the earlier time first, got {pair!r}")
+        raise OptionError(argument="skip", expected="a list of pairs with the earlier time first", got=pair)
     return begin, end
 
 
 def _seconds(time: object, name: str) -> float:
+    """A time (s), checked."""
     if isinstance(time, bool) or not isinstance(time, Real) or not 0 <= float(time) < math.inf:
-        raise OptionError(f"{name} must be a time in seconds from the first sample, not negative, got {time!r}")
+        raise OptionError(argument=name, expected="a time in seconds from the first sample, 0 or more", got=time)
     return float(time)
 
 
-def stretch_words(kept: Sequence[tuple[float, float]]) -> str:
-    """Such stretches in words."""
-    return " and ".join(f"from {moment(a)}" + (f" to {moment(b)}" if b < math.inf else "") for a, b in kept[:5]) + (
-        " …" if len(kept) > 5 else ""
-    )
+def range_texts(kept: Sequence[tuple[float, float]]) -> tuple[str, ...]:
+    """Ranges of time as texts, such as "10 s to 50 s" and "60 s to the end"."""
+    return tuple(f"{moment(a)} to {moment(b) if b < math.inf else 'the end'}" for a, b in kept)
 
 
-def _pieces(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
-    """Ranges of samples without a gap in the kept stretches of time; clock and time from the first sample there."""
-    pieces: list[tuple[int, int, float, float]] = []
+def _sample_ranges(signal: Signal, kept: Sequence[tuple[float, float]]) -> list[tuple[int, int, float, float]]:
+    """Ranges of samples without a gap in the kept times, each with its time stamp and its time from the first sample.
+
+    Returns
+    -------
+    list of (first, last, stamp, time)
+    """
+    ranges: list[tuple[int, int, float, float]] = []
     begins = begins_of(signal.rate, signal.segments, signal.starts)
     for (first, last), begin, time in zip(signal.segments, begins, signal.starts, strict=True):
-        seam = True
-        for stretch in kept:
+        at_start = True
+        for times in kept:
             a, b = (
                 first + int(np.ceil(np.clip((edge - begin) * signal.rate - ROUNDING, 0, last - first)))
-                for edge in stretch
+                for edge in times
             )
-            if a < b and not seam and pieces[-1][1] == a:
-                pieces[-1] = (pieces[-1][0], b, *pieces[-1][2:])  # no sample lay in what was skipped
+            if a < b and not at_start and ranges[-1][1] == a:
+                ranges[-1] = (ranges[-1][0], b, *ranges[-1][2:])  # the skipped range holds no sample
             elif a < b:
                 passed = (a - first) / signal.rate
-                pieces.append((a, b, time + passed, begin + passed))
-                seam = False
-    return pieces
+                ranges.append((a, b, time + passed, begin + passed))
+                at_start = False
+    return ranges
 
 
 def cut_base(base: TimeBase, starts: Sequence[float], sizes: Sequence[int], left: float) -> TimeBase:
-    """The time base with the gaps that there are now, `left` seconds after the first sample of all."""
+    """The time base of the part that is kept, which begins `left` seconds after the first sample of the recording.
+
+    Parameters
+    ----------
+    base : TimeBase
+        That of the whole recording.
+    starts, sizes : sequence of float, of int
+        Time of the first sample (s) and number of samples of each segment.
+    left : float
+        Time left out before the first sample (s).
+    """
     ends = [time + (size - 1) / base.rate for time, size in zip(starts, sizes, strict=True)]
     places = list(accumulate(sizes))
     steps = [after - before for before, after in zip(ends, starts[1:], strict=False)]

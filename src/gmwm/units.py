@@ -1,7 +1,7 @@
-"""Units of the two quantities an IMU measures and of what is told of their noise, with their factors to SI.
+"""Units of angular rate, specific force and their noise coefficients, with their factors to SI.
 
-Everything inside the package is SI (rad/s, m/s²) and per sample; units appear in signals, labels,
-readers and writers only.
+Inside the package all numbers are in SI (rad/s, m/s²) and per sample. Units appear only in signals, labels, readers and
+writers.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ class Unit:
     Attributes
     ----------
     name : str
-        As it is written: "deg/s".
+        Its usual name, such as "deg/s".
     quantity : "gyro" or "accel"
-        What it measures: angular rate or specific force.
+        Angular rate or specific force.
     factor : float
-        Its size in rad/s or m/s².
+        Size of the unit in rad/s or m/s².
     aliases : tuple of str
-        What else it is called.
+        Other names.
     """
 
     name: str
@@ -76,7 +76,7 @@ _BY_NAME = {_key(name): unit for unit in _UNITS for name in (unit.name, *unit.al
 
 
 def find_unit(text: str) -> Unit | None:
-    """The unit a text names, or None; spaces, dots and case do not matter.
+    """The unit that a text names, or None. Spaces, dots and case do not matter.
 
     >>> find_unit("Deg / s").factor == math.pi / 180
     True
@@ -104,12 +104,44 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     unit = find_unit(text)
     if unit is None or unit.quantity != quantity:
         known = ", ".join(unit_names(quantity))
-        came = f"{text!r}" if unit is None else f"{text!r}, a unit of the other sensor"
-        raise UnitError(f"the {quantity} unit must be one of {known}; got {came}")
+        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {known}")
     return unit
 
 
-# What is written for one and the same, in this order.
+# --- units of time --------------------------------------------------------------------------------------
+
+TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+"""Units of time stamps, with their number in a second."""
+
+LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
+"""Units of time that are never inferred, with their seconds."""
+
+TIME_WORDS = {
+    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
+    "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
+    "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
+    "min": "min", "mins": "min", "minute": "min", "minutes": "min",
+    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
+}  # fmt: skip
+"""Names of the units of time."""
+_SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
+
+
+def find_time_unit(text: str) -> str:
+    """The short name of the unit of time that a text names; "" if it names none.
+
+    >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
+    ('ms', 's', '')
+    """
+    bare = text.strip().strip("[](){}<>")
+    since = _SINCE.fullmatch(bare)
+    return TIME_WORDS.get(since.group(1).casefold() if since else bare.casefold().replace(" ", ""), "")
+
+
+# --- spellings ------------------------------------------------------------------------------------------
+
+# Spellings of the same unit, replaced in this order.
 _SPELLINGS = (
     (r"[\s·*]", ""), (r"°", "deg"), (r"(sqrt|rt)\(?([a-z]+)\)?", r"√\2"), (r"√\(([a-z]+)\)", r"√\1"),
     (r"(hours?|hrs?)\b", "h"), (r"\bsec\b", "s"), (r"\^?2\b", "²"), (r"\^?3\b", "³"), (r"^[uμ](?=[gr])", "µ"),
@@ -117,7 +149,7 @@ _SPELLINGS = (
 
 
 def spelt(text: str) -> str:
-    """One spelling of a unit for all that are in use, to compare by.
+    """Normalise the spelling of a unit, to compare units.
 
     >>> spelt("°/sqrt(hr)") == spelt("deg / √h"), spelt("ug/sqrt(Hz)") == spelt("µg/√Hz")
     (True, True)
@@ -132,8 +164,8 @@ def spelt(text: str) -> str:
 
 _DEGREE = math.pi / 180
 
-# Unit of a coefficient by the power of the second beside the signal's unit, and what datasheets and filters print it
-# in: the usual unit first. Each with its size in SI.
+# SI unit of a coefficient by the power of the second beside the signal's unit, and the units in which datasheets and
+# filters print it, the usual unit first, each with its size in SI.
 _COEFFICIENTS: dict[Quantity, dict[float, tuple[str, tuple[tuple[str, float], ...]]]] = {
     "gyro": {
         1.0: ("rad", (("arcsec", _DEGREE / 3600), ("µrad", 1e-6))),
@@ -155,14 +187,16 @@ _SECONDS = {1.0: "·s", 0.5: "/√Hz", 0.0: "", -0.5: "/√s", -1.0: "/s"}
 
 
 def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, float]:
-    """SI unit of a coefficient in (signal unit) · s^`time_power`, and the factor to it; an unknown unit stays as it is.
+    """SI unit of a coefficient in (signal unit) · s^`time_power`, and the factor to it.
+
+    An unknown unit stays as it is, with the factor 1.
 
     Parameters
     ----------
     time_power : float
         1, ½, 0, −½ or −1: quantization noise, white noise, bias instability, random walk, ramp.
     unit : str
-        Unit of the signal; "" where it has none, written as `empty`.
+        Unit of the signal. If it is "", `empty` is written instead.
 
     >>> noise_unit(0.5, "rad/s")
     ('rad/s/√Hz', 1.0)
@@ -174,9 +208,9 @@ def noise_unit(time_power: float, unit: str, empty: str = "u") -> tuple[str, flo
 
 
 def datasheet_units(si: str) -> dict[str, float]:
-    """Units in which datasheets and filters tell a coefficient in the SI unit `si`, each with its factor from SI.
+    """Units in which datasheets and filters print a coefficient of the SI unit `si`, each with its factor from SI.
 
-    The usual one is first. Empty where there is none, as for seconds.
+    The usual unit is first. The mapping is empty for a unit that has none, such as seconds.
 
     >>> list(datasheet_units("m/s²/√Hz"))
     ['m/s/√h', 'µg/√Hz']

@@ -1,4 +1,4 @@
-"""Recordings written to CSV, Parquet or .imu records; the first two give the same numbers back, bit for bit."""
+"""Write recordings to CSV, Parquet or .imu records. CSV and Parquet keep every bit of the numbers."""
 
 from __future__ import annotations
 
@@ -15,40 +15,39 @@ from gmwm.imu_records import TYPES, RecordType, counts
 from gmwm.signals import AXES, Imu, Signal
 
 SUFFIXES = (".csv", ".parquet")
-"""The file name extensions of tables, which choose their format."""
+"""File name extensions of tables; the extension chooses the format."""
 
 RECORDS = ".imu"
-"""The extension of bare records; which of the six types they are is said by `format`."""
+"""Extension of files of records, whose type is chosen by `format`."""
 
 
 def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-    """Write a recording; the suffix of the path chooses the format: .csv, .parquet or .imu.
+    """Write a recording to a .csv, .parquet or .imu file; the extension chooses the format.
 
-    In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and
-    `temperature [°C]` if there is one. Numbers keep full precision. Times are those of the uniform clock of each
-    segment, from the segment's start on, so gaps stay gaps. The file appears whole or not at all.
+    The columns of a table are `time [s]`, the axes with their units, such as `gyro_x [rad/s]`, and `temperature [°C]`
+    if the recording has one. Numbers keep full precision. Times are those of the uniform clock of each segment, so gaps
+    stay gaps. The file is replaced at once when it is complete.
 
-    An .imu file holds the time and the increments v/f of six axes in counts of its type. Where these are whole
-    numbers, what rounding leaves of a sample goes into the next, as a sensor of that type does it: no angle or
-    velocity is lost, and the noise gained is quantization noise of one count. A temperature has no place in it.
+    An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are integers,
+    the remainder of each rounding is carried over to the next sample, as the sensor does it. No angle or velocity is
+    lost, and the noise added is quantization noise of one count. The temperature is not written.
 
     Parameters
     ----------
     imu : Imu or Signal
-        The recording; a signal whose axis is one of an IMU's is a recording of one axis.
+        The recording. A signal must have one of the axes of an IMU.
     path : path
-        Where to.
+        The file.
     format : str, optional
-        For .imu, the type of its records: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA",
-        "imu:NAVCHIP_INT" or "imu:NAVCHIP_FLT".
+        Type of .imu records: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA", "imu:NAVCHIP_INT" or
+        "imu:NAVCHIP_FLT".
 
     Raises
     ------
     OptionError
-        If the suffix is none of these, the format is not one of .imu files, or it is no recording that is to be
-        written.
+        If the extension or the format is not one of these, or `imu` is not a recording.
     DataError
-        If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
+        If an .imu file is to be written and an axis is missing, or a value does not fit into its counts.
 
     Examples
     --------
@@ -63,49 +62,62 @@ def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None
     imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, RECORDS):
-        raise OptionError(f"path must end in {', '.join(SUFFIXES)} or {RECORDS}, got {target.name!r}")
+        raise OptionError(
+            argument="path", expected=f"a path that ends in {', '.join(SUFFIXES)} or {RECORDS}", got=target.name
+        )
     if suffix == RECORDS:
         _write_records(imu, target, _record_type(format, target))
     elif format is not None:
-        raise OptionError(f"format is for {RECORDS} files alone, {target.name!r} needs none; got {format!r}")
+        raise OptionError(argument="format", expected=f"left out for a file other than {RECORDS}", got=format)
     else:
         write_table(_columns(imu), target)
 
 
 def _recording(given: object) -> Imu:
-    """The recording that is to be written."""
-    if isinstance(given, Imu):
-        return given
-    if isinstance(given, Signal) and given.axis in AXES:
-        return Imu({given.axis: given})
-    known = ", ".join(AXES)
-    if isinstance(given, Signal):
-        raise OptionError(
-            f"a signal that is written must be one of {known}, got axis={given.axis!r}; name it, as "
-            "gmwm.Imu.from_arrays({'gyro_x': signal.values}, signal.rate)"
-        )
-    raise OptionError(
-        f"imu must be an Imu, got {type(given).__name__}; make one of arrays: gmwm.Imu.from_arrays({{'gyro_x': x}}, "
-        "rate=…)"
-    )
-
-
-def table_path(path: str | os.PathLike[str]) -> Path:
-    """Where a table goes: a path that ends in .csv or .parquet.
+    """The recording to write.
 
     Raises
     ------
     OptionError
-        If it ends in anything else.
+        If it is neither an Imu nor a Signal of one of its axes.
+    """
+    if isinstance(given, Imu):
+        return given
+    if isinstance(given, Signal) and given.axis in AXES:
+        return Imu({given.axis: given})
+    if isinstance(given, Signal):
+        raise OptionError(
+            argument="imu",
+            expected=f"an Imu or a Signal whose axis is one of {', '.join(AXES)}",
+            got=given,
+            advice="Name the axis: `gmwm.Imu.from_arrays({example}, signal.rate)`.",
+            example="{'gyro_x': signal.values}",
+        )
+    raise OptionError(
+        argument="imu",
+        expected="an Imu",
+        got=given,
+        advice="Make one from arrays: `gmwm.Imu.from_arrays({example}, rate)`.",
+        example="{'gyro_x': x}",
+    )
+
+
+def table_path(path: str | os.PathLike[str]) -> Path:
+    """The path of a table, which ends in .csv or .parquet.
+
+    Raises
+    ------
+    OptionError
+        If it has another extension.
     """
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
-        raise OptionError(f"path must end in {' or '.join(SUFFIXES)}, got {target.name!r}")
+        raise OptionError(argument="path", expected=f"a path that ends in {' or '.join(SUFFIXES)}", got=target.name)
     return target
 
 
 def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> None:
-    """Write columns of one length by name as .csv or .parquet, whole or not at all."""
+    """Write named columns of the same length to a .csv or .parquet file, which is replaced when it is complete."""
     import polars as pl
 
     target = table_path(path)
@@ -118,6 +130,7 @@ def write_table(columns: Mapping[str, Vector], path: str | os.PathLike[str]) -> 
 
 
 def _columns(imu: Imu) -> dict[str, Vector]:
+    """The columns of a table by name."""
     columns = {"time [s]": imu[imu.axes[0]].times()}
     for axis in imu:
         unit = imu[axis].unit
@@ -128,20 +141,26 @@ def _columns(imu: Imu) -> dict[str, Vector]:
 
 
 def _record_type(format: str | None, target: Path) -> RecordType:
+    """The type of the records to write."""
     named = {kind.format.casefold(): kind for kind in TYPES}
+    known = ", ".join(kind.format for kind in TYPES)
     if format is None:
-        known = ", ".join(kind.format for kind in TYPES)
-        raise OptionError(f"{target.name!r} needs the type of its records; pass format=, one of {known}")
+        raise OptionError(
+            f"{target.name} needs the type of its records", advice="Pass {--format}, one of {known}.", known=known
+        )
     if not isinstance(format, str) or format.casefold() not in named:
-        raise OptionError(f"format must be one of {', '.join(kind.format for kind in TYPES)}; got {format!r}")
+        raise OptionError(argument="format", expected=f"one of {known}", got=format)
     return named[format.casefold()]
 
 
 def _write_records(imu: Imu, target: Path, kind: RecordType) -> None:
-    """Time and six increments a record, in the counts of the type."""
+    """Write records of a time and six increments, in the counts of the type."""
     missing = [axis for axis in AXES if axis not in imu.axes]
     if missing:
-        raise DataError(f"an {RECORDS} file holds six axes, the recording has no {', '.join(missing)}; write a table")
+        raise DataError(
+            f"an {RECORDS} file holds six axes, but the recording has no {', '.join(missing)}",
+            advice="Write a .csv or .parquet file.",
+        )
     records = np.empty(len(imu), kind.dtype)
     records["time"] = imu[AXES[0]].times()
     for axis, scale in zip(AXES, kind.scales, strict=True):
@@ -152,7 +171,7 @@ def _write_records(imu: Imu, target: Path, kind: RecordType) -> None:
         limit = np.iinfo(np.int32).max
         largest = float(np.max(np.abs(values))) / (scale * imu.rate)
         if largest >= limit:
-            raise DataError(f"{axis} reaches {largest:.3g} counts of {kind.format}, more than the {limit} of 32 bits")
+            raise DataError(f"{axis} reaches {largest:.3g} counts of {kind.format}, but 32 bits hold at most {limit}")
         records[axis] = counts(values, scale * imu.rate)
     with written_whole(target) as temporary:
         records.tofile(temporary)

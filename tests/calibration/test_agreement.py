@@ -41,20 +41,43 @@ def changed(three):
 
 def sheet(*entries, model="GM + WN", level=0.95, unit="rad/s"):
     times = np.array([0.01, 0.02])
-    return Datasheet(entries, "gyro_x", unit, model, 1000, 100.0, level, times, np.ones(2))
+    return Datasheet(
+        entries=entries,
+        axis="gyro_x",
+        unit=unit,
+        model=model,
+        samples=1000,
+        rate=100.0,
+        level=level,
+        averaging_time=times,
+        allan_deviation=np.ones(2),
+    )
 
 
 def point(symbol, value, error, unit="rad/s/√Hz", **given):
     factor = math.exp(Z * error)
-    return Entry(symbol, "a number", value, value / factor, value * factor, unit, **given)
+    return Entry(
+        symbol=symbol, title="a number", value=value, low=value / factor, high=value * factor, unit=unit, **given
+    )
 
 
 def ramp(value, error):
-    return Entry("R", "ramp", value, value - Z * error, value + Z * error, "rad/s²", term="DR")
+    return Entry(
+        symbol="R", title="ramp", value=value, low=value - Z * error, high=value + Z * error, unit="rad/s²", term="DR"
+    )
 
 
 def limit(symbol, value, high, unit="rad/s/√s", **given):
-    return Entry(symbol, "a number", value, -high if symbol == "R" else 0.0, high, unit, upper_only=True, **given)
+    return Entry(
+        symbol=symbol,
+        title="a number",
+        value=value,
+        low=-high if symbol == "R" else 0.0,
+        high=high,
+        unit=unit,
+        upper_only=True,
+        **given,
+    )
 
 
 def of(*sheets, **options):
@@ -246,9 +269,9 @@ def test_numbers_of_terms_are_compared_in_equal_models_only():
 def test_what_was_held_or_has_no_interval_is_not_compared():
     known = sheet(point("N", 1.0, 0.01))
     for poor in (
-        Entry("N", "a number", 9.0, 9.0, 9.0, "rad/s/√Hz", held=True),
-        Entry("N", "a number", 9.0, None, None, "rad/s/√Hz"),
-        Entry("N", "a number", 9.0, 0.0, math.inf, "rad/s/√Hz"),
+        Entry(symbol="N", title="a number", value=9.0, low=9.0, high=9.0, unit="rad/s/√Hz", held=True),
+        Entry(symbol="N", title="a number", value=9.0, low=None, high=None, unit="rad/s/√Hz"),
+        Entry(symbol="N", title="a number", value=9.0, low=0.0, high=math.inf, unit="rad/s/√Hz"),
     ):
         found = of(known, sheet(poor))
         assert found["gyro_x.N"].reason == "interval"
@@ -257,7 +280,14 @@ def test_what_was_held_or_has_no_interval_is_not_compared():
 
 def test_levels_of_the_intervals_do_not_matter():
     wide = NormalDist().inv_cdf(0.995)
-    other = Entry("N", "a number", 1.1, 1.1 / math.exp(wide * 0.03), 1.1 * math.exp(wide * 0.03), "rad/s/√Hz")
+    other = Entry(
+        symbol="N",
+        title="a number",
+        value=1.1,
+        low=1.1 / math.exp(wide * 0.03),
+        high=1.1 * math.exp(wide * 0.03),
+        unit="rad/s/√Hz",
+    )
     expected = of(sheet(point("N", 1.0, 0.03)), sheet(point("N", 1.1, 0.03)))["gyro_x.N"].pvalue
     found = of(sheet(point("N", 1.0, 0.03)), sheet(other, level=0.99))["gyro_x.N"].pvalue
     assert found == pytest.approx(expected, rel=1e-9)

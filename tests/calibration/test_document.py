@@ -61,7 +61,7 @@ def test_held_values_come_back():
     found = white("GM + WN(sigma2=fixed(0.5))", 3)
     back = through_json(found)
     assert back.to_dict() == found.to_dict()
-    assert back["gyro_x"].model.fixed == found["gyro_x"].model.fixed == {"WN.sigma2"}
+    assert back["gyro_x"].model.fixed_names == found["gyro_x"].model.fixed_names == {"WN.sigma2"}
     assert [c.model for c in back.rankings["gyro_x"]] == [c.model for c in found.rankings["gyro_x"]]
 
 
@@ -194,8 +194,8 @@ def test_what_is_of_the_wrong_kind_is_an_error_in_words(calibration, path):
         (("axes", "gyro_x", "contamination", "tau"), None, "contamination.tau must be a list of numbers"),
         (("axes", "gyro_x", "fit", "wavelet_variance", "variance"), [1.0], "wavelet_variance.variance has 1,"),
         (("axes", "gyro_x", "fit", "wavelet_variance", "counts"), [1], "there must be as many numbers in each"),
-        (("settings", "robust"), 3, "settings.robust must be 'auto' or true or false, got 3"),
-        (("settings", "confidence"), "high", "settings.confidence must be a number, got 'high'"),
+        (("settings", "robust"), 3, "settings.robust must be 'auto', False or True, got 3"),
+        (("settings", "confidence"), "high", "settings.confidence must be at least 0.5 and less than 1, got 'high'"),
         (("cautions",), None, "'cautions' of the document must be a list, got null"),
         (("recording", "samples"), 1.5, "recording.samples must be a whole number, got 1.5"),
     ],

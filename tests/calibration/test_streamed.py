@@ -1,4 +1,4 @@
-"""A calibration from a recording in pieces: that of the same recording in memory."""
+"""A calibration from a recording in chunks: that of the same recording in memory."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.stream_measurement import Seen, measured_and_seen
+from gmwm.calibration.stream_measurement import InspectedStream, measured_and_seen
 from gmwm.errors import OptionError
-from gmwm.inspection.api import Survey
+from gmwm.inspection.api import FirstPass
 
 MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1e-7)", "accel_z": "WN(sigma2=4e-6)"}
 
@@ -65,13 +65,13 @@ def test_what_a_file_gets_meanwhile_is_left_out(tmp_path, monkeypatch):
 
     file.write_text("gyro_x [rad/s]\n")
     add(rows[:2000])
-    looks = Survey.looks
+    second_pass = FirstPass.second_pass
 
-    def between(survey):
+    def between(first):
         add(rows[2000:])
-        return looks(survey)
+        return second_pass(first)
 
-    monkeypatch.setattr(Survey, "looks", between)
+    monkeypatch.setattr(FirstPass, "second_pass", between)
     stream = gmwm.stream(file, rate=100.0)
     curves, seen = measured_and_seen(stream, stream.axes)
     assert sum(map(len, stream)) == 3000
@@ -84,5 +84,5 @@ def test_one_reading_is_enough_for_one_curve(path):
     curves, seen = measured_and_seen(stream, ["gyro_x"], pairs=False)
     assert list(curves) == ["gyro_x"]
     assert list(seen.axes) == ["gyro_x", "gyro_y", "accel_z"]
-    thrice = Seen(stream, ["gyro_x"])
+    thrice = InspectedStream(stream, ["gyro_x"])
     assert [sum(map(len, thrice)) for _ in range(3)] == [20_000] * 3

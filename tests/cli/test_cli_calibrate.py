@@ -93,7 +93,7 @@ def test_a_lost_axis_is_told(gmwm, folder):
         (("--robust", "no", "--efficiency", 0.8), "--efficiency belongs to the robust wavelet variance"),
         (("--robust", "maybe"), "'maybe' is not one of"),
         (("--axis", "gyro_q"), "--axis must be one of gyro_x"),
-        (("--confidence", 95), "error: --confidence must be between 0 and 1, got 95; 95 % is 0.95"),
+        (("--confidence", 95), "error: --confidence must be at least 0.5 and less than 1, got 95; 95 % is 0.95"),
         (("--efficiency", 2), "error: --efficiency must be from 0.3 to 0.99, got 2.0"),
     ],
 )

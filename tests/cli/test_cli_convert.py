@@ -37,7 +37,8 @@ def test_json_says_what_was_written(gmwm, survey, tmp_path):
     assert (content["rate"], content["samples"], content["segments"]) == (62.5, 3750, [[0, 3750]])
     assert content["axes"] == list(AXES)
     assert content["units"]["accel_z"] == "m/s²"
-    assert any("LN200" in note for note in content["notes"])
+    scaled = [remark["facts"]["type"] for remark in content["remarks"] if remark["code"] == "scaled"]
+    assert scaled == ["LN200", "LN200"]
 
 
 def test_rate_and_units_are_those_of_other_commands(gmwm, unlabelled, tmp_path):

@@ -34,7 +34,8 @@ CASES = {
     "units without a sensor": (["wv", "{file}", "--units", "deg/s"], "--units takes a unit for"),
     "unknown unit": (["wv", "{unlabelled}", "--rate", "100", "--units", "gyro=furlong"], "furlong"),
     "columns without an axis": (["wv", "{file}", "--columns", "gyro_x=a,b"], "--columns takes axis=COLUMN"),
-    "columns by a lone name": (["wv", "{file}", "--columns", "foo"], "nothing between two commas to leave one out"),
+    "columns by a lone name": (["wv", "{file}", "--columns", "gyro_x"], "nothing between two commas to leave one out"),
+    "columns by an unknown name": (["wv", "{file}", "--columns", "foo"], "--columns must name gyro_x"),
     "column of no axis": (["wv", "{file}", "--columns", "foo=1"], "--columns must name gyro_x"),
     "names that repeat": (["info", "{repeated}"], "--columns time=0,gyro_x=1"),
     "a unit of time that is not clear": (

@@ -69,7 +69,7 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
     gyro = tmp_path / "gyro.json"
     found = Calibration.load(file)
     axes = {axis: one for axis, one in found.axes.items() if axis.startswith("gyro")}
-    Calibration(axes, {}, found.settings).save(gyro)
+    Calibration(axes=axes, failed={}, settings=found.settings).save(gyro)
     for arguments, said in (
         ((file, "--format", "kalib"), "must be one of"),
         ((file, "--all", tmp_path, "--format", "kalibr"), "leave --format and --output out"),

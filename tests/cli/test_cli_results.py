@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
-from gmwm.inference.summary import Way, inference
+from gmwm.inference.summary import IntervalMethod, inference
 from gmwm.readers import read
 from gmwm.selection.structure import structure_of
 from gmwm.simulation import reference_imu
@@ -133,7 +133,7 @@ def test_fit_json_is_the_library_s(gmwm, recording):
     imu = read(recording)
     for axis, found in content["axes"].items():
         fit = library.fit("GM + WN", imu[axis])
-        expected = fit.to_dict() | inference(fit, Way())
+        expected = fit.to_dict() | inference(fit, IntervalMethod())
         assert found == json.loads(json.dumps(expected))
         assert set(found) >= {"parameters", "units", "objective", "lower_bound", "weighting", "wavelet_variance"}
         assert found["lower_bound"] <= found["objective"]

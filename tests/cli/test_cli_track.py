@@ -16,12 +16,12 @@ def near(value):
     return pytest.approx(value, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["smooth", "filter"])
-def test_json_is_the_library_s(gmwm, recording, kind):
+@pytest.mark.parametrize(("kind", "method"), [("smooth", "smooth"), ("filter", "kalman_filter")])
+def test_json_is_the_library_s(gmwm, recording, kind, method):
     content = gmwm("track", recording, "-m", "WN + RW", "--axis", "gyro_z", "--kind", kind, "--json").json
     found = content["axes"]["gyro_z"]
     signal = read(recording)["gyro_z"]
-    tracks = getattr(library.fit("WN + RW", signal, certify=False), kind)(signal)
+    tracks = getattr(library.fit("WN + RW", signal, certify=False), method)(signal)
     assert (content["command"], content["confidence"]) == ("track", 0.95)
     assert (found["kind"], found["samples"], found["missing"], found["unit"]) == (kind, 20_000, 0, "rad/s")
     assert (found["first_time"], found["last_time"]) == (tracks.times[0], tracks.times[-1])
@@ -162,7 +162,10 @@ CASES = {
     "the recording itself": (["{file}", "-m", MODEL, "-o", "{file}"], "--output must be another file than FILE"),
     "several to draw": (["{file}", "-m", MODEL, "--plot", "{folder}/x.png"], "--plot draws one axis"),
     "unknown picture": (["{file}", "-m", MODEL, "--axis", "gyro_x", "--plot", "{folder}/x.foo"], "x.foo"),
-    "confidence": (["{file}", "-m", MODEL, "--confidence", "95"], "--confidence must be between 0 and 1, got 95"),
+    "confidence": (
+        ["{file}", "-m", MODEL, "--confidence", "95"],
+        "--confidence must be at least 0.5 and less than 1, got 95",
+    ),
     "another rate": (["{broken}", "--from-fits", "{fits}", "--rate", "50"], "50"),
     "no likelihood there": (["{file}", "--from-fits", "{fits}", "--ml"], "write it with gmwm fit --ml"),
 }

@@ -7,7 +7,7 @@ import pytest
 
 from gmwm import AR1, DR, GM, QN, RW, WN
 from gmwm.covariance import covariance, filtered, gaussian, variances
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
 from gmwm.filters import find_filter
 from gmwm.processes import Parameter, Process
@@ -28,10 +28,10 @@ MODELS = {
 }
 
 
-def setting(filter, transform="modwt", samples=130, efficiency=None, levels=None):
+def design(filter, transform="modwt", samples=130, efficiency=None, levels=None):
     found = find_filter(filter)
     levels = np.arange(1, deepest_level(samples, found, transform) + 1) if levels is None else levels
-    return Setting(levels, samples, RATE, found, transform, efficiency)
+    return Design(levels, samples, RATE, found, transform, efficiency)
 
 
 def rows(at):
@@ -90,14 +90,14 @@ def assert_close(found, expected, tolerance):
     [("haar", "dwt"), ("d4", "modwt"), ("d4", "dwt"), ("la8", "modwt"), ("bl14", "dwt"), ("fk4", "modwt")],
 )
 def test_against_matrices(name, filter, transform):
-    model, at = as_model(MODELS[name]), setting(filter, transform)
+    model, at = as_model(MODELS[name]), design(filter, transform)
     assert_close(covariance(model, at), by_matrices(model, at, classical), 1e-8)
 
 
 @pytest.mark.parametrize("transform", ["modwt", "dwt"])
 def test_robust_against_matrices(transform):
     # No level here has so few coefficients that its robust estimate is the classical one.
-    at = setting("la8", transform, efficiency=0.6, levels=np.arange(1, 4))
+    at = design("la8", transform, efficiency=0.6, levels=np.arange(1, 4))
     weights = hermite_weights(0.6)
 
     def hermite(c, own, other):
@@ -110,7 +110,7 @@ def test_robust_against_matrices(transform):
 
 @pytest.mark.parametrize("efficiency", [None, 0.8])
 def test_haar_is_that_of_the_closed_forms(efficiency):
-    at = setting("haar", samples=1000, efficiency=efficiency)
+    at = design("haar", samples=1000, efficiency=efficiency)
     model = as_model(WN(1.0) + RW(1e-3) + GM(0.3, 1.0) + DR(0.01) + QN(3.0))
     assert_close(filtered.covariance(model, at), gaussian.covariance(model, at), 1e-6 if efficiency else 1e-10)
 
@@ -118,7 +118,7 @@ def test_haar_is_that_of_the_closed_forms(efficiency):
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("filter", ["haar", "d4", "la8", "fk8"])
 def test_lags_apart_will_do(name, filter, monkeypatch):
-    model, at = as_model(MODELS[name]), setting(filter, samples=3000)
+    model, at = as_model(MODELS[name]), design(filter, samples=3000)
     exact = filtered.covariance(model, at)
     monkeypatch.setattr(filtered, "FEWEST", 1)
     found = filtered.covariance(model, at)
@@ -130,7 +130,7 @@ def test_lags_apart_will_do(name, filter, monkeypatch):
 
 
 def test_is_a_covariance_at_any_length_and_scale():
-    at = setting("d4", samples=20_000)
+    at = design("d4", samples=20_000)
     model = as_model(GM(0.3, 1.0) + WN(4.0) + RW(1e-7) + QN(1.0))
     v = covariance(model, at)
     size = np.sqrt(np.diag(v))
@@ -139,7 +139,7 @@ def test_is_a_covariance_at_any_length_and_scale():
     small = as_model(GM(0.3, s) + WN(4.0 * s) + RW(1e-7 * s) + QN(1.0 * s))
     np.testing.assert_allclose(covariance(small, at), s * s * v, rtol=1e-9)
     np.testing.assert_allclose(variances(model, at), np.diag(v), rtol=1e-12)
-    some = setting("d4", samples=20_000, levels=np.array([2, 5, 9]))
+    some = design("d4", samples=20_000, levels=np.array([2, 5, 9]))
     np.testing.assert_allclose(covariance(model, some), v[np.ix_([1, 4, 8], [1, 4, 8])], rtol=1e-12)
 
 
@@ -162,7 +162,7 @@ def test_a_process_of_ones_own():
     np.testing.assert_allclose(
         own.generalised_covariance([0, 1, -1, 2, 9], RATE), [2.5, 1.0, 1.0, 0.0, 0.0], atol=1e-12
     )
-    at = setting("haar", samples=100)
+    at = design("haar", samples=100)
     assert np.all(variances(as_model(own), at) > 0)
 
 

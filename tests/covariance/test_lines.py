@@ -5,7 +5,7 @@ import pytest
 
 from gmwm import DR, FN, GM, RW, WN, MissingTheoryError, ModelError, wavelet_covariance
 from gmwm.covariance import covariance, lines, ratio_variances, variances
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.estimation.reweighting import implied_weights
 from gmwm.filters import find_filter
 from gmwm.processes import SIN, Model
@@ -15,9 +15,9 @@ from gmwm.variance.transform import variances as measured
 RATE = 100.0
 
 
-def setting(samples, filter="haar", transform="modwt", efficiency=None):
+def design(samples, filter="haar", transform="modwt", efficiency=None):
     found = find_filter(filter)
-    return Setting(
+    return Design(
         np.arange(1, deepest_level(samples, found, transform) + 1), samples, RATE, found, transform, efficiency
     )
 
@@ -72,7 +72,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize(("filter", "transform"), [("haar", "modwt"), ("haar", "dwt"), ("d4", "modwt"), ("la8", "dwt")])
 def test_against_matrices(name, filter, transform):
-    model, at = MODELS[name], setting(130, filter, transform)
+    model, at = MODELS[name], design(130, filter, transform)
     noise, waves = lines.apart(model, at)
     size = np.sqrt(np.diag(covariance(model, at)))
     found = lines.excess(noise, waves, at, diagonal=False)
@@ -83,7 +83,7 @@ def test_against_matrices(name, filter, transform):
 @pytest.mark.parametrize("frequency", [0.02, 0.1, 1.0, 13.0, 50.0])
 @pytest.mark.parametrize("noise", [GM(2.0, 1.0) + WN(1.0), RW(1e-3) + WN(1.0), FN(1.0) + WN(1.0), DR(0.1) + RW(1e-3)])
 def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):
-    model, at = noise + SIN(frequency, 20.0), setting(2**13)
+    model, at = noise + SIN(frequency, 20.0), design(2**13)
     exact = covariance(model, at)
     monkeypatch.setattr(lines, "FEW_LAGS", 2**11)
     size = np.sqrt(np.diag(exact))
@@ -94,7 +94,7 @@ def test_the_spectrum_and_lags_apart_will_do(noise, frequency, monkeypatch):
 
 @pytest.mark.parametrize("model", [GM(2.0, 1.0) + WN(1.0) + SIN(3.0, 2.0), WN(1.0) + SIN(0.05, 2.0)])
 def test_against_simulation(model):
-    at, rng = setting(2048), np.random.default_rng(3)
+    at, rng = design(2048), np.random.default_rng(3)
     haar = find_filter("haar")
     nu = np.array(
         [measured(row, haar, "modwt", 11) for _ in range(4) for row in model.simulate(2048, RATE, rng, paths=500)]
@@ -107,14 +107,14 @@ def test_against_simulation(model):
 
 def test_a_line_scatters_less_than_noise_of_its_variance():
     line, noise = WN(1.0) + SIN(3.0, 50.0), WN(1.0) + GM(19.0, 50.0)
-    assert np.all(variances(line, setting(4096))[:6] < 0.2 * variances(noise, setting(4096))[:6])
+    assert np.all(variances(line, design(4096))[:6] < 0.2 * variances(noise, design(4096))[:6])
 
 
-def test_scaling_and_stretches():
+def test_scaling_and_segments():
     model, small = WN(1.0) + SIN(3.0, 2.0), WN(1e-12) + SIN(3.0, 2e-12)
     v = wavelet_covariance(model, 4096, RATE)
     np.testing.assert_allclose(wavelet_covariance(small, 4096, RATE), 1e-24 * v, rtol=1e-9)
-    # Two stretches of one length count as two records, phases and all.
+    # Two segments of one length count as two records, phases and all.
     np.testing.assert_allclose(wavelet_covariance(model, (4096, 4096), RATE), v / 2, rtol=1e-12)
 
 
@@ -130,12 +130,12 @@ def test_robust_estimates_of_lines_are_refused():
     with pytest.raises(MissingTheoryError, match="robust=False"):
         wavelet_covariance(model, 1000, RATE, robust=True)
     with pytest.raises(MissingTheoryError, match="robust=False"):
-        ratio_variances(model, setting(1000, efficiency=0.6))
+        ratio_variances(model, design(1000, efficiency=0.6))
 
 
 def test_a_line_alone_is_no_noise_to_weigh_levels_by():
     # Of 25 Hz at 100 Hz nothing is left from level 3 on.
     with pytest.raises(ModelError, match="no noise at some level"):
-        implied_weights("diagonal", Model((SIN(25.0, 1.0),)), setting(4096))
+        implied_weights("diagonal", Model((SIN(25.0, 1.0),)), design(4096))
     # Its phase is the same at all levels of the Haar filter.
     assert np.linalg.matrix_rank(wavelet_covariance(SIN(0.1, 2.0), 1000, RATE)) == 1

@@ -10,7 +10,7 @@ from scipy.special import gammaincc
 from scipy.stats import pearson3, skew
 
 import gmwm
-from gmwm.covariance import Setting, filtered, ratio_variances, variances
+from gmwm.covariance import Design, filtered, ratio_variances, variances
 from gmwm.covariance.gaussian import covariance
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.covariance.robust import hermite_weights, ratio_skewness
@@ -20,14 +20,14 @@ RATE = 100.0
 MODELS = ("WN(sigma2=1.0)", "RW(gamma2=1.0)", "GM(beta=5.0, sigma2=1.0) + WN(sigma2=1.0)")
 
 
-def setting(samples: int, efficiency: float, levels: int) -> Setting:
-    return Setting(np.arange(1, levels + 1), samples, RATE, efficiency=efficiency)
+def design(samples: int, efficiency: float, levels: int) -> Design:
+    return Design(np.arange(1, levels + 1), samples, RATE, efficiency=efficiency)
 
 
 @pytest.mark.parametrize("efficiency", [0.4, 0.6, 0.9])
 @pytest.mark.parametrize("text", MODELS)
 def test_the_ratio_has_what_the_robust_variance_has_beyond_the_classical(text: str, efficiency: float) -> None:
-    model, robust = gmwm.parse_model(text).sorted(RATE), setting(3000, efficiency, 8)
+    model, robust = gmwm.parse_model(text).sorted(RATE), design(3000, efficiency, 8)
     size = model.wavelet_variance(robust.levels, RATE) ** 2
     beyond = (variances(model, robust) - variances(model, replace(robust, efficiency=None))) / size
     assert ratio_variances(model, robust) == pytest.approx(beyond, rel=1e-9)
@@ -35,13 +35,13 @@ def test_the_ratio_has_what_the_robust_variance_has_beyond_the_classical(text: s
 
 @pytest.mark.parametrize("text", [*MODELS, "QN(q2=1.0) + WN(sigma2=0.1)", "DR(omega=0.1) + WN(sigma2=1.0)"])
 def test_both_ways_to_sum_over_lags_agree(text: str) -> None:
-    model, robust = gmwm.parse_model(text).sorted(RATE), setting(3000, 0.6, 8)
+    model, robust = gmwm.parse_model(text).sorted(RATE), design(3000, 0.6, 8)
     assert filtered.ratio_variances(model, robust) == pytest.approx(ratio_variances(model, robust), rel=1e-6)
 
 
 def test_uncorrelated_coefficients_have_the_efficiency() -> None:
     # At level 1 of white noise neighbours are correlated by ½ and nothing else is.
-    robust, q = setting(1000, 0.6, 1), np.arange(4, 17, 2)
+    robust, q = design(1000, 0.6, 1), np.arange(4, 17, 2)
     expected = hermite_weights(0.6)[1:] @ (999 + 2 * 998 * 0.5**q) / 999**2
     assert ratio_variances(gmwm.parse_model("WN(sigma2=3.0)"), robust) == pytest.approx([expected], rel=1e-12)
 
@@ -67,7 +67,7 @@ def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
 
 @pytest.mark.parametrize("text", MODELS)
 def test_ratios_of_simulated_records_follow_the_law(text: str) -> None:
-    model, robust, draws = gmwm.parse_model(text).sorted(RATE), setting(4000, 0.6, 7), 4000
+    model, robust, draws = gmwm.parse_model(text).sorted(RATE), design(4000, 0.6, 7), 4000
     pair = [simulated_variances(model, s, draws, seed=3) for s in (replace(robust, efficiency=None), robust)]
     ratios, errors = np.log(pair[0] / pair[1]), np.sqrt(ratio_variances(model, robust))
     assert ratios.std(axis=0) / errors == pytest.approx(np.ones(7), abs=5 / np.sqrt(2 * draws))
@@ -90,7 +90,7 @@ def test_without_a_model_the_errors_are_those_of_the_mixture(text: str) -> None:
     robust = gmwm.wavelet_variance(model.simulate(20_000, RATE, rng=2), RATE, robust=True)
     tested = np.arange(len(robust)) < 9
     known, found = (ratio_errors(robust, tested, given) for given in (model, None))
-    assert known == pytest.approx(np.sqrt(ratio_variances(model, setting(20_000, 0.6, 9))))
+    assert known == pytest.approx(np.sqrt(ratio_variances(model, design(20_000, 0.6, 9))))
     assert found == pytest.approx(known, rel=0.1)
 
 
@@ -119,7 +119,7 @@ def test_levels_of_which_not_all_coefficients_are_taken_have_the_same_errors(tex
     np.testing.assert_array_equal(some.tested, whole.tested)
     np.testing.assert_allclose(some.standard_errors[some.tested], whole.standard_errors[some.tested], rtol=0.02)
     # A level that is left out leaves the strides of the others theirs.
-    all_levels = Setting.of(pair[0])
+    all_levels = Design.of(pair[0])
     fewer = all_levels.only(all_levels.levels > 3)
     assert fewer.strides == all_levels.strides[3:]
     np.testing.assert_allclose(covariance(model, fewer), covariance(model, all_levels)[3:, 3:], rtol=1e-9)

@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN, wavelet_covariance
-from gmwm.covariance import Setting, variances
+from gmwm.covariance import Design, variances
 from gmwm.covariance.robust import hermite_weights
 from gmwm.processes.model import as_model
 from gmwm.variance.biweight import biweight
@@ -132,9 +132,9 @@ def test_uniform_errors_scatter_less():
 @pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize("model", [MIXTURE, WN(1.0), AR1(-0.9, 1.0) + WN(2.0), QN(1.0)])
 def test_variances_are_the_diagonal(model, robust):
-    setting = Setting(np.array([1, 2, 5, 9]), 1000, RATE, efficiency=0.6 if robust else None)
-    whole = wavelet_covariance(model, 1000, RATE, levels=setting.levels, robust=robust)
-    np.testing.assert_allclose(variances(as_model(model), setting), np.diag(whole), rtol=1e-12)
+    design = Design(np.array([1, 2, 5, 9]), 1000, RATE, efficiency=0.6 if robust else None)
+    whole = wavelet_covariance(model, 1000, RATE, levels=design.levels, robust=robust)
+    np.testing.assert_allclose(variances(as_model(model), design), np.diag(whole), rtol=1e-12)
 
 
 @pytest.mark.parametrize("robust", [False, True])
@@ -164,10 +164,10 @@ def test_no_noise_has_no_covariance():
 def test_setting_of_a_wavelet_variance():
     x = np.random.default_rng(2).normal(size=500)
     wv = gmwm.wavelet_variance(x, RATE, filter="d4", transform="dwt", robust=True)
-    setting = Setting.of(wv)
-    np.testing.assert_array_equal(setting.counts, wv.counts)
-    assert (setting.samples, setting.rate, setting.filter.name) == (500, RATE, "d4")
-    assert (setting.transform, setting.efficiency) == ("dwt", 0.6)
+    design = Design.of(wv)
+    np.testing.assert_array_equal(design.counts, wv.counts)
+    assert (design.samples, design.rate, design.filter.name) == (500, RATE, "d4")
+    assert (design.transform, design.efficiency) == ("dwt", 0.6)
 
 
 @pytest.mark.parametrize(

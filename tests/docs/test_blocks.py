@@ -52,8 +52,10 @@ def test_there_are_pages_with_blocks():
 
 @pytest.mark.parametrize("name", RUNNING)
 def test_the_blocks_of_a_page_run(name, folder):
-    done, _ = run(name, folder)
+    done, place = run(name, folder)
     assert done.returncode == 0, f"{done.stdout[-1000:]}\n{done.stderr[-3000:]}"
+    # Written after the last block: a block that ends the process does not hide those below it.
+    assert (place / pages.PRINTED).is_file()
 
 
 @pytest.mark.parametrize("name", [name for name, page in RUNNING.items() if pages.shown(page)])

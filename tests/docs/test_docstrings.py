@@ -9,7 +9,6 @@ from importlib import import_module
 import pytest
 
 import gmwm
-from gmwm._late import LateMethod, LateProperty
 from tests.docs.pages import DOCS
 
 ENTRY = re.compile(r"^\.\. auto(?:function|class):: (gmwm\.\S+)\n((?:   :.*\n)*)", re.MULTILINE)
@@ -45,13 +44,12 @@ def entries():
 
 
 def methods(thing):
-    """Name and function of each public method that a class defines, late ones too, without those of its object."""
-    for name, value in vars(thing).items():
-        if name.startswith("_") or isinstance(value, LateProperty | property | cached_property):
+    """Name and function of each public method that a class defines, or has from a class of methods."""
+    owners = [thing, *(base for base in thing.__mro__[1:] if base.__name__.endswith("Methods"))]
+    for name, value in (item for owner in owners for item in vars(owner).items()):
+        if name.startswith("_") or isinstance(value, property | cached_property):
             continue
-        if isinstance(value, LateMethod):
-            yield name, value.resolve()
-        elif inspect.isfunction(function := getattr(value, "__func__", value)):
+        if inspect.isfunction(function := getattr(value, "__func__", value)):
             yield name, function
 
 

@@ -53,13 +53,16 @@ def of_recordings():
     base = TimeBase(100.0, True, 0.0, 0.005, ((7, 0.5),), 3, 2)
     look = gmwm.inspect(gmwm.simulate({"accel_x": "WN(sigma2=1e-4)"}, rate=100.0, duration=10.0, seed=1))
     coarse = {axis: replace(found, lsb=10 * found.noise) for axis, found in look.axes.items()}
-    knock, step = Knock(1.0, 0.1, ("gyro_x",), 20.0), Step(1.0, "gyro_x", 0.1, 20.0)
+    knock, step = (
+        Knock(time=1.0, duration=0.1, axes=("gyro_x",), peak=20.0),
+        Step(time=1.0, axis="gyro_x", size=0.1, times=20.0),
+    )
     return [
         *cautions.about_time(2, base),
         *cautions.about_motion({"gyro_x": (1.0, 5.0)}, 2.0, (knock, knock)),
         *cautions.about_motion({}, 0.3, ()),
         *cautions.about_steps((step, step)),
-        *cautions.about_warm_up((WarmUp("gyro_x", 0.1, 100.0, 20.0),), False),
+        *cautions.about_warm_up((WarmUp(axis="gyro_x", size=0.1, duration=100.0, times=20.0),), False),
         *cautions.about_values(coarse, 19.6),
         *cautions.about_values({}, 10.1),
         *cautions.about_units({"gyro_x": 0.1}),

@@ -52,7 +52,7 @@ def test_a_level_without_variance_cannot_be_weighed_by_the_data():
 
 def test_gaps_are_never_glued():
     signal = gmwm.Signal(X, 100.0, segments=((0, 400), (400, 1000)))
-    alone = [gmwm.wavelet_variance(piece, 100.0, levels=8).variance[0] for piece in signal.pieces()]
+    alone = [gmwm.wavelet_variance(piece, 100.0, levels=8).variance[0] for piece in signal.segment_values()]
     fit = gmwm.fit(WN(), signal)
     assert fit.wavelet_variance.variance[0] == pytest.approx((399 * alone[0] + 599 * alone[1]) / 998, rel=1e-12)
     with pytest.raises(gmwm.DataError, match=r"2 segments of .*longest"):

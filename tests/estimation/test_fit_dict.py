@@ -36,7 +36,7 @@ def test_every_field_comes_back(fits, wanted):
     back = through_json(fit)
     assert back.to_dict() == fit.to_dict()
     assert back.model == fit.model
-    assert back.model.fixed == fit.model.fixed
+    assert back.model.fixed_names == fit.model.fixed_names
     assert back.parameters == fit.parameters
     assert list(back.parameters) == list(fit.parameters)
     assert back.diagnostics == fit.diagnostics
@@ -63,7 +63,7 @@ def test_what_follows_from_it_is_the_same(fits, wanted):
 def test_a_sign_and_a_held_value_stay(fits):
     back = through_json(fits["WN(sigma2=fixed(4e-6)) + DR"])
     assert back.parameters["DR.omega"] < 0
-    assert back.model.fixed == {"WN.sigma2"}
+    assert back.model.fixed_names == {"WN.sigma2"}
 
 
 def test_without_a_certificate_and_with_terms_that_are_zero():
@@ -82,7 +82,7 @@ def test_robust_diagnostics_come_back():
     fit = gmwm.fit("WN", x, rate=100.0, robust=True, efficiency=0.8)
     wv = through_json(fit).wavelet_variance
     assert (wv.robust, wv.efficiency) == (True, 0.8)
-    assert wv.notes() == fit.wavelet_variance.notes()
+    assert wv.remarks == fit.wavelet_variance.remarks
     assert wv.to_dict() == fit.wavelet_variance.to_dict()
 
 

@@ -19,7 +19,7 @@ class Disguised(GM, register=False):
     """A Gauss-Markov process of another class: of two classes with a search, one is found without it."""
 
     name = "Disguised"
-    family = None
+    parametrises = None
 
     @classmethod
     def search(cls, samples, rate):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters.api import _settings
+from gmwm.exporters.api import _options
 from gmwm.exporters.base import HORIZON, find_exporter
 from gmwm.exporters.text import plain
 from gmwm.processes import parse_model
@@ -64,7 +64,7 @@ def remarks_in(calibration, format, **options):
     """The remarks in a file."""
     exporter = find_exporter(format)
     given = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None} | options
-    return exporter.remarks(calibration, _settings(exporter, given))
+    return exporter.remarks(calibration, _options(exporter, given))
 
 
 def words(text):

@@ -8,9 +8,10 @@ import pytest
 import gmwm
 from gmwm import GM, RW, WN
 from gmwm.filters import HAAR
-from gmwm.inference.summary import Way, inference, notes, short_values
+from gmwm.inference.summary import IntervalMethod, inference, short_values
 from gmwm.processes.base import Process
 from gmwm.processes.parameter import Parameter
+from tests.helpers import codes, only
 
 RATE = 100.0
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
@@ -113,9 +114,9 @@ def test_a_fit_without_noise_has_no_intervals():
         with pytest.raises(gmwm.ModelError, match="DR as estimated has no noise at some level"):
             ask()
     for text in (fit.summary(), fit.summary(method="bootstrap", draws=39), fit._repr_html_()):
-        assert "no intervals: DR as estimated has no noise at some level" in text
+        assert "There are no confidence intervals: DR as estimated has no noise at some level" in text
     assert "not tested" in fit.summary()
-    assert inference(fit, Way())["confidence_intervals"] == {}
+    assert inference(fit, IntervalMethod())["confidence_intervals"] == {}
 
 
 def test_a_term_that_acts_as_another_says_what_it_amounts_to():
@@ -123,20 +124,21 @@ def test_a_term_that_acts_as_another_says_what_it_amounts_to():
     x = truth.simulate(20_000, RATE, 1)
     fit, plain = gmwm.fit("GM + WN", x, RATE), gmwm.fit("RW + WN", x, RATE)
     assert fit.diagnostics.acts_as == {"GM": "RW"}
-    (note,) = notes(fit)
-    amount = note.partition("it amounts to RW.gamma2 = ")[2]
-    assert amount.endswith(" per sample")
-    assert float(amount.split()[0]) == pytest.approx(plain.parameters["RW.gamma2"], rel=1e-3)
-    assert float(amount.split()[0]) == pytest.approx(
+    facts = only(fit.remarks, "acts-as").facts
+    assert (facts["term"], facts["process"], facts["parameter"]) == ("GM", "RW", "RW.gamma2")
+    assert facts["amount"].unit.endswith("per sample")
+    assert facts["amount"].value == pytest.approx(plain.parameters["RW.gamma2"], rel=1e-3)
+    assert facts["amount"].value == pytest.approx(
         2 * fit.parameters["GM.beta"] * fit.parameters["GM.sigma2"] / RATE, rel=1e-3
     )
-    assert note in fit.summary()
-    short = short_values(fit, Way())
+    assert only(fit.remarks, "acts-as").text() in fit.summary()
+    short = short_values(fit, IntervalMethod())
     assert short["GM.beta"] == short["GM.sigma2"] == "as RW"
     assert "±" in short["WN.sigma2"]
     white = gmwm.fit("GM + RW", x, RATE)
-    (note,) = notes(white)
-    assert float(note.partition("WN.sigma2 = ")[2].split()[0]) == pytest.approx(plain.parameters["WN.sigma2"], rel=1e-3)
+    facts = only(white.remarks, "acts-as").facts
+    assert facts["parameter"] == "WN.sigma2"
+    assert facts["amount"].value == pytest.approx(plain.parameters["WN.sigma2"], rel=1e-3)
 
 
 def test_a_covariance_of_ones_own(fit):
@@ -171,11 +173,11 @@ def test_html_has_every_parameter_and_is_escaped(fit):
 
 
 def test_as_plain_numbers(fit):
-    found = json.loads(json.dumps(inference(fit, Way()), allow_nan=False))
+    found = json.loads(json.dumps(inference(fit, IntervalMethod()), allow_nan=False))
     assert set(found["confidence_intervals"]) == set(fit.parameters)
     assert found["goodness_of_fit"]["left_out"] == [14, 15]
     undetermined = gmwm.fit("GM + WN + RW", WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE)
-    json.dumps(inference(undetermined, Way()), allow_nan=False)
+    json.dumps(inference(undetermined, IntervalMethod()), allow_nan=False)
 
 
 def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():
@@ -197,7 +199,7 @@ def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():
 
     fit = gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE)
     assert fit.parameters["P.q"] == pytest.approx(4.0, rel=0.05)
-    assert any("weights are those that the data show" in note for note in fit.diagnostics.notes())
-    assert "no intervals" in fit.summary()
+    assert "weights-from-data" in codes(fit.remarks)
+    assert "There are no confidence intervals" in fit.summary()
     with pytest.raises(gmwm.MissingTheoryError):
         gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE, weighting="optimal")

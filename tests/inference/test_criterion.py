@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import DR, GM, RW, WN, WaveletVariance
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
 
@@ -36,9 +36,9 @@ def recorded(truth: str, seed: int, samples: int = 50_000, **options) -> Wavelet
 def curve(truth: str, samples: int, rate: float = RATE) -> tuple[WaveletVariance, np.ndarray]:
     """The wavelet variance of a model without any error, and V."""
     model = gmwm.parse_model(truth).sorted(rate)
-    setting = Setting(np.arange(1, samples.bit_length()), samples=samples, rate=rate)
-    variance = model.wavelet_variance(setting.levels, rate, setting.filter)
-    return WaveletVariance.from_values(variance, samples=samples, rate=rate), covariance(model, setting)
+    design = Design(np.arange(1, samples.bit_length()), samples=samples, rate=rate)
+    variance = model.wavelet_variance(design.levels, rate, design.filter)
+    return WaveletVariance.from_values(variance, samples=samples, rate=rate), covariance(model, design)
 
 
 def without_residuals(fit: gmwm.Fit) -> gmwm.Fit:
@@ -66,7 +66,7 @@ def test_optimal_weights_cost_two_for_each_parameter(truth: str) -> None:
 @pytest.mark.parametrize("options", [{"robust": True}, {"filter": "d4"}, {"transform": "dwt"}])
 def test_so_they_do_however_the_recording_was_measured(options: dict) -> None:
     fit = gmwm.fit("GM + WN", recorded(TRUTHS[1], 4, **options), weighting="optimal", certify=False)
-    wavelet = covariance(fit.model, Setting.of(fit.wavelet_variance))
+    wavelet = covariance(fit.model, Design.of(fit.wavelet_variance))
     own = replace(without_residuals(fit), weighting_matrix=precision(wavelet))
     assert optimism(own, wavelet) == pytest.approx(6, rel=1e-6)
     assert fit.wic().optimism == pytest.approx(6, rel=0.1)

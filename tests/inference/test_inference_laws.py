@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN, WaveletVariance
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.inference.asymptotic import relative_covariance
 
 RATE = 100.0
@@ -112,7 +112,7 @@ def test_the_weights_are_those_of_the_estimate(weighting: str) -> None:
 
     wv = recorded(TRUTHS[2], 1)
     fit = gmwm.fit("GM + WN + RW", wv, weighting=weighting)
-    omega = implied_weights(weighting, fit.model, Setting.of(wv), wv.variance)
+    omega = implied_weights(weighting, fit.model, Design.of(wv), wv.variance)
     scale = np.sqrt(np.diag(omega))
     np.testing.assert_allclose(
         fit.weighting_matrix / scale[:, None] / scale, omega / scale[:, None] / scale, rtol=1e-8, atol=1e-8

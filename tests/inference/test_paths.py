@@ -11,7 +11,7 @@ import pytest
 from scipy.signal import lfilter
 
 from gmwm import GM, RW, WN, Model, parse_model, wavelet_covariance, wavelet_variance
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import find_filter
 from gmwm.inference.simulated_curves import BATCH, simulated_variances
@@ -22,10 +22,10 @@ from gmwm.statespace import StateSpace
 SUM = "WN(sigma2=1.0) + GM(beta=0.5, sigma2=2.0) + RW(gamma2=0.01) + QN(q2=3.0) + DR(omega=0.001)"
 
 
-def setting(samples, levels=None, **options):
+def design(samples, levels=None, **options):
     options.setdefault("rate", 10.0)
     wanted = np.arange(1, samples.bit_length()) if levels is None else np.asarray(levels)
-    return Setting(wanted, samples, **options)
+    return Design(wanted, samples, **options)
 
 
 def standard_errors(rows, expected):
@@ -38,7 +38,7 @@ def standard_errors(rows, expected):
 
 @pytest.mark.parametrize("samples", [100, 5000, BATCH + 3])
 def test_neither_threads_nor_draws_matter(samples):
-    model, where = parse_model(SUM), setting(samples)
+    model, where = parse_model(SUM), design(samples)
     draws = max(3, 2 * BATCH // samples + 2)
     rows = simulated_variances(model, where, draws, seed=3, threads=1)
     assert rows.shape == (draws, where.levels.size)
@@ -78,22 +78,22 @@ def test_rows_are_the_wavelet_variances_of_the_paths():
     ):
         plain = {"robust": True, **options} if "efficiency" in options else options
         wv = wavelet_variance(path, 10.0, **plain)
-        rows = simulated_variances(Model((Told(),)), Setting.of(wv), 3, seed=0)
+        rows = simulated_variances(Model((Told(),)), Design.of(wv), 3, seed=0)
         for k, row in enumerate(rows):
             assert row == pytest.approx((k + 1) * wv.variance, rel=1e-9)
 
 
 def test_some_levels_are_those_of_all():
     model = parse_model(SUM)
-    every = simulated_variances(model, setting(300), 5, seed=1)
-    assert np.array_equal(simulated_variances(model, setting(300, [2, 5, 6]), 5, seed=1), every[:, [1, 4, 5]])
+    every = simulated_variances(model, design(300), 5, seed=1)
+    assert np.array_equal(simulated_variances(model, design(300, [2, 5, 6]), 5, seed=1), every[:, [1, 4, 5]])
 
 
 @pytest.mark.parametrize("power", [-40, 40])
 def test_scales_with_the_model(power):
     model = parse_model("WN(sigma2=1.0) + RW(gamma2=0.25) + QN(q2=4.0)")
     scaled = Model(tuple(p.with_values(**{p.scale_parameter().name: p.scale * 4.0**power}) for p in model.processes))
-    one, other = (simulated_variances(m, setting(512), 20, seed=1) for m in (model, scaled))
+    one, other = (simulated_variances(m, design(512), 20, seed=1) for m in (model, scaled))
     assert other == pytest.approx(one * 4.0**power, rel=1e-9)
 
 
@@ -107,7 +107,7 @@ def test_scales_with_the_model(power):
 )
 def test_mean_is_the_models_wavelet_variance(text, options):
     model = parse_model(text)
-    whole = setting(512, levels=np.arange(1, 6), **options)
+    whole = design(512, levels=np.arange(1, 6), **options)
     rows = simulated_variances(model, whole, 2000, seed=7)
     expected = model.wavelet_variance(whole.levels, whole.rate, whole.filter)
     assert np.all(np.abs(standard_errors(rows, expected)) < 4)
@@ -115,13 +115,13 @@ def test_mean_is_the_models_wavelet_variance(text, options):
 
 def test_a_drift_alone_is_no_noise():
     model = parse_model("DR(omega=-0.2)")
-    rows = simulated_variances(model, setting(1000), 3, seed=1)
+    rows = simulated_variances(model, design(1000), 3, seed=1)
     assert rows == pytest.approx(np.tile(model.wavelet_variance(9, 10.0), (3, 1)), rel=1e-9)
 
 
 def test_a_slow_process_is_stationary_from_the_start():
     n, draws, model = 1024, 4000, parse_model("GM(beta=3.0, sigma2=1.0)")
-    where = setting(n, levels=[9, 10], rate=float(n))
+    where = design(n, levels=[9, 10], rate=float(n))
     expected = model.wavelet_variance(where.levels, where.rate)
     assert np.all(np.abs(standard_errors(simulated_variances(model, where, draws, seed=2), expected)) < 4)
     # The same check sees a start at zero.
@@ -134,7 +134,7 @@ def test_a_slow_process_is_stationary_from_the_start():
 
 def test_spread_is_the_exact_covariance():
     model, draws = WN(sigma2=1.0) + GM(beta=0.2, sigma2=1.5), 4000
-    rows = simulated_variances(model, setting(1024, levels=np.arange(1, 9)), draws, seed=5)
+    rows = simulated_variances(model, design(1024, levels=np.arange(1, 9)), draws, seed=5)
     away = rows - rows.mean(axis=0)
     products = away[:, :, None] * away[:, None, :]
     error = products.std(axis=0) / np.sqrt(draws)
@@ -144,8 +144,8 @@ def test_spread_is_the_exact_covariance():
 
 def test_robust_estimates_are_those_of_the_model_too():
     model = WN(sigma2=1.0) + RW(gamma2=0.01)
-    robust = setting(4096, levels=[1, 2, 3, 4], efficiency=0.6)
-    classical = setting(4096, levels=[1, 2, 3, 4])
+    robust = design(4096, levels=[1, 2, 3, 4], efficiency=0.6)
+    classical = design(4096, levels=[1, 2, 3, 4])
     a, b = (simulated_variances(model, s, 300, seed=1) for s in (robust, classical))
     assert np.all(np.abs(a.mean(axis=0) / model.wavelet_variance(4, 10.0) - 1) < 0.02)
     # Its price: between 1 and 1/efficiency.
@@ -166,7 +166,7 @@ def test_a_process_known_by_its_state_space_alone():
         def state_space(self, rate):
             return StateSpace(F=[], Q=[], H=[], R=self.q2)
 
-    where = setting(256, levels=[1, 2, 3])
+    where = design(256, levels=[1, 2, 3])
     rows = simulated_variances(Model((Own(),)), where, 600, seed=1)
     assert np.all(np.abs(standard_errors(rows, WN(sigma2=2.0).wavelet_variance(3, 10.0))) < 4)
 
@@ -178,7 +178,7 @@ def test_progress_is_told_in_the_callers_thread():
     told = []
     draws = 5 * (BATCH // 4096) + 1
     simulated_variances(
-        Model((WN(sigma2=1.0),)), setting(4096), draws, seed=1,
+        Model((WN(sigma2=1.0),)), design(4096), draws, seed=1,
         progress=lambda done: told.append((done, threading.current_thread())),
     )  # fmt: skip
     numbers = [done for done, _ in told]
@@ -195,7 +195,7 @@ def test_an_error_ends_all_threads():
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        simulated_variances(Model((WN(sigma2=1.0),)), setting(4096), 10**6, seed=1, threads=3, progress=stop)
+        simulated_variances(Model((WN(sigma2=1.0),)), design(4096), 10**6, seed=1, threads=3, progress=stop)
     assert threading.active_count() == before
     assert len(told) == 1
 
@@ -209,7 +209,7 @@ def test_interrupted_soon():
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            simulated_variances(parse_model(SUM), setting(10**6), 10**6, seed=1)
+            simulated_variances(parse_model(SUM), design(10**6), 10**6, seed=1)
     finally:
         signal.signal(signal.SIGINT, handler)
     timer.join()
@@ -222,7 +222,7 @@ def test_memory_is_some_batches_whatever_the_draws():
     model, peaks = parse_model(SUM), []
     for draws in (200, 1600):
         tracemalloc.start()
-        rows = simulated_variances(model, setting(4096), draws, seed=1, threads=2)
+        rows = simulated_variances(model, design(4096), draws, seed=1, threads=2)
         peaks.append(tracemalloc.get_traced_memory()[1] - rows.nbytes)
         tracemalloc.stop()
     # Two threads of three arrays, and the block that is never touched.
@@ -246,7 +246,7 @@ def test_memory_is_some_batches_whatever_the_draws():
     ],
 )
 def test_errors(arguments, error, says):
-    given = {"model": Model((RW(gamma2=1.0),)), "setting": setting(100), "draws": 2, "seed": 1, **arguments}
+    given = {"model": Model((RW(gamma2=1.0),)), "design": design(100), "draws": 2, "seed": 1, **arguments}
     with pytest.raises(error, match=says):
         simulated_variances(**given)
 
@@ -266,4 +266,4 @@ def test_a_process_that_cannot_be_simulated():
             raise AssertionError("not asked for")
 
     with pytest.raises(MissingTheoryError, match="BLANK has no way to be simulated"):
-        simulated_variances(Model((Blank(),)), setting(100), 2, seed=1)
+        simulated_variances(Model((Blank(),)), design(100), 2, seed=1)

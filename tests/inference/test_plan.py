@@ -8,10 +8,10 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN
-from gmwm.covariance import Setting, covariance
+from gmwm._text import duration_text
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.asymptotic import sandwich
-from gmwm.inference.planning import length_text
 
 RATE = 100.0
 MODELS = {
@@ -48,8 +48,8 @@ def test_a_fit_of_that_length_has_these_errors():
 def test_white_noise_alone_has_the_textbook_error():
     # Of any weights Ω: D = ν²/σ², so that Var σ̂²/σ⁴ = νᵀΩVΩν / (νᵀΩν)², and optimal ones reach 2/N nearly.
     samples = 4096
-    setting = Setting(np.arange(1, 13), samples, RATE)
-    wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), setting), 3.0 / 2.0 ** np.arange(1, 13)
+    design = Design(np.arange(1, 13), samples, RATE)
+    wavelet, nu = covariance(gmwm.Model((WN(sigma2=3.0),)), design), 3.0 / 2.0 ** np.arange(1, 13)
     weights = nu / np.diag(wavelet)
     expected = math.sqrt(weights @ wavelet @ weights) / (weights @ nu)
     plan = gmwm.plan(WN(sigma2=3.0), duration=samples / RATE, rate=RATE)
@@ -107,7 +107,7 @@ def test_what_cannot_be_seen_is_said():
     assert "not to be seen in 60 s: RW.gamma2" in text
     assert "(rad/s)² per sample" in text
     row = next(line for line in text.splitlines() if "RW.gamma2" in line)
-    assert row.split("  ")[-1].strip() == length_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
+    assert row.split("  ")[-1].strip() == duration_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
     long = gmwm.plan(MODELS["walk"], duration=7200.0, rate=RATE).summary()
     assert "not" not in long
     assert "5.2 %" in long

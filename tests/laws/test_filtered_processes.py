@@ -69,9 +69,8 @@ def test_shape_agrees_with_hundred_digits_down_to_level_thirty(name, filter_name
         assert not np.any(shapes)
         assert np.abs(exact).max() < 1e-40
     else:
-        # fk8's first moment is 1.5e-5, next to nothing, so a drift's variance has few of its digits; and a filter with
-        # two vanishing moments leaves next to nothing of a power law near α = 3.
-        few = 1e-11 if process is DR else 1e-12 if name in oracle.STRIDES else 2e-13
+        # A filter with two vanishing moments leaves next to nothing of a power law near α = 3.
+        few = 1e-12 if name in oracle.STRIDES else 2e-13
         np.testing.assert_allclose(shapes, exact, rtol=few)
 
 

@@ -16,7 +16,9 @@ MODEL = parse_model("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + RW(gamma2=1e-3)
 
 
 def of(values, **more):
-    return Residuals(MODEL, np.array(values, dtype=float), RATE, np.arange(len(values)) / RATE, **more)
+    return Residuals(
+        model=MODEL, values=np.array(values, dtype=float), rate=RATE, times=np.arange(len(values)) / RATE, **more
+    )
 
 
 @pytest.mark.parametrize(

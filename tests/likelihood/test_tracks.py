@@ -51,7 +51,7 @@ def drawn(text, missing, seed=1):
 @pytest.mark.parametrize("text", MODELS)
 def test_tracks_are_conditional_means_and_deviations(text, kind, mean, missing):
     model, x = drawn(text, missing)
-    tracks = model.smooth(x, RATE, mean=mean) if kind == "smooth" else model.filter(x, RATE, mean=mean)
+    tracks = model.smooth(x, RATE, mean=mean) if kind == "smooth" else model.kalman_filter(x, RATE, mean=mean)
     assert tracks.kind == kind
     np.testing.assert_array_equal(tracks.data, x)
     np.testing.assert_allclose(tracks.times, np.arange(SAMPLES) / RATE, rtol=1e-12)
@@ -90,7 +90,7 @@ def test_a_prediction_is_what_the_record_says_of_missing_samples(text, mean):
     assert len(ahead) == steps
     np.testing.assert_allclose(ahead.times, (SAMPLES + np.arange(steps)) / RATE, rtol=1e-12)
     assert np.all(np.isnan(ahead.data))
-    for other in (model.smooth(longer, RATE, mean=mean), model.filter(longer, RATE, mean=mean)):
+    for other in (model.smooth(longer, RATE, mean=mean), model.kalman_filter(longer, RATE, mean=mean)):
         assert other.labels == ahead.labels
         for label in ahead.labels:
             np.testing.assert_allclose(ahead.mean[label], other.mean[label][-steps:], rtol=1e-9, atol=1e-9)
@@ -100,7 +100,7 @@ def test_a_prediction_is_what_the_record_says_of_missing_samples(text, mean):
 @pytest.mark.parametrize("text", [t for t in MODELS if "DR" not in t])
 def test_all_parts_add_up_to_the_record(text):
     model, x = drawn(text, [])
-    for tracks in (model.smooth(x, RATE), model.filter(x, RATE)):
+    for tracks in (model.smooth(x, RATE), model.kalman_filter(x, RATE)):
         total = sum(tracks.mean[label] for label in tracks.labels if label != "bias")
         known = np.isfinite(tracks.error["bias"])
         np.testing.assert_allclose(total[known], x[known], rtol=1e-10)
@@ -138,7 +138,7 @@ def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
     tracks = model.smooth(x, RATE, mean=0.0)
     system = assemble(model, RATE)
     means, spreads = reference(system, x[None, :])
-    for k, label in enumerate(p.label for p in system.parts if p.space.states):
+    for k, label in enumerate(p.label for p in system.blocks if p.space.states):
         np.testing.assert_allclose(tracks.mean[label], means[:, 0, k], rtol=1e-8, atol=1e-9)
         np.testing.assert_allclose(tracks.error[label], np.sqrt(spreads[:, k, k]), rtol=1e-8)
     there = np.isfinite(x)
@@ -165,7 +165,7 @@ def test_an_unknown_level_is_smoothed_over_many_blocks_too():
 
 def test_nothing_is_known_before_the_first_sample():
     model, x = drawn("RW(gamma2=0.05) + WN(sigma2=1.0)", list(range(7)))
-    tracks = model.filter(x, RATE)
+    tracks = model.kalman_filter(x, RATE)
     assert np.all(np.isinf(tracks.error["RW"][:7]))
     assert np.all(np.isnan(tracks.mean["bias"][:7]))
     assert np.all(np.isfinite(tracks.error["RW"][7:]))
@@ -184,7 +184,7 @@ def test_bands_are_normal_intervals():
     np.testing.assert_allclose(low + high, 2 * tracks.mean["bias"], rtol=1e-10)
     with pytest.raises(OptionError, match="label must be one of GM, WN, level, bias"):
         tracks.band("RW")
-    with pytest.raises(OptionError, match="level must be between 0 and 1"):
+    with pytest.raises(OptionError, match=r"level must be at least 0\.5 and less than 1"):
         tracks.band(level=95)
     with pytest.raises(ValueError, match="read-only"):
         tracks.mean["bias"][0] = 0
@@ -213,7 +213,7 @@ def test_a_fit_carries_its_rate_and_its_mean():
     np.testing.assert_allclose(tracks.mean["bias"], found.model.smooth(x, RATE, mean=0.0).mean["bias"], rtol=1e-12)
     assert "level" in fit("GM + WN", x, RATE).smooth(x).labels
     signal = Signal(x, RATE, unit="rad/s", axis="gyro_x")
-    assert (found.filter(signal).unit, found.filter(signal).axis) == ("rad/s", "gyro_x")
+    assert (found.kalman_filter(signal).unit, found.kalman_filter(signal).axis) == ("rad/s", "gyro_x")
     with pytest.raises(OptionError, match=r"fitted at 100 Hz.*200 Hz"):
         found.smooth(x, 200.0)
     with pytest.raises(OptionError, match=r"fitted at 100 Hz.*200 Hz"):

@@ -225,8 +225,8 @@ def test_strokes_of_inertial_noise_do_not_move_when_processes_are_added():
 class Named:
     """As much of a process as its stroke goes by."""
 
-    def __init__(self, name, family=None):
-        self.name, self.family = name, family
+    def __init__(self, name, parametrises=None):
+        self.name, self.parametrises = name, parametrises
 
 
 def test_every_process_has_a_stroke_that_goes_by_its_name():

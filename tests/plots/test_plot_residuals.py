@@ -24,7 +24,9 @@ RATE = 100.0
 
 def of(values, estimated=0):
     values = np.asarray(values, dtype=np.float64)
-    return Residuals(MODEL, values, RATE, np.arange(values.size) / RATE, "gyro_x", estimated)
+    return Residuals(
+        model=MODEL, values=values, rate=RATE, times=np.arange(values.size) / RATE, axis="gyro_x", estimated=estimated
+    )
 
 
 @pytest.fixture(scope="module")

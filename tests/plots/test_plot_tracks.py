@@ -42,7 +42,7 @@ def smoothed(gapped):
 
 @pytest.fixture(scope="module")
 def filtered(gapped):
-    return MODEL.filter(gapped)
+    return MODEL.kalman_filter(gapped)
 
 
 def parts(panel):
@@ -137,7 +137,7 @@ def test_what_is_infinitely_uncertain_is_not_drawn():
     walk = gmwm.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-4)")
     x = walk.simulate(3000, RATE, rng=2)
     x[:300] = math.nan
-    record, bias = tracks_figure(walk.filter(x, RATE)).panels
+    record, bias = tracks_figure(walk.kalman_filter(x, RATE)).panels
     line, band = parts(bias)
     assert np.isnan(line.y).sum() == np.isnan(record.lines[1].y).sum() == 300
     # The band has an envelope of its own, in which a column is at most two samples wide.
@@ -157,11 +157,11 @@ def test_a_lone_sample_is_a_dot():
 # --- scales and units ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["filter", "smooth"])
+@pytest.mark.parametrize("method", ["kalman_filter", "smooth"])
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_a_panel_shows_the_band_and_is_not_scaled_by_the_record(made, kind, scale):
+def test_a_panel_shows_the_band_and_is_not_scaled_by_the_record(made, method, scale):
     model = gmwm.parse_model(f"GM(beta=0.2, sigma2={4e-8 * scale**2}) + WN(sigma2={4e-6 * scale**2})")
-    tracks = getattr(model, kind)(Signal(scale * made.signal.values, RATE, "rad/s"))
+    tracks = getattr(model, method)(Signal(scale * made.signal.values, RATE, "rad/s"))
     record, bias = tracks_figure(tracks).panels
     line, band = parts(bias)
     settled = band.x > 20

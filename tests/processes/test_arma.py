@@ -15,7 +15,7 @@ import pytest
 from gmwm import AR, AR1, ARMA, MA, SARMA, WN, Model, fixed, wavelet_covariance, wavelet_variance
 from gmwm.errors import ModelError
 from gmwm.filters import find_filter
-from gmwm.processes import every_class, families, rational, registry
+from gmwm.processes import every_class, ordered_classes, rational, registry
 
 ORACLES = Path(__file__).parents[1] / "oracles"
 oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "processes.py")))
@@ -188,7 +188,7 @@ def test_classes_are_made_once_and_kept_out_of_the_registry():
     assert AR.of(3) is not AR.of(2)
     assert AR.of(3)().of(2) is AR.of(2)
     assert [p.name for p in ARMA.of(2, 1).parameters] == ["phi1", "phi2", "theta1", "sigma2"]
-    assert not any(name in registry for name in (*families, "AR(3)"))
+    assert not any(name in registry for name in (*ordered_classes, "AR(3)"))
     assert {"AR(2)", "MA(1)", "GM"} <= set(every_class())
     assert isinstance(AR(2), AR)
 

@@ -8,7 +8,7 @@ import pytest
 
 from gmwm import GM, MAT, WN, MissingTheoryError, fit
 from gmwm.covariance import variances
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.filters import HAAR, find_filter
 from gmwm.processes import Process, filtered, smooth_autocovariance
 from gmwm.processes.bessel import matern
@@ -196,9 +196,9 @@ def test_what_cannot_be_simulated_says_so():
 
 
 def test_the_covariance_of_its_wavelet_variance_is_that_of_a_gauss_markov_process():
-    setting = Setting(np.arange(1, 12), 3000, RATE)
-    expected = variances(as_model(GM(2.0, 1.0) + WN(0.1)), setting)
-    np.testing.assert_allclose(variances(as_model(MAT(2.0, 0.5, 1.0) + WN(0.1)), setting), expected, rtol=1e-6)
+    design = Design(np.arange(1, 12), 3000, RATE)
+    expected = variances(as_model(GM(2.0, 1.0) + WN(0.1)), design)
+    np.testing.assert_allclose(variances(as_model(MAT(2.0, 0.5, 1.0) + WN(0.1)), design), expected, rtol=1e-6)
 
 
 def test_fit():

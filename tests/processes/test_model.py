@@ -44,6 +44,7 @@ def test_labels_count_from_one_where_a_process_is_repeated():
         (lambda: GM() + WN, "got <class .*WN.*>; write WN..$"),
         (lambda: Model(()), "at least one process"),
         (lambda: Model(("WN",)), "got 'WN'"),
+        (lambda: Model((int,)), "got <class 'int'>$"),
         (lambda: as_model(3), "model must be a sum of processes, .* got 3"),
         (lambda: as_model(GM), "write GM.."),
     ],
@@ -66,7 +67,7 @@ def test_values_are_replaced_by_label_and_stay_held():
     model = GM() + GM(beta=fixed(1.0)) + WN(sigma2=2.0)
     changed = model.with_values({"GM[1].beta": 0.5, "GM[2].beta": 3.0, "WN.sigma2": None})
     assert changed == GM(beta=0.5) + GM(beta=fixed(3.0)) + WN()
-    assert changed.fixed == {"GM[2].beta"}
+    assert changed.fixed_names == {"GM[2].beta"}
     assert model.parameters["GM[2].beta"] == 1.0
     assert not changed.is_complete
     assert FULL.is_complete

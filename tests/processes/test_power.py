@@ -8,7 +8,7 @@ import pytest
 
 import gmwm
 from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance, effective_noise, wavelet_covariance
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.processes.circulant_embedding import amplitudes
 from gmwm.processes.haar_covariance import LagGrid
@@ -137,7 +137,7 @@ def test_covariance_of_the_wavelet_variance_is_the_sum_over_all_pairs(one):
 @pytest.mark.parametrize("one", [FN(b2=2.0), PL(alpha=-0.8, nu2=1.0), PL(alpha=2.5, nu2=1.0)], ids=str)
 def test_rules_between_the_kinks_are_the_sum_over_all_lags_of_a_long_record(one):
     n, half = 2**16, np.array([1.0, 16.0, 2.0**10])
-    setting = Setting(np.array([1, 5, 11]), n, RATE)
+    design = Design(np.array([1, 5, 11]), n, RATE)
     found = wavelet_covariance(one, n, RATE, levels=[1, 5, 11])
     u = np.arange(-n, n + 1.0)
     for j, h in enumerate(half):
@@ -145,7 +145,7 @@ def test_rules_between_the_kinks_are_the_sum_over_all_lags_of_a_long_record(one)
             g = half[k]
             c = one.coefficient_covariance(LagGrid(np.full(u.size, h), np.full(u.size, g), u), RATE) / (4 * h * g)
             pairs = np.maximum(n - np.maximum(u, 0) - np.maximum(2 * h - 1, 2 * g - 1 - u), 0)
-            exact = 2 * np.sum(pairs * c * c) / (setting.counts[j] * setting.counts[k])
+            exact = 2 * np.sum(pairs * c * c) / (design.counts[j] * design.counts[k])
             assert found[j, k] == pytest.approx(exact, rel=1e-9)
 
 
@@ -216,7 +216,7 @@ def test_flicker_noise_is_the_bias_instability_of_the_standard():
     alone = gmwm.fit(FN(), exact_curve(FN(b2=4e-6))).datasheet()
     assert alone["B"].value == pytest.approx(2e-3, rel=1e-6)
     assert not alone["B"].upper_only
-    assert not alone.notes
+    assert not alone.remarks
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.FitWarning")

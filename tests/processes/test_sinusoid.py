@@ -96,14 +96,14 @@ def test_several_are_sorted_by_frequency_and_one_frequency_is_held_once():
 def test_remarks_where_the_phase_stands_still():
     half = RATE / 2
     for frequency in (half, 3 * half, half * (1 + 1e-7)):
-        (said,) = SIN(frequency, 8.0).remarks(10_000, RATE)
-        assert "only A² sin² U is seen" in said
-    (said,) = SIN(RATE, 8.0).remarks(10_000, RATE)
-    assert "a constant, and nothing of its power shows" in said
+        (remark,) = SIN(frequency, 8.0).remarks("SIN", 10_000, RATE)
+        assert (remark.code, remark.facts["half"].value) == ("line-at-half-rate", half)
+    (remark,) = SIN(RATE, 8.0).remarks("SIN", 10_000, RATE)
+    assert (remark.code, remark.facts["frequency"].value) == ("line-invisible", RATE)
     # With half a turn of the phase over the record, the mean of sin² is one half again.
     for frequency in (half * (1 + 1e-4), 0.7, 0.9 * half, RATE / 1e6):
-        assert SIN(frequency, 8.0).remarks(10_000, RATE) == ()
-    assert SIN(half, 0.0).remarks(10_000, RATE) == ()
+        assert SIN(frequency, 8.0).remarks("SIN", 10_000, RATE) == ()
+    assert SIN(half, 0.0).remarks("SIN", 10_000, RATE) == ()
 
 
 def test_physical_frequency_and_amplitude():
@@ -118,7 +118,7 @@ def test_fit(wanted):
     found = fit(WN() + wanted, x, rate=RATE)
     limits = found.confidence_intervals(level=0.9999)
     for name, truth in (("WN.sigma2", 1.0), ("SIN.frequency", 3.0), ("SIN.power", 2.0)):
-        if name not in found.model.fixed:
+        if name not in found.model.fixed_names:
             assert limits[name][0] <= truth <= limits[name][1]
     # Far better known than a noise of that variance would be, with some 300 coefficients of its scale.
     assert np.ptp(limits["SIN.power"]) < 0.2

@@ -10,6 +10,8 @@ import pytest
 
 from gmwm.errors import GmwmError, OptionError, ReadError
 from gmwm.readers import byte_sources, find_reader, read
+from gmwm.remarks import Remark
+from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(6).normal(size=(200, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 START = 1_718_030_736_872_695_300
@@ -57,8 +59,8 @@ def test_sensor_logger_columns_run_backwards_and_both_sensors_are_one_recording(
     assert table(imu).tolist() == VALUES[3:195].tolist()
     assert imu.rate == pytest.approx(100, rel=1e-3)
     assert imu["gyro_x"].start == pytest.approx(START / 1e9 + 0.03, abs=1e-3)
-    assert any("left out: 8" in note for note in imu.notes)
-    assert "tables left out: Accelerometer" in imu.notes
+    assert only(imu.remarks, "rows-paired").facts["left"] == 8
+    assert Remark.of("left-out", kind="tables", names=("Accelerometer",)) in imu.remarks
 
 
 @pytest.mark.parametrize("accel", [{"step": 20_000_000}, {"step": 10_100_000}, {"first": 100, "late": -(10**9) * 60}])
@@ -78,7 +80,7 @@ def test_acceleration_without_gravity_is_not_joined_and_says_so(tmp_path):
     path = zipped(tmp_path, Gyroscope=logger(GYRO), Accelerometer=logger(ACCEL))
     with pytest.raises(ReadError, match=r"Gyroscope .*Accelerometer"):
         read(path)
-    assert any("gravity was removed" in note for note in read(path, topic="Accelerometer").notes)
+    assert only(read(path, topic="Accelerometer").remarks, "gravity-removed").subject == "Accelerometer"
 
 
 @pytest.mark.parametrize("name", ["Linear Accelerometer", "Accelerometer"])
@@ -91,10 +93,10 @@ def test_linear_acceleration_of_phyphox_is_not_joined_either(tmp_path, name):
     path = zipped(tmp_path, Gyroscope=gyro, **{name: linear})
     with pytest.raises(ReadError, match=rf"Gyroscope, {name}"):
         read(path)
-    assert any("gravity was removed" in note for note in read(path, topic=name).notes)
+    assert only(read(path, topic=name).remarks, "gravity-removed").subject == name
     own = PHYPHOX.format("Acceleration", "m/s^2") + rows(ACCEL)
     imu = read(zipped(tmp_path, Gyroscope=gyro, **{"Linear Acceleration": linear, "Raw Acceleration": own}))
-    assert "tables left out: Linear Acceleration" in imu.notes
+    assert Remark.of("left-out", kind="tables", names=("Linear Acceleration",)) in imu.remarks
     assert table(imu).tolist() == VALUES.tolist()
     ros = linear.replace("Linear Acceleration ", "linear_acceleration.")
     assert table(read(zipped(tmp_path, gyro=gyro, accel=ros))).tolist() == VALUES.tolist()
@@ -106,7 +108,7 @@ def test_a_table_taken_out_of_the_archive_is_known_by_its_name(tmp_path):
     assert (find_reader(tmp_path / "Gyroscope.csv").name, imu.axes) == ("sensorlogger", ("gyro_x", "gyro_y", "gyro_z"))
     assert imu["gyro_x"].values.tolist() == VALUES[:, 0].tolist()
     (tmp_path / "a.csv").write_text(logger(GYRO))
-    with pytest.raises(ReadError, match="no column that is known as an axis; found: time, seconds_elapsed, z, y, x"):
+    with raises(ReadError, "a.csv", "time, seconds_elapsed, z, y, x", advises=["columns="]):
         read(tmp_path / "a.csv")
 
 
@@ -172,7 +174,7 @@ def test_what_cannot_be_unpacked_and_what_holds_nothing(tmp_path):
     path.write_bytes(data)
     with pytest.raises(ReadError, match="is encrypted"):
         read(path)
-    with pytest.raises(ReadError, match=r"no table with a known axis; in it: Metadata.csv, b.csv"):
+    with raises(ReadError, "Metadata.csv, b.csv", advises=["columns="]):
         read(zipped(tmp_path, Metadata=METADATA, b="a,b\n1,2\n"))
     path.write_bytes(b"PK\x03\x04 and nothing else")
     with pytest.raises(ReadError, match="no complete zip archive"):

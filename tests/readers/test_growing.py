@@ -9,6 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, ReadError, UnitError
+from gmwm.options import ReadOptions
 from gmwm.readers import growing_files
 from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
 
@@ -34,7 +35,7 @@ def served(data, cuts):
 
 def followed(data, cuts, **options):
     lines = Lines(served(data, cuts), lambda: True)
-    source = growing_stream(lines, "bench.csv", patience=0.0, **options)
+    source = growing_stream(lines, "bench.csv", ReadOptions(**options), patience=0.0)
     return source, list(source), lines
 
 
@@ -45,25 +46,25 @@ def test_however_it_comes_it_is_what_it_is_as_a_whole(tmp_path, seed):
     imu = gmwm.read(tmp_path / "a.csv")
     rng = np.random.default_rng(seed)
     cuts = sorted(rng.integers(0, len(data), size=(3, 30, 300)[seed % 3]).tolist())
-    source, pieces, lines = followed(data, cuts)
+    source, chunks, lines = followed(data, cuts)
     assert source.rate == imu.rate
     for axis in imu.axes:
-        assert np.array_equal(np.concatenate([piece[axis] for piece in pieces]), imu[axis].values)
-    starts = {piece.segment: piece.first for piece in reversed(pieces)}
+        assert np.array_equal(np.concatenate([chunk[axis] for chunk in chunks]), imu[axis].values)
+    starts = {chunk.segment: chunk.first for chunk in reversed(chunks)}
     assert list(starts.values())[::-1] == [first for first, _ in imu.segments] == [0, 1200]
     assert lines.rest == b""
 
 
 def test_byte_by_byte():
     data = table(rows=40, gap=99)
-    _, pieces, _ = followed(data, list(range(1, len(data))))
-    assert sum(len(piece) for piece in pieces) == 40
+    _, chunks, _ = followed(data, list(range(1, len(data))))
+    assert sum(len(chunk) for chunk in chunks) == 40
 
 
 def test_a_line_without_an_end_is_left_out():
     data = table(rows=400, gap=999)
-    _, pieces, lines = followed(data[:-5], [3000])
-    assert sum(len(piece) for piece in pieces) == 399
+    _, chunks, lines = followed(data[:-5], [3000])
+    assert sum(len(chunk) for chunk in chunks) == 399
     assert lines.rest == data[data.rfind(b"\n", 0, -1) + 1 : -5]
 
 
@@ -73,7 +74,7 @@ def test_nothing_is_lost_between_the_first_lines_and_the_rest():
     first = data.find(b"\n", 4000) + 1
     given = iter([data[:first], *[b""] * 5, data[first:], None])
     source = growing_stream(Lines(given.__next__, lambda: True), "a", patience=0.0)
-    assert sum(len(piece) for piece in source) == 600
+    assert sum(len(chunk) for chunk in source) == 600
     with pytest.raises(StopIteration):
         next(given)
 
@@ -81,8 +82,8 @@ def test_nothing_is_lost_between_the_first_lines_and_the_rest():
 def test_breathing_ends_it():
     looks = iter([True] * 3 + [False] * 9)
     lines = Lines(served(table(), []), looks.__next__)
-    pieces = list(growing_stream(lines, "a", patience=0.0))
-    assert sum(len(piece) for piece in pieces) == 3000
+    chunks = list(growing_stream(lines, "a", patience=0.0))
+    assert sum(len(chunk) for chunk in chunks) == 3000
 
 
 def test_what_it_is_not_is_an_error():

@@ -7,7 +7,9 @@ import pytest
 
 from gmwm.errors import DataError, ReadError
 from gmwm.readers import find_reader, read
+from gmwm.remarks import Quantity
 from gmwm.signals import AXES
+from tests.helpers import only, raises
 
 HEADER = "8sbdiidddiid32s4s32s12s?iii354s"
 DEFAULT = {"rate": 125.0, "gyro": 1e-6, "accel": 2e-5, "angle": 1, "velocity": 1, "clock": 2, "endian": 0}
@@ -49,8 +51,8 @@ def test_scales_and_increments_as_the_header_says(file, order, angle, velocity):
         sensor, flag, scale = ("gyro", angle, np.radians(1e-6)) if k < 3 else ("accel", velocity, 2e-5)
         expected = table()[1][:, k] * scale * (125 if flag else 1)
         np.testing.assert_allclose(imu[axis].values, expected, rtol=1e-14, err_msg=sensor)
-    assert "sensor 'A sensor'" in imu.notes
-    assert "times are seconds of the GPS week" in imu.notes
+    assert only(imu.remarks, "sensor-named").facts["name"] == "A sensor"
+    assert only(imu.remarks, "time-read").facts == {"form": "week", "clock": "GPS"}
 
 
 def test_it_is_known_by_its_signature(tmp_path):
@@ -62,23 +64,25 @@ def test_it_is_known_by_its_signature(tmp_path):
 
 def test_a_contradiction_of_rates_is_noted(file):
     file.write_bytes(imr(rate=250.0))
-    assert any("header states 250 Hz, the first time stamps 125 Hz" in note for note in read(file).notes)
+    facts = only(read(file).remarks, "rate-stated").facts
+    assert (facts["rate"], facts["used"]) == (Quantity(250.0, "Hz"), "no")
+    assert facts["stamps"].value == pytest.approx(125.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (imr(cut=1), "no whole number of records: 299 records of 32 bytes and 31 bytes more; was it cut off"),
-        (imr(samples=0), "holds no records; was the recording interrupted"),
+        (imr(cut=1), "static.imr .*299 records of 32 bytes and 31 bytes more"),
+        (imr(samples=0), "static.imr holds no records"),
         (imr(samples=0, cut=100), "ends within its header, after 412 of 512 bytes"),
         (b"$IMURAW\0", "ends within its header"),
-        (imr(endian=7), "byte order in its header must be 0 or 1, got 7"),
-        (imr(endian=1), "in its header must be"),
-        (imr(angle=3), "bDeltaTheta in its header must be 0 or 1, got 3"),
-        (imr(rate=0.0), "dDataRateHz in its header must be a positive number, got 0"),
-        (imr(gyro=float("nan")), "dGyroScaleFactor in its header must be a positive number, got nan"),
-        (imr(accel=-1.0), "dAccelScaleFactor in its header must be a positive number"),
-        (imr(samples=9, stamps=[float("nan")] * 9), "its times would be nan, nan, nan, nan, which are none"),
+        (imr(endian=7), "byte order in its header is 7, expected 0 or 1"),
+        (imr(endian=1), "bDeltaTheta in its header is 16777216"),
+        (imr(angle=3), "bDeltaTheta in its header is 3, expected 0 or 1"),
+        (imr(rate=0.0), "dDataRateHz in its header is 0, expected a positive"),
+        (imr(gyro=float("nan")), "dGyroScaleFactor in its header is nan, expected a positive"),
+        (imr(accel=-1.0), "dAccelScaleFactor in its header is -1, expected a positive"),
+        (imr(samples=9, stamps=[float("nan")] * 9), "records of 32 bytes .*nan, nan, nan, nan.*byte order"),
         (b"", "is empty"),
     ],
 )
@@ -90,7 +94,7 @@ def test_what_is_wrong_is_told(file, content, says):
 
 def test_few_records_and_foreign_files(file):
     file.write_bytes(imr(samples=1))
-    with pytest.raises(DataError, match="has 1 sample, at least 8"):
+    with raises(DataError, "static.imr", "1 sample", "at least 8"):
         read(file)
     file.write_text("gyro_x\n1\n2\n")
     with pytest.raises(ReadError, match=r"does not begin with \$IMURAW"):

@@ -9,7 +9,9 @@ import pytest
 
 from gmwm.errors import GmwmError, ReadError, TimeBaseWarning
 from gmwm.readers import arrays, find_reader, read
+from gmwm.remarks import Quantity
 from gmwm.signals import AXES
+from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(3).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 TIME = 10**18 + 5_000_000 * np.arange(60)
@@ -32,7 +34,7 @@ def test_a_bare_matrix_is_named_in_order(tmp_path, order, sideways, monkeypatch)
     monkeypatch.setattr(arrays, "ROWS", 7)
     path = tmp_path / "a.npy"
     np.save(path, np.asarray(VALUES.T if sideways else VALUES, order=order))
-    with pytest.raises(ReadError, match=r"6 columns without names; the first row is: 0\.02"):
+    with pytest.raises(ReadError, match=r"6 columns without names; the first row is 0\.02"):
         read(path, rate=10, units=UNITS)
     imu = read(path, rate=10, units=UNITS, columns=list(AXES))
     assert table(imu).tolist() == VALUES.tolist()
@@ -71,8 +73,8 @@ def test_single_columns_a_rate_and_what_is_left_out(tmp_path):
     path = npz(tmp_path, gx=VALUES[:, 0], az=VALUES[:, 5], fs=250, serial=np.array([7, 8, 9]), seen=np.ones(60, bool))
     imu = read(path, units=UNITS)
     assert (imu.axes, imu.rate) == (("gyro_x", "accel_z"), 250)
-    assert "rate 250 Hz, as the file states it" in imu.notes
-    assert "arrays left out: serial" in imu.notes
+    assert only(imu.remarks, "rate-stated").facts == {"rate": Quantity(250.0, "Hz"), "used": "yes"}
+    assert only(imu.remarks, "left-out").facts == {"kind": "arrays", "names": ("serial",)}
 
 
 def test_sensors_at_two_rates_are_two_recordings(tmp_path):
@@ -145,15 +147,18 @@ def test_a_stated_rate_that_the_stamps_contradict_is_warned_of(tmp_path):
     content = {"gyro": VALUES[:, :3], "t": 0.01 * np.arange(60)}
     assert read(npz(tmp_path, **content, fs=100.5), units=UNITS).rate == 100
     path = npz(tmp_path, **content, fs=200.0)
-    with pytest.warns(TimeBaseWarning, match=r"states a rate of 200 Hz, but its time stamps say 100 Hz"):
+    with pytest.warns(TimeBaseWarning) as warned:
         imu = read(path, units=UNITS)
     assert imu.rate == 100
-    assert any("states a rate of 200 Hz" in note for note in imu.notes)
+    remark = only(imu.remarks, "rate-contradicted", str(path))
+    assert remark.facts["source"] == "file"
+    assert (remark.facts["rate"].value, remark.facts["stamps"].value) == pytest.approx((200, 100))
+    assert [one.message.remark for one in warned] == [remark]
     assert read(path, units=UNITS, rate=200, columns={"time": None}).rate == 200
 
 
 def test_stamps_of_another_length(tmp_path):
     content = {"gyro": VALUES[:, :3], "fs": 100.0}
-    with pytest.raises(ReadError, match="t has 59 values, gyro has 60"):
+    with raises(ReadError, "59 time stamps of t", "60 samples of gyro", advises=["rate="]):
         read(npz(tmp_path, **content, t=np.arange(59.0)), units=UNITS)
     assert read(npz(tmp_path, **content, time=np.arange(9.0), height=np.arange(9.0)), units=UNITS).rate == 100

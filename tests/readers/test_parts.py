@@ -12,8 +12,10 @@ import gmwm
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.readers import arrays, parquet, parts, stream, streams, text, waypoint
 from gmwm.readers.base import Mark, find_reader
-from gmwm.readers.parts import Passage
+from gmwm.readers.parts import PartReader
+from gmwm.readers.reading_warnings import of_file
 from gmwm.readers.streams import Stream
+from tests.helpers import only
 from tests.readers.test_imr import imr
 from tests.readers.test_stream import ROWS, columns, stamps, written
 
@@ -30,13 +32,13 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr(waypoint, "BLOCK", 1500)
 
 
-def firsts(pieces):
+def firsts(chunks):
     """The rows that begin a segment."""
-    return [p.first for k, p in enumerate(pieces) if p.segment != (pieces[k - 1].segment if k else 0)]
+    return [p.first for k, p in enumerate(chunks) if p.segment != (chunks[k - 1].segment if k else 0)]
 
 
 def whole(source):
-    """All pieces of a stream, and what it warns of at the end."""
+    """All chunks of a stream, and what it warns of at the end."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         found = list(source)
@@ -48,21 +50,21 @@ def same(source, count):
     expected, told = whole(source)
     divided = pickle.loads(pickle.dumps(source.parts(count)))
     assert [part.first for part in divided[1:]] == [part.stop for part in divided[:-1]]
-    seen, tally = [], None
+    seen, summary = [], None
     for part in divided:
-        passage = Passage(part)
-        own = list(passage)
-        assert all(len(piece) <= part.size for piece in own)
+        reader = PartReader(part)
+        own = list(reader)
+        assert all(len(chunk) <= part.size for chunk in own)
         assert own[0].first == part.first
         seen.append((own, firsts(own)))
-        tally = passage.tally if tally is None else tally.followed_by(passage.tally)
+        summary = reader.summary if summary is None else summary.followed_by(reader.summary)
     for axis in source.axes:
-        joined = np.concatenate([piece[axis] for own, _ in seen for piece in own])
-        assert np.array_equal(joined, np.concatenate([piece[axis] for piece in expected]))
+        joined = np.concatenate([chunk[axis] for own, _ in seen for chunk in own])
+        assert np.array_equal(joined, np.concatenate([chunk[axis] for chunk in expected]))
     assert [row for _, own in seen for row in own] == firsts(expected)
-    assert (tally.first, tally.stop) == (0, expected[-1].first + len(expected[-1]))
-    assert [f"{source.source}: {sentence}" for sentence in tally.troubles(source._found)] == told
-    base = tally.time_base(source._found)
+    assert (summary.first, summary.stop) == (0, expected[-1].first + len(expected[-1]))
+    assert [str(remark) for remark in of_file(summary.remarks(source._found), source.source)] == told
+    base = summary.time_base(source._found)
     for name in ("rate", "stamped", "start", "gaps", "duplicates", "backward"):
         assert getattr(base, name) == getattr(source.time_base, name), name
     assert base.jitter == pytest.approx(source.time_base.jitter, rel=1e-9)
@@ -87,8 +89,8 @@ def test_a_gap_at_a_seam_or_beside_it(tmp_path, apart):
     source = stream(path, units=UNITS)
     _, right = same(source, 2)
     assert right.first == 10_500
-    passage = Passage(right)
-    begin = next(iter(passage))
+    reader = PartReader(right)
+    begin = next(iter(reader))
     assert begin.segment == (apart == 0)
     assert begin.start == pytest.approx((10_500 + 7 * (apart <= 0)) * 0.01, rel=1e-12)
 
@@ -175,7 +177,7 @@ def test_counted_packets_are_one_part(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text(f"// Update Rate: 100.0Hz\nPacketCounter,Gyr_X,Gyr_Y,Gyr_Z\n{rows}\n")
     source = stream(path)
-    assert any("PacketCounter" in note for note in source.notes)
+    assert only(source.remarks, "time-read").facts["form"] == "packets"
     assert same(source, 2)[0].whole
 
 
@@ -194,14 +196,14 @@ def test_what_is_wrong_is_told_with_its_row(tmp_path):
     constant["gyro_y"][:] = 0.25
     constant["gyro_z"][:11_000] = 0.25
     source = stream(written(tmp_path / "b.parquet", constant), units=UNITS)
-    tallies = []
+    summaries = []
     for part in source.parts(2):
-        passage = Passage(part)
-        assert len(list(passage)) > 0
-        tallies.append(passage.tally)
-    assert [list(tally.alike) for tally in tallies] == [["gyro_y", "gyro_z"], ["gyro_y"]]
+        reader = PartReader(part)
+        assert len(list(reader)) > 0
+        summaries.append(reader.summary)
+    assert [list(summary.alike) for summary in summaries] == [["gyro_y", "gyro_z"], ["gyro_y"]]
     with pytest.raises(DataError, match=f"gyro_y is constant .0.25 in all {ROWS} samples"):
-        tallies[0].followed_by(tallies[1]).troubles(source._found)
+        summaries[0].followed_by(summaries[1]).remarks(source._found)
 
 
 def test_another_file_under_the_same_path(tmp_path):

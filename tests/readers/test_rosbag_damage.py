@@ -62,7 +62,7 @@ def test_foreign_and_mislabelled_files(tmp_path):
     text = tmp_path / "a.mcap"
     text.write_text("time,gyro_x [rad/s]\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(20)))
     assert len(read(text)) == 20  # the content decides
-    with pytest.raises(ReadError, match="none of a ROS 1 bag, an SQLite database and an MCAP file"):
+    with pytest.raises(ReadError, match="neither a ROS 1 bag nor an SQLite database nor an MCAP file"):
         read(text, format="rosbag")
     other = tmp_path / "other.db3"
     with closing(sqlite3.connect(other)) as base:

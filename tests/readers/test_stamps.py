@@ -16,9 +16,10 @@ from gmwm.errors import OptionError, ReadError, UnitError
 from gmwm.readers import read, stream, streams, text
 from gmwm.readers.growing_files import Lines, growing_stream
 from gmwm.readers.text_stamps import Midnights, described, is_stamp, times_of
+from tests.helpers import only, raises
 from tests.readers.test_parts import same as same_parts
 from tests.readers.test_stream import columns, stamps, written
-from tests.readers.test_stream import same as same_pieces
+from tests.readers.test_stream import same as same_chunks
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 BEGIN = int(np.datetime64("2024-05-01T23:59:55", "ns").view(np.int64))
@@ -89,7 +90,7 @@ def clock(kind):
 
 
 def known_of(path, **options):
-    """What is known of a recording but for its notes."""
+    """What is known of a recording, without its remarks."""
     imu = read(path, **options)
     signal = imu["gyro_x"]
     return imu.rate, imu.segments, signal.starts, imu.time_base, [imu[a].values.tolist() for a in imu]
@@ -175,24 +176,23 @@ def test_what_a_stamp_is(cell, yes):
 
 
 @pytest.mark.parametrize(
-    ("cell", "said"),
+    ("cell", "facts"),
     [
-        ("2024-05-01T12:00:00Z", "(ISO 8601), UTC"),
-        ("2024-05-01 12:00:00 UTC", "(ISO 8601), UTC"),
-        ("2024-05-01T12:00:00+02:00", "with an offset (+02:00 in the first row), counted in UTC"),
-        ("2024-05-01T12:00:00", "without an offset, counted as UTC"),
-        ("12:00:00", "times of day"),
+        ("2024-05-01T12:00:00Z", {"form": "utc"}),
+        ("2024-05-01 12:00:00 UTC", {"form": "utc"}),
+        ("2024-05-01T12:00:00+02:00", {"form": "offset", "offset": "+02:00"}),
+        ("2024-05-01T12:00:00", {"form": "local"}),
+        ("12:00:00", {"form": "clock"}),
     ],
 )
-def test_the_notes_say_how_it_was_understood(tmp_path, cell, said):
-    assert said in described(cell)
+def test_the_remarks_say_how_it_was_understood(tmp_path, cell, facts):
+    assert described(cell).facts == facts
     cells = [cell.replace("12:00:00", f"12:00:{k // 10:02d}.{k % 10}") for k in range(60)]
-    notes = [note for note in read(saved(tmp_path, cells)).notes if note.startswith("time:")]
-    assert len(notes) == 1
-    assert said in notes[0]
+    remark = only(read(saved(tmp_path, cells)).remarks, "time-read")
+    assert remark.facts == facts
     inspection = gmwm.inspect(read(saved(tmp_path, cells)))
-    assert notes[0] in inspection.notes
-    assert said in inspection.summary()
+    assert remark.text() in inspection.notes
+    assert remark.text() in inspection.summary()
 
 
 def test_times_of_day_go_on_after_midnight(tmp_path):
@@ -222,15 +222,15 @@ def test_times_of_day_that_are_out_of_order_or_set_back(tmp_path):
 
 FIRST = "2024-05-01T12:00:00.000Z"
 BAD = {
-    "day or month": (lambda s: f"05/01/2024 {s[11:23]}", "day and month cannot be told apart.*year first.*None"),
-    "day, month, year": (lambda s: f"1.5.2024 {s[11:23]}", "day and month cannot be told apart"),
-    "afternoon": (lambda s: f"2024-05-01 {s[11:23]} PM", "in a form that is not read.*ISO 8601.*None"),
-    "no seconds": (lambda s: s[:16], "in a form that is not read.*2024-05-01T12:00.*rate="),
-    "minutes": (lambda s: s[14:23], "in a form that is not read"),
+    "day or month": (lambda s: f"05/01/2024 {s[11:23]}", "a.csv: day and month .*05/01/2024.*year first.*None"),
+    "day, month, year": (lambda s: f"1.5.2024 {s[11:23]}", "a.csv: day and month .*1.5.2024"),
+    "afternoon": (lambda s: f"2024-05-01 {s[11:23]} PM", "a.csv: .*cannot be read.* PM.*ISO 8601.*None"),
+    "no seconds": (lambda s: s[:16], "a.csv: .*cannot be read.*2024-05-01T12:00.*rate="),
+    "minutes": (lambda s: s[14:23], "a.csv: .*cannot be read \\('59:55"),
     "date alone": (lambda s: s[:10], "dates without times.*another column"),
     "no month": (
         lambda s: s.replace("-05-", "-13-"),
-        "line 2: .* holds '2024-13-.*a time that there is not",
+        "line 2: .* holds '2024-13-.*a time that does not exist",
     ),
 }
 
@@ -247,11 +247,11 @@ def test_what_is_not_read_says_why_and_the_way_out(tmp_path, kind):
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        ("", "line 42: column 'time' is empty; remove or fill"),
+        ("", "line 42: column 'time' is empty.*columns="),
         ("NaT", "line 42: column 'time' holds 'NaT', expected a time as in the first row"),
         ("12:00:05.000", "line 42: .* expected a time as in the first row"),
         ("2024-05-02T00:00:00.000", "line 42: .* without an offset from UTC, unlike the first row"),
-        ("2024-02-30T00:00:00.000Z", "line 42: .* a time that there is not; repair or remove the line"),
+        ("2024-02-30T00:00:00.000Z", "line 42: .* a time that does not exist; repair or remove the line"),
         ("1714564800", "line 42: .* expected a time as in the first row"),
     ],
 )
@@ -276,15 +276,15 @@ def test_lines_are_counted_over_blank_lines_and_comments(tmp_path):
 def test_a_stamp_that_was_cut_off(tmp_path):
     lines = "".join(f"{k % 7},{iso(BEGIN + k * STEP, 3, tail='Z')}\n" for k in range(40))
     path = tmp_path / "a.csv"
-    for cut, message in ((1, None), (2, "without an offset.*was it cut off"), (9, "line 41: .*was it cut off")):
+    for cut, message in ((1, None), (2, "without an offset.*if it was cut off"), (9, "line 41: .*if it was cut off")):
         path.write_text(("gyro_x [rad/s],time\n" + lines)[:-cut])
         if message is None:
-            assert any("no line end" in note for note in read(path).notes)
+            assert only(read(path).remarks, "no-line-end")
             continue
         with pytest.raises(ReadError, match=message):
             read(path)
     path.write_text(saved(tmp_path, [iso(BEGIN + k * STEP, 3) for k in range(40)]).read_text()[:-30])
-    with pytest.raises(ReadError, match=r"line 41: 1 values, expected 3.*was it cut off"):
+    with pytest.raises(ReadError, match=r"line 41: 1 values, expected 3.*if it was cut off"):
         read(path)
 
 
@@ -322,7 +322,7 @@ def test_a_date_and_a_time_in_two_columns(tmp_path):
     path.write_text("date time gyro_x_[rad/s]\n" + rows)
     imu = read(path)
     assert (imu.rate, imu.segments, imu.time_base.start) == (100, ((0, 1200),), 86_395)
-    assert "columns left out: date" in imu.notes
+    assert only(imu.remarks, "left-out").facts == {"kind": "columns", "names": ("date",)}
     with pytest.raises(ReadError, match=r"dates without times.*another column"):
         read(path, columns={"time": "date"})
 
@@ -348,10 +348,10 @@ def test_runs_of_blanks_with_a_t(tmp_path):
 
 def test_units_and_rates_that_are_declared(tmp_path):
     path = saved(tmp_path, map(iso, clock("regular")))
-    with pytest.raises(UnitError, match=r'dates and times .* have no unit; got units=\{"time": "s"\}: drop it'):
+    with raises(UnitError, "dates and times", "'s'", argument="units", advises=["units="]):
         read(path, units={"time": "s"})
     assert read(path, rate=100).rate == 100
-    with pytest.raises(ReadError, match="rate=50 Hz contradicts"):
+    with pytest.raises(ReadError, match=r"rate of 50 Hz contradicts the time stamps.*100 Hz"):
         read(path, rate=50)
 
 
@@ -359,7 +359,7 @@ def test_dates_are_no_axis(tmp_path):
     path = saved(tmp_path, map(iso, clock("regular")))
     with pytest.raises(ReadError, match=r"gyro_z \(column 'time'\) holds dates and times"):
         read(path, columns={"gyro_z": "time"}, rate=100)
-    with pytest.raises(OptionError, match="one column"):
+    with raises(OptionError, "time", "gyro_z", argument="columns"):
         read(path, columns={"gyro_z": 0, "time": 0})
 
 
@@ -381,7 +381,7 @@ def test_whole_seconds_are_rounded_stamps_as_any(tmp_path):
     assert found == known_of(saved(tmp_path, ns // 10**9 * 10**9, "time [ns]"))
 
 
-def pieces_of(path, ns):
+def part_files(path, ns):
     """Table of six axes with these stamps, as text."""
     table = {name: np.round(v, 6) for name, v in columns().items()}
     return written(path, {"time": ns} | table)
@@ -396,13 +396,13 @@ AS_TEXT = {
 
 @pytest.mark.parametrize("form", AS_TEXT)
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "jitter", "late", "bursts"])
-def test_in_pieces_and_parts(tmp_path, monkeypatch, form, kind):
+def test_in_chunks_and_parts(tmp_path, monkeypatch, form, kind):
     monkeypatch.setattr(streams.first_rows, "__defaults__", (3000,))
     monkeypatch.setattr(text, "BLOCK_BYTES", 60_000)
     ns = BEGIN + np.round(stamps(kind, np.random.default_rng(3)) * 1e6).astype(np.int64) * 1000
-    path = pieces_of(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])
+    path = part_files(tmp_path / "a.csv", [AS_TEXT[form](t) for t in ns.tolist()])
     options = {"units": {"gyro": "deg/s", "accel": "g"}}
-    imu, _ = same_pieces(path, apart=3e-3 if kind == "bursts" else 2e-4, **options)
+    imu, _ = same_chunks(path, apart=3e-3 if kind == "bursts" else 2e-4, **options)
     assert len(imu.segments) == {"gaps": 8, "one lost": 2, "jitter": 2, "bursts": 2}.get(kind, 1)
     divided = same_parts(stream(path, chunk=777, **options), 3)
     assert len(divided) == (1 if form == "times of day" else 3)
@@ -418,7 +418,7 @@ def test_a_text_that_grows(tmp_path, form):
     assert [p.first for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment] == [
         first for first, _ in imu.segments
     ]
-    assert np.concatenate([piece["gyro_y"] for piece in found]).tolist() == imu["gyro_y"].values.tolist()
+    assert np.concatenate([chunk["gyro_y"] for chunk in found]).tolist() == imu["gyro_y"].values.tolist()
     assert source.time_base.start == imu.time_base.start
 
 

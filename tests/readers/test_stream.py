@@ -1,4 +1,4 @@
-"""`stream` gives what `read` gives, a piece at a time."""
+"""`stream` gives what `read` gives, a chunk at a time."""
 
 import os
 import subprocess
@@ -13,6 +13,8 @@ import pytest
 import gmwm
 from gmwm.errors import DataError, OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.readers import arrays, parquet, stream, streams, text
+from gmwm.remarks import Remark
+from tests.helpers import only, raises
 
 ROWS = 20_000
 
@@ -69,7 +71,7 @@ def written(path, table):
 
 
 def same(path, *, chunk=777, apart=2e-4, **options):
-    """Whether pieces together are the recording as `read` has it; the pieces."""
+    """Whether the chunks together are the recording as `read` has it; the chunks."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         imu = gmwm.read(path, **options)
@@ -77,10 +79,10 @@ def same(path, *, chunk=777, apart=2e-4, **options):
         found = list(source)
     assert source.axes == imu.axes
     assert source.rate == pytest.approx(imu.rate, rel=apart)
-    assert all(0 < len(piece) <= chunk for piece in found)
-    assert [piece.first for piece in found] == [0, *np.cumsum([len(p) for p in found])[:-1]]
+    assert all(0 < len(one) <= chunk for one in found)
+    assert [one.first for one in found] == [0, *np.cumsum([len(p) for p in found])[:-1]]
     for axis in imu.axes:
-        assert np.array_equal(np.concatenate([piece[axis] for piece in found]), imu[axis].values)
+        assert np.array_equal(np.concatenate([one[axis] for one in found]), imu[axis].values)
     firsts = [p.first for k, p in enumerate(found) if k == 0 or p.segment != found[k - 1].segment]
     assert firsts == [first for first, _ in imu.segments]
     signal = imu[imu.axes[0]]
@@ -93,7 +95,7 @@ def same(path, *, chunk=777, apart=2e-4, **options):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".npy"])
 @pytest.mark.parametrize("kind", ["even", "gaps", "one lost", "set back", "nanoseconds", "jitter", "late", "bursts"])
-def test_pieces_are_what_is_read(tmp_path, suffix, kind):
+def test_chunks_are_what_is_read(tmp_path, suffix, kind):
     time = stamps(kind, np.random.default_rng(3))
     name = "timestamp_ns" if kind == "nanoseconds" else "time_s"
     path = written(tmp_path / f"a{suffix}", {name: time} | columns())
@@ -155,13 +157,13 @@ def test_it_can_be_read_again(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     source = stream(path, units={"gyro": "deg/s", "accel": "g"})
     assert "gyro_x" in repr(source)
-    assert any("gyro: deg/s" in note for note in source.notes)
-    sums = [sum(float(piece["gyro_x"].sum()) for piece in source) for _ in range(2)]
+    assert only(source.remarks, "unit-named", "gyro").facts == {"unit": "deg/s", "source": "declared"}
+    sums = [sum(float(chunk["gyro_x"].sum()) for chunk in source) for _ in range(2)]
     assert sums[0] == sums[1] != 0
 
 
 def drained(path, **options):
-    return [len(piece) for piece in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
+    return [len(chunk) for chunk in stream(path, **{"units": {"gyro": "deg/s", "accel": "g"}} | options)]
 
 
 def test_bad_numbers_behind_the_first_rows_are_refused_with_their_row(tmp_path):
@@ -200,18 +202,23 @@ def test_a_clock_that_slowly_leaves_the_rate_is_told(tmp_path):
     k = np.arange(ROWS)
     time = np.where(k < 5000, k * 0.01, 50 + (k - 5000) * 0.01003)
     path = written(tmp_path / "a.parquet", {"time": time} | columns())
-    with pytest.warns(TimeBaseWarning, match="the first 3000 rows, the stamps of all say 99.7"):
+    with pytest.warns(TimeBaseWarning) as warned:
         drained(path)
+    facts = warned[0].message.remark.facts
+    assert (facts["source"], facts["rows"]) == ("first-rows", 3000)
+    assert facts["stamps"].value == pytest.approx(99.78, abs=0.05)
 
 
 def test_repeated_stamps_are_counted_over_all_blocks(tmp_path):
     time = stamps("even", None)
     time[[2500, 12_000]] = time[[2499, 11_999]]
     path = written(tmp_path / "a.parquet", {"time": time} | columns())
-    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+    with pytest.warns(TimeBaseWarning) as streamed:
         drained(path)
-    with pytest.warns(TimeBaseWarning, match=f"repeat the one before: 2 of {ROWS}"):
+    with pytest.warns(TimeBaseWarning) as at_once:
         gmwm.read(path, units={"gyro": "deg/s", "accel": "g"})
+    repeated = Remark.of("stamps-repeated", str(path), count=2)
+    assert [one.message.remark for one in (*streamed, *at_once)] == [repeated, repeated]
 
 
 def test_stamps_in_no_order(tmp_path):
@@ -228,7 +235,7 @@ def test_options_are_checked_at_the_door(tmp_path):
             stream(path, chunk=chunk)
     with pytest.raises(UnitError, match="gyro_x"):
         stream(path)
-    with pytest.raises(OptionError, match="increments names accel_y"):
+    with raises(OptionError, "gyro_x", "accel_y", argument="increments"):
         stream(path, units={"gyro": "deg/s"}, columns={"gyro_x": "gyro_x"}, increments=["accel_y"])
     with pytest.raises(ReadError, match="does not exist"):
         stream(tmp_path / "none.csv")
@@ -244,7 +251,7 @@ def test_memory_does_not_grow_with_an_array_on_disk(tmp_path, monkeypatch):
         np.save(path, np.random.default_rng(1).normal(size=(rows, 3)))
         source = stream(path, 100.0, ["gyro_x", "gyro_y", "gyro_z"], {"gyro": "deg/s"}, chunk=20_000)
         tracemalloc.start()
-        assert sum(len(piece) for piece in source) == rows
+        assert sum(len(chunk) for chunk in source) == rows
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0] < 800_000 * 8
@@ -254,7 +261,7 @@ PEAK = """
 import resource, sys, gmwm
 before = None
 for path in sys.argv[1:]:
-    for piece in gmwm.stream(path, units={"gyro": "deg/s"}):
+    for chunk in gmwm.stream(path, units={"gyro": "deg/s"}):
         pass
     print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
@@ -302,7 +309,7 @@ def test_parts_between_times(tmp_path, kind, cut, chunk):
         for _ in range(2):
             list(source)
             assert [gap for gap, _ in source.time_base.gaps] == [gap for gap, _ in imu.time_base.gaps]
-        assert any("cut: kept from" in note for note in source.notes)
+        assert only(source.remarks, "cut").facts["known"] == "no"
         with pytest.raises(OptionError, match="is not divided; write what is kept to a file of its own"):
             source.parts(2)
 
@@ -311,5 +318,5 @@ def test_nothing_left_between_times(tmp_path):
     path = written(tmp_path / "a.csv", {"time": np.arange(3000) * 0.01} | columns(rows=3000))
     for cut in ({"start": 40.0}, {"stop": 0.05}, {"skip": [(0.0, 99.0)]}):
         source = stream(path, units={"gyro": "rad/s", "accel": "g"}, **cut)
-        with pytest.raises(DataError, match="nothing is left between start=, stop= and skip="):
+        with raises(DataError, "8 samples", "which lasts", advises=["start=", "stop=", "skip="]):
             list(source)

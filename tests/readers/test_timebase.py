@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from gmwm.errors import OptionError, ReadError, TimeBaseWarning, UnitError
 from gmwm.readers import read
 from gmwm.readers.time_stamps import as_stamps, timing
+from gmwm.remarks import Quantity, Remark
+from tests.helpers import only, raises
 
 FIXED = settings(derandomize=True, max_examples=60, deadline=None)
 
@@ -37,7 +39,7 @@ def test_regular_stamps_give_their_rate(rate, start, samples):
     possible = 4 * np.spacing(start + samples / rate) / (samples / rate)
     assert found.base.rate == pytest.approx(rate, rel=max(possible, 1e-15))
     assert found.segments == ((0, samples),)
-    assert found.troubles == ()
+    assert found.remarks == ()
 
 
 @FIXED
@@ -120,7 +122,7 @@ def test_rounded_stamps_are_no_lost_samples(rate, late):
 def test_rounded_stamps_use_the_mean_and_say_so():
     found = base(np.round(np.arange(3000) / 128, 2))
     assert found.base.rate == pytest.approx(128, rel=1e-3)
-    assert "mean interval" in found.notes[0]
+    assert only(found.remarks, "rate-from-mean").facts["rate"].value == found.base.rate
     assert found.base.duplicates > 0
     assert found.segments == ((0, 3000),)
 
@@ -130,7 +132,7 @@ def test_one_row_written_twice_does_not_move_the_rate():
     found = base(stamps)
     assert found.base.rate == pytest.approx(100, rel=1e-12)
     assert found.base.duplicates == 1
-    assert "repeat the one before: 1 of 101" in found.troubles[0]
+    assert only(found.remarks, "stamps-repeated").facts == {"count": 1}
 
 
 def test_a_backward_step_starts_a_segment():
@@ -145,27 +147,30 @@ def test_jitter_is_measured_and_told():
     expected = np.sqrt(2) * 0.9 / np.sqrt(12)
     assert found.base.jitter == pytest.approx(expected, rel=0.05)
     assert found.base.rate == pytest.approx(1, rel=1e-3)
-    assert base(jittered(5000, 0.2)).troubles == ()
+    assert [one.code for one in base(jittered(5000, 0.2)).remarks] == ["rate-from-mean"]
     strong = np.arange(5000) + np.random.default_rng(1).normal(0, 0.45, 5000)
-    assert any("jitter" in trouble for trouble in base(np.sort(strong)).troubles)
+    assert only(base(np.sort(strong)).remarks, "stamps-jitter").facts["share"] > 0.5
 
 
 def test_declared_rate_against_the_stamps():
     stamps = np.arange(500) * 0.01
-    assert base(stamps, rate=100).notes == ()
+    assert base(stamps, rate=100).remarks == ()
     near = base(stamps, rate=100.5)
     assert near.base.rate == 100.5
-    assert "the declared rate of 100.5 Hz counts, though the time stamps say 100 Hz, 0.5 %" in near.troubles[0]
-    assert near.notes == ()
+    (remark,) = near.remarks
+    assert (remark.code, remark.facts["source"]) == ("rate-contradicted", "declared")
+    assert remark.facts["rate"] == Quantity(100.5, "Hz")
+    assert (remark.facts["stamps"].value, remark.facts["percent"]) == pytest.approx((100, 0.4975), rel=1e-3)
     for rate, grave in ((100.05, False), (99.95, False), (100.2, False), (100.3, True), (99.1, True)):
         # 0.2 % of 500 samples is one sample, which the first or the last stamp may be off by.
         found = base(stamps, rate=rate)
-        assert (len(found.troubles), len(found.notes)) == ((1, 0) if grave else (0, 1))
-    assert len(base(np.arange(5000) * 0.01, rate=100.2).troubles) == 1
-    assert base(np.arange(5000) * 0.01, rate=100.05).troubles == ()
-    with pytest.raises(ReadError, match="rate=200 Hz contradicts the time stamps, which say 100 Hz"):
+        assert [one.code for one in found.remarks] == ["rate-contradicted" if grave else "rate-declared"]
+    long = np.arange(5000) * 0.01
+    assert [one.code for one in base(long, rate=100.2).remarks] == ["rate-contradicted"]
+    assert [one.code for one in base(long, rate=100.05).remarks] == ["rate-declared"]
+    with raises(ReadError, "200 Hz", "100 Hz", argument="rate", advises=["rate=", "None"]):
         base(stamps, rate=200)
-    with pytest.raises(ReadError, match=r'not in s, it seems: pass units=\{"time": "us"\}'):
+    with pytest.raises(ReadError, match=r"0.0001 Hz in s.*units=\{'time': 'us'\}"):
         base(stamps * 1e6, rate=100)
 
 
@@ -179,13 +184,13 @@ def test_declared_rate_against_the_stamps():
 def test_unit_by_size_and_interval(first, step, unit):
     found, remark = as_stamps(first + step * np.arange(100), "", None)
     assert found.unit == unit
-    assert f"unit {unit} inferred" in remark
+    assert remark == Remark.of("time-unit-inferred", unit=unit)
 
 
 @pytest.mark.parametrize("step", [1, 5, 10, 2500, 5_000_000, 0.5])
 def test_unclear_units_are_asked_for_unless_the_rate_tells(step):
     stamps = step * np.arange(100)
-    with pytest.raises(UnitError, match="neither named nor clear"):
+    with raises(UnitError, "Hz in s", "Hz in ms", "Hz in us", "Hz in ns", advises=["units=", "rate="]):
         as_stamps(stamps, "", None)
     assert as_stamps(stamps, "", 1e3 / step)[0].unit == "ms"
 
@@ -205,9 +210,10 @@ def test_read_warns_keeps_segments_and_cuts_on_request(tmp_path):
     cut = read(saved(tmp_path, gap), gaps="longest")
     assert cut.segments == ((0, 70),)
     assert cut["gyro_x"].start == pytest.approx(0.5, abs=1e-12)
-    assert "longest of 2 segments" in cut.notes[-1]
-    with pytest.warns(TimeBaseWarning, match="step backward: 1"):
+    assert cut.remarks[-1] == Remark.of("longest-segment", segments=2, first=30, last=99)
+    with pytest.warns(TimeBaseWarning) as warned:
         read(saved(tmp_path, np.concatenate([np.arange(50), np.arange(50)]) * 0.01))
+    assert only([one.message.remark for one in warned], "stamps-backward").facts == {"count": 1}
 
 
 @pytest.mark.parametrize(("name", "factor"), [("time_us", 1e6), ("t (ms)", 1e3), ("timestamp [ns]", 1e9), ("time", 1)])
@@ -219,7 +225,7 @@ def test_declared_time_unit(tmp_path):
     path = saved(tmp_path, np.arange(100) * 5, "time")
     assert read(path, units={"time": "ms"}).rate == 200
     assert read(path, rate=200).rate == 200
-    with pytest.raises(UnitError, match="time unit must be one of s, ms, us, ns"):
+    with raises(UnitError, "'fortnight'", "s, ms, us, ns"):
         read(path, units={"time": "fortnight"})
     with pytest.raises(OptionError):
         read(path, units={"clock": "s"})
@@ -238,7 +244,7 @@ def test_named_units_of_time_are_taken_at_their_word(tmp_path, name, seconds):
     imu = read(path)
     assert imu.rate == pytest.approx(100, rel=1e-6)
     assert imu["gyro_x"].start == pytest.approx(7 * seconds, rel=1e-12)
-    assert not any("inferred" in note for note in imu.notes)
+    assert not any(remark.code == "time-unit-inferred" for remark in imu.remarks)
 
 
 def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
@@ -250,8 +256,8 @@ def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
     assert read(path).rate == pytest.approx(6000, rel=1e-9)
     imu = read(path, units={"time": "min"})
     assert imu.rate == pytest.approx(100, rel=1e-9)
-    assert "time: min, declared (the file says s)" in imu.notes
-    with pytest.raises(ReadError, match=r'pass units=\{"time": "min"\}'):
+    assert only(imu.remarks, "unit-overruled").facts == {"unit": "min", "stated": "s"}
+    with pytest.raises(ReadError, match=r"pass units=\{'time': 'min'\}"):
         read(path, rate=100)
 
 
@@ -259,11 +265,11 @@ def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
 def test_a_time_unit_that_is_named_but_not_known_is_an_error(tmp_path, unit):
     path = tmp_path / "a.csv"
     path.write_text(f"time [{unit}],gx [rad/s]\n" + "".join(f"{k / 100},{k % 3}\n" for k in range(50)))
-    with pytest.raises(UnitError, match=f"the file says '{unit}' for the unit of the time column"):
+    with raises(UnitError, f"'{unit}' of the time column", advises=["units=", "columns={'time': None}", "rate="]):
         read(path)
     imu = read(path, units={"time": "s"})
     assert imu.rate == 100
-    assert f"time: s, declared (the file says {unit})" in imu.notes
+    assert only(imu.remarks, "unit-overruled", "time").facts == {"unit": "s", "stated": unit}
     assert read(path, columns={"time": None}, rate=50).rate == 50
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from gmwm.errors import GmwmWarning, InferredUnitWarning, UnitError
 from gmwm.readers import read
+from tests.helpers import only, raises
 
 REST = np.random.default_rng(8).normal((0.1, -0.2, 1.0), 0.01, (64, 3))
 
@@ -23,10 +24,12 @@ def saved(folder, values, names):
 @pytest.mark.parametrize(("name", "factor"), [("g", 1.0), ("m/s²", 9.80665), ("mg", 1000.0)])
 def test_gravity_tells_the_unit_and_it_is_said(tmp_path, name, factor):
     path = saved(tmp_path, REST * factor, ["ax", "ay", "az"])
-    with pytest.warns(InferredUnitWarning, match=f"taken to be in {name}"):
+    with pytest.warns(InferredUnitWarning) as warned:
         imu = read(path, rate=100)
     np.testing.assert_allclose(imu["accel_z"].values, REST[:, 2] * 9.80665, rtol=1e-12)
-    assert any("inferred from the norm" in note for note in imu.notes)
+    remark = only(imu.remarks, "unit-inferred", str(path))
+    assert remark.facts["unit"] == name
+    assert [one.message.remark for one in warned] == [remark]
 
 
 @pytest.mark.parametrize("factor", [0.2, 3.0, 100.0])
@@ -44,7 +47,7 @@ def test_declared_goes_before_named_and_is_noted(tmp_path):
     path = saved(tmp_path, REST, ["gx [rad/s]", "gy [rad/s]", "gz [rad/s]"])
     imu = read(path, rate=100, units={"gyro": "dps"})
     np.testing.assert_allclose(imu["gyro_x"].values, np.radians(REST[:, 0]), rtol=1e-15)
-    assert "gyro: deg/s, declared (the file says rad/s)" in imu.notes
+    assert only(imu.remarks, "unit-overruled", "gyro").facts == {"unit": "deg/s", "stated": "rad/s"}
 
 
 def test_named_goes_before_gravity_and_gravity_objects(tmp_path):
@@ -77,9 +80,9 @@ def test_a_gyroscope_without_unit_shows_its_noise_in_both(tmp_path):
 
 def test_unknown_units(tmp_path):
     path = saved(tmp_path, REST, ["gx", "gy", "gz"])
-    with pytest.raises(UnitError, match="gyro unit must be one of rad/s, deg/s"):
+    with raises(UnitError, "'furlong'", "gyro", "rad/s, deg/s"):
         read(path, rate=1, units={"gyro": "furlong"})
-    with pytest.raises(UnitError, match="unit of the other sensor"):
+    with pytest.raises(UnitError, match="'g' is not a unit of gyro"):
         read(path, rate=1, units={"gyro": "g"})
 
 
@@ -104,27 +107,26 @@ def test_less_usual_units_of_force(tmp_path):
 @pytest.mark.parametrize("sensor", ["gyro", "accel"])
 def test_a_unit_that_is_named_but_not_known_is_called_by_its_name(tmp_path, sensor):
     path = saved(tmp_path, REST, [f"{sensor}_{axis} [furlong/s]" for axis in "xyz"])
-    with pytest.raises(UnitError, match=rf"the file says 'furlong/s' .*{sensor}_x, which is not known.*--scale"):
+    with raises(UnitError, "'furlong/s'", f"{sensor}_x", advises=["units=", "scale="]):
         read(path, rate=100)
     si = {"gyro": "rad/s", "accel": "m/s²"}[sensor]
     imu = read(path, rate=100, units={sensor: si}, scale={sensor: 3.0})
     np.testing.assert_allclose(imu[f"{sensor}_y"].values, 3 * REST[:, 1], rtol=1e-15)
-    assert f"{sensor}: {si}, declared (the file says furlong/s)" in imu.notes
+    assert only(imu.remarks, "unit-overruled", sensor).facts == {"unit": si, "stated": "furlong/s"}
 
 
 def test_units_of_increments_point_to_them(tmp_path):
     for sensor, unit, of_rate in (("gyro", "deg", "deg/s"), ("accel", "m/s", "m/s²")):
         path = saved(tmp_path, REST * 9.80665 / 100, [f"{sensor}_{axis} [{unit}]" for axis in "xyz"])
-        with pytest.raises(UnitError, match=rf"the file says '{unit}'.*--increments.*\"{of_rate}\""):
+        with raises(UnitError, f"'{unit}'", advises=[f"increments=['{sensor}']", f"units={{'{sensor}': '{of_rate}'}}"]):
             read(path, rate=100)
         imu = read(path, rate=100, units={sensor: of_rate}, increments=[sensor])
-        assert f"{sensor}: {of_rate}, declared" in imu.notes
-        assert (
-            f"{sensor}: {of_rate}, declared (the file says {unit})"
-            in read(path, rate=100, units={sensor: of_rate}).notes
-        )
+        assert only(imu.remarks, "unit-named", sensor).facts == {"unit": of_rate, "source": "declared"}
+        overruled = only(read(path, rate=100, units={sensor: of_rate}).remarks, "unit-overruled", sensor)
+        assert overruled.facts == {"unit": of_rate, "stated": unit}
 
 
 def test_what_stands_in_brackets_and_is_no_unit_leaves_it_to_gravity(tmp_path):
-    with pytest.warns(InferredUnitWarning, match="taken to be in g"):
+    with pytest.warns(InferredUnitWarning) as warned:
         read(saved(tmp_path, REST, ["ax (raw)", "ay (raw)", "az (raw)"]), rate=100)
+    assert warned[0].message.remark.facts["unit"] == "g"

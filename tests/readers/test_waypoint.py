@@ -10,6 +10,7 @@ from gmwm.imu_records import TYPES, counts
 from gmwm.readers import find_reader, read, waypoint
 from gmwm.signals import AXES, Imu, Signal
 from gmwm.writers import write
+from tests.helpers import only, raises
 
 RATE = 62.5  # no whole number: a rate that is rounded shows
 BY_NAME = {kind.name: kind for kind in TYPES}
@@ -51,7 +52,10 @@ def test_numbers_are_counts_times_scale_times_rate(file, kind):
     for k, axis in enumerate(AXES):
         scale = kind.gyro if axis.startswith("gyro") else kind.accel
         np.testing.assert_allclose(imu[axis].values, table[:, k + 1] * scale * RATE, rtol=4e-15)
-    assert any("times the rate" in note and kind.name in note for note in imu.notes)
+    for sensor, factor in (("gyro", kind.gyro), ("accel", kind.accel)):
+        facts = only(imu.remarks, "scaled", sensor).facts
+        assert (facts["factor"], facts["type"]) == (factor, kind.name)
+        assert only(imu.remarks, "increments", sensor).facts == {"source": "file"}
 
 
 def test_scales_of_a_data_sheet():
@@ -88,13 +92,13 @@ def test_an_unnamed_type_is_never_guessed(file, kind):
         # Of 56 bytes there is one scale only, whichever of the two it is.
         imu = read(file)
         assert imu["gyro_x"].values.tolist() == read(file, format=kind.format)["gyro_x"].values.tolist()
-        assert any("IXSEA or NAVCHIP_FLT" in note for note in imu.notes)
+        assert only(imu.remarks, "scaled", "gyro").facts["type"] == "IXSEA or NAVCHIP_FLT"
         return
-    with pytest.raises(ReadError, match=r"without a scale.*gravity would be") as error:
+    with pytest.raises(ReadError, match=r"records of 32 bytes.*m/s² as IMAR.*m/s² as LN200") as error:
         read(file)
     for other in COUNTED:
         assert f"m/s² as {other.name}" in str(error.value)
-    assert f"format='{kind.format}'" in str(error.value)
+    assert kind.format in error.value.facts["formats"]
     assert f"9.8{2 if 'LN200' in kind.name else 1} m/s² as {kind.name}" in str(error.value)
 
 
@@ -110,15 +114,19 @@ def test_a_name_in_any_case_and_with_any_extension(tmp_path):
 def test_a_wrong_type_of_the_same_size_is_told(tmp_path):
     path = tmp_path / "static.imu"
     path.write_bytes(packed(BY_NAME["NAVCHIP_INT"], rows_of(BY_NAME["NAVCHIP_INT"])))
-    with pytest.warns(GmwmWarning, match=r"as LN200 its accelerometers show 15.3 m/s².*format='imu:NAVCHIP_INT'"):
+    with pytest.warns(GmwmWarning) as warned:
         read(path, format="imu:LN200")
+    remark = warned[0].message.remark
+    assert (remark.code, remark.subject) == ("record-type-doubtful", str(path))
+    assert remark.facts["gravity"].value == pytest.approx(15.3, abs=0.05)
+    assert (remark.facts["type"], remark.facts["formats"]) == ("LN200", ("imu:NAVCHIP_INT",))
 
 
 def test_a_type_of_the_other_size_is_an_error(tmp_path):
     for wrong, right in (("LN200", "IXSEA"), ("NAVCHIP_FLT", "IMAR")):
         path = tmp_path / "static.imu"
         path.write_bytes(packed(BY_NAME[right], rows_of(BY_NAME[right])))
-        with pytest.raises(ReadError, match=rf"which are none; records of \d\d bytes fit: .*format='imu:{right}'"):
+        with raises(ReadError, "static.imu", "its times", advises=["format=", f"imu:{right}"]):
             read(path, format=f"imu:{wrong}")
 
 
@@ -126,9 +134,11 @@ def test_a_type_of_the_other_size_is_an_error(tmp_path):
 def test_a_file_that_was_cut_off(file, kind, over):
     whole = file.read_bytes()
     file.write_bytes(whole[:-over])
-    with pytest.raises(ReadError, match=r"no whole number of records: 399 records of .* was it cut off"):
+    with pytest.raises(
+        ReadError, match=rf"399 records of {kind.dtype.itemsize} bytes and {kind.dtype.itemsize - over} bytes? more"
+    ):
         read(file, format=kind.format)
-    named = "no whole number" if kind.word == "f8" else "without a scale"
+    named = r"static\.imu holds 399 records of 56 bytes and" if kind.word == "f8" else "static.imu holds records of 32"
     with pytest.raises(ReadError, match=named):
         read(file)
 
@@ -139,12 +149,12 @@ def test_empty_and_one_epoch(tmp_path, kind):
     with pytest.raises(ReadError, match="is empty"):
         read(path, format=kind.format)
     path.write_bytes(packed(kind, rows_of(kind, samples=1)))
-    with pytest.raises(DataError, match="has 1 sample, at least 8"):
+    with raises(DataError, path, "1 sample", "at least 8"):
         read(path, format=kind.format)
     path.write_bytes(packed(kind, rows_of(kind, samples=1))[:20])
     with pytest.raises(GmwmError):
         read(path, format=kind.format)
-    with pytest.raises(ReadError, match="in none of the formats"):
+    with pytest.raises(ReadError, match=r"static\.imu begins with the bytes"):
         read(path)
 
 
@@ -165,14 +175,14 @@ def test_foreign_content_under_the_extension(tmp_path, content):
     path.write_bytes(content)
     assert waypoint.ImuReader().sniff(path, content) == 0
     for form in ("imu", "imu:LN200", "imu:IXSEA"):
-        with pytest.raises(ReadError, match=r"which are none|neither those of 32"):
+        with pytest.raises(ReadError, match=r"times are not plausible|neither with 32"):
             read(path, format=form)
 
 
 def test_big_endian_is_no_record_of_ours(tmp_path):
     path = tmp_path / "static.imu"
     path.write_bytes(packed(BY_NAME["LN200"], rows_of(BY_NAME["LN200"]), ">"))
-    with pytest.raises(ReadError, match="which are none"):
+    with pytest.raises(ReadError, match="times are not plausible"):
         read(path, format="imu:LN200")
 
 
@@ -218,14 +228,14 @@ def test_counts_keep_whole_numbers_whole():
 
 def test_what_cannot_be_written(tmp_path):
     path = tmp_path / "a.imu"
-    with pytest.raises(OptionError, match="needs the type of its records; pass format=, one of imu:IMAR"):
+    with raises(OptionError, "a.imu", advises=["format=", "imu:IMAR"]):
         write(noise(), path)
     with pytest.raises(OptionError, match=r"format must be one of imu:IMAR.*got 'LN200'"):
         write(noise(), path, format="LN200")
-    with pytest.raises(OptionError, match=r"format is for .imu files alone, 'a.csv' needs none"):
+    with raises(OptionError, ".imu", "imu:LN200", argument="format"):
         write(noise(), tmp_path / "a.csv", format="imu:LN200")
     with pytest.raises(DataError, match="the recording has no gyro_y"):
         write(Imu({"gyro_x": Signal(np.arange(9.0), 10.0, "rad/s", "gyro_x")}), path, format="imu:LN200")
-    with pytest.raises(DataError, match=r"gyro_x reaches .* counts of imu:IMAR, more than the 2147483647"):
+    with pytest.raises(DataError, match=r"gyro_x reaches .* counts of imu:IMAR, .*at most 2147483647"):
         write(Imu.from_arrays(np.full((9, 6), 1e5), 10.0), path, format="imu:IMAR")
     assert not list(tmp_path.iterdir())

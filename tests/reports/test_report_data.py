@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gmwm.cautions import about_declared, about_steps, about_values
 
 import gmwm
 from gmwm._text import OVERRULED
-from gmwm.cautions import about_declared, about_steps, about_values
 from gmwm.errors import OptionError
 from gmwm.inspection.knocks import Step
 from gmwm.plots.axes import signed_axis, time_axis, value_axis

@@ -1,4 +1,4 @@
-"""Whatever is done with the curve of a recording in memory is done with that of one in pieces."""
+"""Whatever is done with the curve of a recording in memory is done with that of one in chunks."""
 
 from __future__ import annotations
 

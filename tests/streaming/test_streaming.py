@@ -1,4 +1,4 @@
-"""Curves of recordings that come in pieces are those of the recordings in memory."""
+"""Curves of recordings that come in chunks are those of the recordings in memory."""
 
 import threading
 from itertools import pairwise
@@ -13,7 +13,7 @@ from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
 
 
-def in_pieces(x, segments, seed, **options):
+def in_chunks(x, segments, seed, **options):
     """An accumulator fed with chunks cut anywhere, gaps between the segments."""
     rng = np.random.default_rng(seed)
     made = WaveletAccumulator(100.0, unit="rad/s", axis="gyro_x", **options)
@@ -48,7 +48,7 @@ def test_segments_are_pooled_as_in_memory(lengths):
     x = 9.81 + np.cumsum(np.random.default_rng(1).normal(size=sum(lengths)))
     expected = gmwm.wavelet_variance(Signal(x, 100.0, "rad/s", "gyro_x", segments=ranges(lengths)))
     for seed in range(3):
-        found = in_pieces(x, ranges(lengths), seed)
+        found = in_chunks(x, ranges(lengths), seed)
         assert found.lengths == lengths
         assert len(found) == x.size
         same(found.result(), expected)
@@ -59,7 +59,7 @@ def test_segments_are_pooled_as_in_memory(lengths):
 def test_large_scales_take_strides_in_each_segment():
     lengths = (40_000, 9_000, 70_000)
     x = np.random.default_rng(2).normal(size=sum(lengths))
-    found = in_pieces(x, ranges(lengths), 1, exact=10).result()
+    found = in_chunks(x, ranges(lengths), 1, exact=10).result()
     all_of_them = gmwm.wavelet_variance(Signal(x, 100.0, segments=ranges(lengths)))
     assert found.strides == (*(1,) * 10, *(2 ** (j - 6) for j in range(11, 17)))
     assert np.array_equal(found.counts[:10], all_of_them.counts[:10])
@@ -89,7 +89,7 @@ def test_a_drift_keeps_its_sign_over_gaps():
     rng = np.random.default_rng(4)
     for slope in (3e-3, -3e-3):
         x = slope * np.arange(9000) + rng.normal(size=9000)
-        found = in_pieces(x, ranges((3000, 2000, 4000)), 1, exact=8).result()
+        found = in_chunks(x, ranges((3000, 2000, 4000)), 1, exact=8).result()
         assert found.slope == pytest.approx(slope, rel=0.1)
 
 

@@ -1,4 +1,4 @@
-"""A record in pieces: how it is cut, merged or stored changes nothing; large scales take every τ/64-th place."""
+"""A record in chunks: how it is cut, merged or stored changes nothing; large scales take every τ/64-th place."""
 
 import json
 import pickle
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gmwm import fit, parse_model, wavelet_variance
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
@@ -140,7 +140,7 @@ def pieces(x, cuts):
     return Signal(x, RATE, segments=list(pairwise(ends)))
 
 
-def test_gaps_begin_new_stretches():
+def test_gaps_begin_new_segments():
     x, cuts = walk(30_000), [5_000, 5_001, 5_050, 17_000]
     live = WaveletAccumulator(RATE, exact=14)
     for a, b in pairwise([0, *cuts, x.size]):
@@ -178,7 +178,7 @@ def test_parts_with_gaps_merge_anywhere(seed):
     found = parts[0].result()
     same(found, wanted)
     assert found.segments == wanted.segments
-    assert np.all(np.isfinite(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Setting.of(found)))))
+    assert np.all(np.isfinite(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Design.of(found)))))
 
 
 def test_levels_are_as_many_as_were_asked_for():
@@ -252,7 +252,7 @@ def test_robust_parts_merge_to_the_same():
     joint = pickle.loads(pickle.dumps(left)).merge(pickle.loads(pickle.dumps(right)))
     np.testing.assert_allclose(joint.result(robust=True).variance, whole.result(robust=True).variance, rtol=1e-9)
     same(joint.result(), whole.result())
-    assert np.all(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Setting.of(joint.result(robust=True)))) > 0)
+    assert np.all(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Design.of(joint.result(robust=True)))) > 0)
 
 
 def test_robust_results_must_be_planned_for():
@@ -297,7 +297,7 @@ def test_the_covariance_is_that_of_the_coefficients_taken(text):
     model, samples = parse_model(text), 1 << 10
     found = part(model.simulate(samples, RATE, rng=1), 0, exact=6).result()
     assert found.strides == (1,) * 6 + (2, 4, 8, 16)
-    v = covariance(model, Setting.of(found))
+    v = covariance(model, Design.of(found))
     wanted = brute_force(model, found, samples)
     if model.terms[0] == "QN":
         # The brute force knows second moments alone: the rounding errors are uniform, which the first levels feel.
@@ -310,13 +310,13 @@ def test_the_covariance_is_that_of_the_coefficients_taken(text):
 
 
 def test_the_cost_of_strides_is_that_of_theory():
-    setting = Setting.of(part(walk(1 << 16), 0, exact=6).result())
+    design = Design.of(part(walk(1 << 16), 0, exact=6).result())
     for text, largest in (("WN(sigma2=1.0)", 1.002), ("RW(gamma2=1.0)", 1.0005), ("GM(beta=1.0, sigma2=1.0)", 1.0005)):
         model = parse_model(text)
-        ratio = np.diag(covariance(model, setting)) / np.diag(covariance(model, replace(setting, strides=())))
+        ratio = np.diag(covariance(model, design)) / np.diag(covariance(model, replace(design, strides=())))
         assert np.all(ratio[:12] < largest)
     quantized = parse_model("QN(q2=1.0)")
-    ratio = np.diag(covariance(quantized, setting)) / np.diag(covariance(quantized, replace(setting, strides=())))
+    ratio = np.diag(covariance(quantized, design)) / np.diag(covariance(quantized, replace(design, strides=())))
     np.testing.assert_allclose(ratio[6:10], [2.0, 4.0, 8.0, 16.0], rtol=0.01)
 
 

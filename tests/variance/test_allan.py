@@ -240,7 +240,7 @@ def test_units_of_a_phase():
         ({"clusters": [1.0, 2.0]}, "list of integers"),
         ({"clusters": []}, "list of integers"),
         ({"data": "angle"}, 'data must be "rate" or "phase"'),
-        ({"confidence": 95}, "confidence must lie between 0 and 1"),
+        ({"confidence": 95}, "confidence must be at least 0.5 and less than 1"),
         ({"rate": -1.0}, "rate must be positive"),
         ({"rate": None}, "rate .* is missing"),
     ],

@@ -25,9 +25,20 @@ def exact(rate=100.0, unit="rad/s", levels=20, **terms):
     variance = sum((LAWS[term].factor * value * tau ** LAWS[term].slope) ** 2 for term, value in terms.items())
     freedom = np.full(levels, 1e3)
     return ClusterVariance(
-        "allan", "overlapping", clusters, variance, variance * 0.9, variance * 1.1, np.full(levels, 1000), freedom,
-        ("white FM",) * levels, rate, 2**21, unit, "gyro_x",
-    )  # fmt: skip
+        family="allan",
+        kind="overlapping",
+        clusters=clusters,
+        variance=variance,
+        lower=variance * 0.9,
+        upper=variance * 1.1,
+        counts=np.full(levels, 1000),
+        degrees_of_freedom=freedom,
+        noise=("white FM",) * levels,
+        rate=rate,
+        samples=2**21,
+        unit=unit,
+        axis="gyro_x",
+    )
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])

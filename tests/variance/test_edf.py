@@ -159,5 +159,5 @@ def test_limits_are_quantiles():
     low, high = chi_square_limits(np.ones(3), freedom, 0.9)
     np.testing.assert_allclose(low, freedom / chi2.ppf(0.95, freedom), rtol=1e-10)
     np.testing.assert_allclose(high, freedom / chi2.ppf(0.05, freedom), rtol=1e-10)
-    with pytest.raises(OptionError, match="confidence must lie between 0 and 1"):
+    with pytest.raises(OptionError, match=r"confidence must be at least 0\.5 and less than 1"):
         chi_square_limits(np.ones(3), freedom, 1.0)

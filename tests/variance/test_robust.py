@@ -15,6 +15,7 @@ from gmwm import _core
 from gmwm.variance.biweight import biweight
 from gmwm.variance.coefficients import HaarCoefficients, PlainCoefficients
 from gmwm.variance.robust import SAMPLE, haar_robust_variances, robust_variance, robust_variances
+from tests.helpers import only
 
 ORACLES = Path(__file__).resolve().parents[1] / "oracles"
 twin = SimpleNamespace(**runpy.run_path(str(ORACLES / "robust.py")))
@@ -298,8 +299,8 @@ def test_coarse_quantisation(unit, offset):
     assert wv.variance[0] == wv.lower[0] == wv.upper[0] == 0
     assert outcomes(wv)[5:] == ["root"] * (len(wv) - 5)
     np.testing.assert_allclose(wv.variance[5:8], gmwm.wavelet_variance(x, 1.0).variance[5:8], rtol=0.05)
-    assert any(note.startswith("level 1") and "zero" in note for note in wv.notes())
-    assert wv.notes()[0] in wv.summary()
+    assert 1 in only(wv.remarks, "robust-zero").facts["levels"]
+    assert wv.remarks[0].text() in wv.summary()
 
 
 def test_a_root_though_most_are_zero():
@@ -375,9 +376,9 @@ def test_result_says_what_it_is_and_survives_json():
     assert "robust, efficiency 0.6" in wv.summary()
     again = gmwm.WaveletVariance.from_dict(json.loads(json.dumps(wv.to_dict())))
     assert again.to_dict() == wv.to_dict()
-    assert again.notes() == wv.notes()
+    assert again.remarks == wv.remarks
     classical = gmwm.wavelet_variance(white(4096), 1.0)
-    assert (classical.robust, classical.efficiency, classical.notes()) == (False, None, [])
+    assert (classical.robust, classical.efficiency, classical.remarks) == (False, None, ())
 
 
 def test_an_efficiency_belongs_to_robust_estimates():

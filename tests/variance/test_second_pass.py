@@ -1,4 +1,4 @@
-"""A record taken twice in pieces: its robust variance is that of all coefficients, however it is cut."""
+"""A record taken twice in chunks: its robust variance is that of all coefficients, however it is cut."""
 
 import pickle
 from itertools import pairwise
@@ -12,8 +12,8 @@ from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.robust import robust_variance
 from gmwm.variance.second_pass import SecondPass
-from gmwm.variance.second_pass_sums import MOST, Cells
-from gmwm.variance.winsorised_mean import KEPT, Some
+from gmwm.variance.second_pass_sums import MOST, MedianCells
+from gmwm.variance.winsorised_mean import KEPT, ThinnedValues
 
 RATE = 100.0
 N = 60_000
@@ -67,13 +67,13 @@ def twice(x, efficiency=0.6, exact=18, gaps=(), seed=1):
     return fed(first.second_pass(efficiency), x, cuts[1], gaps)
 
 
-def same(found, wanted, levels=None):
+def same(found, request, levels=None):
     """As in memory, to the digits that rounding of running sums leaves."""
-    assert found.diagnostics["robust"]["outcome"][:levels] == wanted.diagnostics["robust"]["outcome"][:levels]
-    np.testing.assert_allclose(found.variance[:levels], wanted.variance[:levels], rtol=1e-9, atol=0)
-    np.testing.assert_allclose(found.upper[:levels], wanted.upper[:levels], rtol=1e-9, atol=0)
-    np.testing.assert_array_equal(found.counts[:levels], wanted.counts[:levels])
-    assert (found.robust, found.efficiency, found.samples) == (True, wanted.efficiency, wanted.samples)
+    assert found.diagnostics["robust"]["outcome"][:levels] == request.diagnostics["robust"]["outcome"][:levels]
+    np.testing.assert_allclose(found.variance[:levels], request.variance[:levels], rtol=1e-9, atol=0)
+    np.testing.assert_allclose(found.upper[:levels], request.upper[:levels], rtol=1e-9, atol=0)
+    np.testing.assert_array_equal(found.counts[:levels], request.counts[:levels])
+    assert (found.robust, found.efficiency, found.samples) == (True, request.efficiency, request.samples)
 
 
 @pytest.mark.parametrize("efficiency", [0.3, 0.6, 0.9])
@@ -97,10 +97,10 @@ def test_the_signals_come_to_all_outcomes():
 def test_gaps(name, gaps):
     x = SIGNALS[name]
     ends = [0, *gaps, x.size]
-    wanted = wavelet_variance(Signal(x, RATE, segments=list(pairwise(ends))), robust=True)
+    request = wavelet_variance(Signal(x, RATE, segments=list(pairwise(ends))), robust=True)
     found = twice(x, gaps=gaps).result()
-    same(found, wanted)
-    assert found.segments == wanted.segments
+    same(found, request)
+    assert found.segments == request.segments
 
 
 @pytest.mark.parametrize("start", [0, 12_345])
@@ -135,15 +135,15 @@ def test_parts_merge_to_the_same(name, seed):
     while len(parts) > 1:  # in any grouping
         k = int(random.integers(len(parts) - 1))
         parts[k : k + 2] = [pickle.loads(pickle.dumps(parts[k].merge(parts[k + 1])))]
-    found, wanted = parts[0].result(), whole.result()
-    same(found, wanted)
-    assert found.slope == pytest.approx(wanted.slope, rel=1e-6)
+    found, request = parts[0].result(), whole.result()
+    same(found, request)
+    assert found.slope == pytest.approx(request.slope, rel=1e-6)
     # The same from parts of the first pass.
     left = fed(WaveletAccumulator(RATE, exact=9, robust=True, start=start), x[: cuts[0]], gaps=gaps)
     right = WaveletAccumulator(RATE, exact=9, robust=True, start=start + cuts[0])
     fed(right, x[cuts[0] :], gaps=[g - cuts[0] for g in gaps if g > cuts[0]])
     again = fed(left.merge(pickle.loads(pickle.dumps(right))).second_pass(), x, gaps=gaps)
-    same(again.result(), wanted)
+    same(again.result(), request)
 
 
 def test_chunks_of_single_samples():
@@ -238,11 +238,11 @@ def test_of_the_first_pass_nothing_changes():
 
 def test_cells_are_the_same_in_any_grouping():
     sizes = np.abs(1.0 + 1e-3 * white(500_000))
-    whole = Cells.of(sizes)
+    whole = MedianCells.of(sizes)
     assert whole.cells.size <= MOST
     for seed in range(3):
         cuts = np.sort(rng(seed).integers(0, sizes.size, size=6))
-        parts = [Cells.of(part) for part in np.split(sizes, cuts)]
+        parts = [MedianCells.of(part) for part in np.split(sizes, cuts)]
         while len(parts) > 1:
             k = int(rng(seed + len(parts)).integers(len(parts) - 1))
             parts[k : k + 2] = [parts[k].merge(parts[k + 1])]
@@ -254,12 +254,12 @@ def test_cells_are_the_same_in_any_grouping():
 def test_cells_know_ranks():
     sizes = np.sort(np.abs(1.0 + 1e-3 * white(500_000)))
     ranks = np.array([0, 1000, 250_000, 499_999])
-    np.testing.assert_allclose(Cells.of(sizes).at(ranks), sizes[ranks], rtol=2e-7)
-    np.testing.assert_allclose(Cells.of(sizes[::10]).at(ranks // 10), sizes[::10][ranks // 10], rtol=1e-13)
-    assert Cells.of(sizes).at(np.array([500_000])) is None
-    assert Cells.of(sizes).at(np.array([-1])) is None
-    assert Cells().at(np.array([0])) is None
-    many = Cells.of(np.repeat([0.0, 0.5, 2.0], 3))
+    np.testing.assert_allclose(MedianCells.of(sizes).at(ranks), sizes[ranks], rtol=2e-7)
+    np.testing.assert_allclose(MedianCells.of(sizes[::10]).at(ranks // 10), sizes[::10][ranks // 10], rtol=1e-13)
+    assert MedianCells.of(sizes).at(np.array([500_000])) is None
+    assert MedianCells.of(sizes).at(np.array([-1])) is None
+    assert MedianCells().at(np.array([0])) is None
+    many = MedianCells.of(np.repeat([0.0, 0.5, 2.0], 3))
     np.testing.assert_allclose(many.at(np.arange(9)), np.repeat([0.0, 0.5, 2.0], 3), rtol=1e-13, atol=1e-300)
 
 
@@ -269,12 +269,12 @@ def test_cells_know_ranks():
 @pytest.mark.parametrize("start", [0, 12_345])
 def test_some_values_are_the_same_however_they_come(start):
     x = white(100_001)
-    whole = Some.of(x, start)
+    whole = ThinnedValues.of(x, start)
     assert KEPT / 2 < whole.values.size <= KEPT
     np.testing.assert_array_equal(whole.values, x[np.arange(start, start + x.size) % whole.every == 0])
     for seed in range(3):
         cuts = np.unique(np.concatenate([[0], rng(seed).integers(0, x.size, size=9), [x.size]]))
-        parts = [Some.of(x[a:b], start + int(a)) for a, b in pairwise(cuts)]
+        parts = [ThinnedValues.of(x[a:b], start + int(a)) for a, b in pairwise(cuts)]
         while len(parts) > 1:
             k = int(rng(seed + len(parts)).integers(len(parts) - 1))
             parts[k : k + 2] = [parts[k].joined(parts[k + 1])]

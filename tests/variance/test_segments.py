@@ -26,7 +26,7 @@ def test_three_gaps_are_pooled_by_the_number_of_coefficients(filter, transform):
     gapped = signal(THREE_GAPS)
     pooled = wavelet_variance(gapped, filter=filter, transform=transform)
     total, counts = np.zeros((2, len(pooled)))
-    for piece in gapped.pieces():
+    for piece in gapped.segment_values():
         alone = wavelet_variance(piece, 100.0, filter=filter, transform=transform)
         total[: len(alone)] += alone.counts * alone.variance
         counts[: len(alone)] += alone.counts
@@ -49,7 +49,7 @@ def test_random_cuts_agree_with_the_definition():
                 [
                     [(x[t : t + half].sum() - x[t + half : t + 2 * half].sum()) / (2 * half)
                      for t in range(x.size - 2 * half + 1)]
-                    for x in gapped.pieces()
+                    for x in gapped.segment_values()
                 ]
             )  # fmt: skip
             assert value == pytest.approx(np.mean(w**2), rel=1e-11)
@@ -64,7 +64,7 @@ def test_robust_solves_one_equation_over_all_coefficients(filter, transform):
     for j in (1, 2, 3, 6, len(found)):
         parts = [
             inner_coefficients(x, wavelet, transform, j)[-1]
-            for x in gapped.pieces()
+            for x in gapped.segment_values()
             if coefficient_counts(x.size, np.array([j]), wavelet, transform)[0] > 0
         ]
         w = np.concatenate(parts)

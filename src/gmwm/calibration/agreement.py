@@ -14,10 +14,11 @@ from gmwm.calibration.agreement_result import Agreement, SharedNumber
 from gmwm.calibration.findings import rejected
 from gmwm.calibration.reference import as_reference
 from gmwm.calibration.result import Calibration
-from gmwm.calibration.tables import in_order, merged, sensor_of
+from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
+from gmwm.signals import sensor_of
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
@@ -99,7 +100,15 @@ def agreement(
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
     rejections, failures = (_where(calibrations, names, of) for of in (rejected, lambda found: found.failed))
-    return Agreement(names, tuple(rows), models, rejections, float(size), unmatched, failures)
+    return Agreement(
+        labels=names,
+        rows=tuple(rows),
+        models=models,
+        rejected=rejections,
+        size=float(size),
+        unmatched=unmatched,
+        failed=failures,
+    )
 
 
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
@@ -166,7 +175,17 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         reason = "interval" if len(usable) < 2 else ""
         reason = "one recording" if len(given) < 2 else "models" if not alike else "kinds" if len(kinds) > 1 else reason
         pvalue = None if reason else _pvalue(usable, symbol == _SIGNED)
-        rows.append(SharedNumber(axis, symbol, first.title, first.unit, entries, pvalue, reason=reason))
+        rows.append(
+            SharedNumber(
+                axis=axis,
+                symbol=symbol,
+                title=first.title,
+                unit=first.unit,
+                entries=entries,
+                pvalue=pvalue,
+                reason=reason,
+            )
+        )
     return rows
 
 

@@ -14,7 +14,7 @@ from gmwm.datasheets import Entry
 from gmwm.remarks import Remark
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SharedNumber:
     """One number of one axis, from several recordings.
 
@@ -73,7 +73,7 @@ class SharedNumber:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Agreement(Summarised, Sequence[SharedNumber]):
     """The numbers of several recordings of one unit, and which of them differ by more than chance.
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Literal
 
-from gmwm.calibration.tables import WIDTH, aligned, bulleted, key, number, wrapped
+from gmwm._tables import headed
+from gmwm.calibration.tables import WIDTH, bulleted, key, number, wrapped
 from gmwm.remarks import Dialect, texts
 from gmwm.variance.slope_line import LAWS
 
@@ -51,7 +52,7 @@ def _fitting(heads: Sequence[str], rows: Callable[[Sequence[str], range], list[l
         lines = []
         for start in range(0, len(heads), count):
             part = range(start, min(start + count, len(heads)))
-            lines += [*([""] if lines else []), *aligned(rows([heads[k] for k in part], part))]
+            lines += [*([""] if lines else []), *headed(rows([heads[k] for k in part], part))]
         if max(map(len, lines)) <= WIDTH:
             break
     return lines

@@ -14,10 +14,10 @@ import numpy as np
 from gmwm._threads import in_threads
 from gmwm.calibration.findings import WANTED
 from gmwm.calibration.misfit import line_in
+from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.calibration.recording_info import Recording
-from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.stream_measurement import measured_and_seen
-from gmwm.calibration.tables import sensor_of
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.estimator import as_fit
@@ -26,19 +26,17 @@ from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection, inspect
+from gmwm.options import as_whole_number
 from gmwm.outliers import Verdict, contamination
-from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.processes.model import Model, ModelLike
 from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
-from gmwm.selection import select
-from gmwm.signals import Imu, Signal
+from gmwm.selection.api import select_within
+from gmwm.signals import Imu, Signal, sensor_of
 from gmwm.units import SI_UNIT, find_unit
 from gmwm.variance.api import wavelet_variance
-from gmwm.variance.biweight import biweight
 from gmwm.variance.result import WaveletVariance
 
-WITHIN = "4*GM + WN + QN + RW + DR"
-"""What an inertial sensor of any grade is a part of."""
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """The steps of one axis, as `progress` tells them."""
 LONGER = 10
@@ -136,17 +134,42 @@ def calibrate(
     >>> calibration["gyro_x"].model.structure
     'WN + RW'
     """
-    general = as_model(within, "within")
-    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
-    check_settings(settings, threads)
-    chosen = _chosen(data, axes)
+    options = CalibrationOptions(
+        within=within,
+        robust=robust,
+        weighting=weighting,
+        criterion=criterion,
+        confidence=confidence,
+        efficiency=efficiency,
+        draws=draws,
+        seed=seed,
+        axes=axes,
+    )
+    return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
+
+
+def calibrate_recording(
+    data: Imu | Signal | Stream | Mapping[str, Measured],
+    options: CalibrationOptions,
+    *,
+    threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """The calibration of a recording, as `calibrate` gives it, by options that are checked."""
+    if threads is not None:
+        as_whole_number(threads, "threads", 1)
+    chosen = _chosen(data, options.wanted)
     told = _Told(len(chosen) * len(STAGES), progress)
-    items, looked = _looked_at(data, chosen, settings, threads, scheduler, workers, told)
-    seen = () if looked is None else tuple(_handled(remark, robust, general) for remark in looked.remarks)
+    items, looked = _looked_at(
+        data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, told=told
+    )
+    seen = () if looked is None else tuple(_handled(remark, options) for remark in looked.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(axis, item, general, settings, len(items), told).calibrated()
+            return _Axis(name=axis, item=item, options=options, together=len(items), told=told).calibrated()
         except OptionError:
             raise
         except GmwmError as error:
@@ -165,39 +188,25 @@ def calibrate(
     source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
     recording = None if looked is None else Recording.of(looked)
-    return Calibration(done, reasons, settings, source, seen, recording)
+    return Calibration(
+        axes=done, failed=reasons, settings=options, source=source, recording_remarks=seen, recording=recording
+    )
 
 
-def _handled(remark: Remark, robust: Literal["auto"] | bool, general: Model) -> Remark:
+def _handled(remark: Remark, options: CalibrationOptions) -> Remark:
     """The remark about knocks says what the calibration does about them."""
     if remark.code != "knocks":
         return remark
-    handled = {"auto": "auto", True: "robust", False: "classical"}[robust]
-    if robust == "auto" and line_in(general) is not None:
+    handled = {"auto": "auto", True: "robust", False: "classical"}[options.robust]
+    if options.robust == "auto" and line_in(options.general) is not None:
         handled = "line"
     return Remark.of(remark.code, remark.subject, **{**remark.facts, "handled": handled})
-
-
-def check_settings(settings: Settings, threads: int | None = None) -> None:
-    """What the pieces do not see before the work has begun."""
-    if settings.robust not in ("auto", False, True):
-        raise OptionError(f"robust must be 'auto', False or True, got {settings.robust!r}")
-    if settings.weighting not in ("diagonal", "optimal"):
-        raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {settings.weighting!r}")
-    if settings.criterion not in ("asymptotic", "bootstrap"):
-        raise OptionError(f"criterion must be 'asymptotic' or 'bootstrap', got {settings.criterion!r}")
-    if not isinstance(settings.confidence, int | float) or not 0 < settings.confidence < 1:
-        raise OptionError(f"confidence must be between 0 and 1, got {settings.confidence!r}; 95 % is 0.95")
-    if settings.robust is not False:
-        biweight(settings.efficiency)
-    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-        raise OptionError(f"threads must be a whole number from 1, got {threads!r}")
 
 
 def _looked_at(
     data: Any,
     chosen: Mapping[str, Measured | None],
-    settings: Settings,
+    options: CalibrationOptions,
     threads: int | None,
     scheduler: str | Client | None,
     workers: int | None,
@@ -206,7 +215,7 @@ def _looked_at(
     """What is to be calibrated, measured already if it comes from a stream; and what a recording looks like."""
     if isinstance(data, Stream):
         curves, looked = measured_and_seen(
-            data, tuple(chosen), efficiency=settings.efficiency, threads=threads, scheduler=scheduler, workers=workers,
+            data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
             done=told.read,
         )  # fmt: skip
         return {axis: Pair(*pair) for axis, pair in curves.items()}, looked
@@ -216,9 +225,7 @@ def _looked_at(
     return items, inspect(data) if isinstance(data, Imu) else None
 
 
-def _chosen(
-    data: Imu | Signal | Stream | Mapping[str, Measured], axes: str | Sequence[str] | None
-) -> dict[str, Measured | None]:
+def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
     """What is to be calibrated, by axis; None of one that is still to be read."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
@@ -243,10 +250,9 @@ def _chosen(
                 f"{axis} must be a Signal or a WaveletVariance, got {type(item).__name__}; an array becomes one by "
                 "gmwm.Signal(x, rate, 'rad/s')"
             )
-    wanted = [axes] if isinstance(axes, str) else axes
     unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
-    if unknown or (wanted is not None and not wanted):
-        raise OptionError(f"axes must be some of {', '.join(items)}; got {unknown[0] if unknown else 'none'}")
+    if unknown:
+        raise OptionError(f"axes must be some of {', '.join(items)}; got {unknown[0]}")
     chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
     for axis, item in chosen.items():
         if item is not None:
@@ -297,45 +303,46 @@ class _Told:
                 self.progress(self.done, self.steps, f"{axis}: {stage}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Axis:
     """One axis on its way."""
 
     name: str
     item: Measured
-    general: Model
-    settings: Settings
+    options: CalibrationOptions
     together: int
     told: _Told
 
     def calibrated(self) -> AxisCalibration:
         """From the signal to its numbers; `told` of each stage."""
-        settings, stages = self.settings, iter(STAGES)
+        options, stages = self.options, iter(STAGES)
         wv, verdict = self._measured()
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant: it has no noise to model; is the axis connected?")
         self.told.step(self.name, next(stages))
-        ranking = select(
-            self.general, wv, weighting=settings.weighting, criterion=settings.criterion,
-            confidence=settings.confidence, draws=settings.draws, seed=settings.seed,
-            progress=lambda *_: self.told.listen(),
-        )  # fmt: skip
+        ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.told.listen())
         self.told.step(self.name, next(stages))
         model = ranking.recommended.model
         # Remarks are in the fit; it raises no warning, because threads share the filters of Python's warnings.
-        fit = as_fit(settle(model, wv, settings.weighting, certify=True), wv, settings.weighting)
+        fit = as_fit(settle(model, wv, options.weighting, certify=True), wv, options.weighting)
         self.told.step(self.name, next(stages))
-        level = settings.confidence
+        level = options.confidence
         sheet = datasheet(fit, level)
         found = AxisCalibration(
-            fit, fit.confidence_intervals(level), _test(fit), sheet, ranking, verdict, needed(fit, settings.weighting),
-        )  # fmt: skip
+            fit=fit,
+            intervals=fit.confidence_intervals(level),
+            test=_test(fit),
+            datasheet=sheet,
+            ranking=ranking,
+            verdict=verdict,
+            needed=needed(fit, options.weighting),
+        )
         self.told.step(self.name, next(stages))
         return found
 
     def _measured(self) -> tuple[WaveletVariance, Verdict | None]:
         """The curve to be fitted, and whether outliers raise the classical one."""
-        wanted, efficiency = self.settings.robust, self.settings.efficiency
+        wanted, efficiency = self.options.robust, self.options.efficiency
         if isinstance(self.item, WaveletVariance):
             if wanted is True and not self.item.robust:
                 raise DataError(
@@ -348,7 +355,7 @@ class _Axis:
             classical = wavelet_variance(self.item)
             robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
-        chosen = verdict.contaminated and line_in(self.general) is None if wanted == "auto" else wanted
+        chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict
 
 

@@ -6,7 +6,6 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from importlib import metadata
 from pathlib import Path
 from types import NoneType, UnionType
@@ -14,9 +13,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
-from gmwm.calibration.result import AxisCalibration, Calibration, Settings
+from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.schema import require_kinds
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
@@ -52,7 +52,7 @@ def document(found: Calibration) -> dict[str, Any]:
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
         "source": found.source,
-        "settings": asdict(found.settings),
+        "settings": found.settings.to_dict(),
         "axes": {axis: _of_axis(one) for axis, one in found.axes.items()},
         "failed": dict(found.failed),
         "recording_remarks": [remark.to_dict() for remark in found.recording_remarks],
@@ -100,12 +100,12 @@ def calibration(content: Any) -> Calibration:
         raise ReadError("not a whole calibration: 'axes' of the document is empty")
     recording = parsed.get("recording")
     found = Calibration(
-        {axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
-        parsed["failed"],
-        _read("settings", lambda: Settings(**parsed["settings"])),
-        parsed["source"],
-        _read("recording_remarks", lambda: tuple(map(Remark.from_dict, parsed["recording_remarks"]))),
-        None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
+        axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
+        failed=parsed["failed"],
+        settings=CalibrationOptions.from_dict(parsed["settings"]),
+        source=parsed["source"],
+        recording_remarks=_read("recording_remarks", lambda: tuple(map(Remark.from_dict, parsed["recording_remarks"]))),
+        recording=None if recording is None else _read("recording", lambda: Recording.from_dict(recording)),
     )
     require_kinds(found, "")
     return found
@@ -118,13 +118,13 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     test, verdict = content["goodness_of_fit"], content["contamination"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
-        fit,
-        _read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
-        None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
-        _read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
-        _read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
-        None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
-        content["needed"],
+        fit=fit,
+        intervals=_read(f"{axis}.confidence_intervals", lambda: _intervals(content["confidence_intervals"])),
+        test=None if test is None else _read(f"{axis}.goodness_of_fit", lambda: _test(test)),
+        datasheet=_read(f"{axis}.datasheet", lambda: Datasheet.from_dict(content["datasheet"])),
+        ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
+        verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
+        needed=content["needed"],
     )
 
 
@@ -145,9 +145,13 @@ def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionT
 
 def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
     return GoodnessOfFit(
-        content["statistic"], content["df"], content["pvalue"], np.array(content["levels"], dtype=np.int64),
-        tuple(content["left_out"]), content["method"],
-    )  # fmt: skip
+        statistic=content["statistic"],
+        df=content["df"],
+        pvalue=content["pvalue"],
+        levels=np.array(content["levels"], dtype=np.int64),
+        left_out=tuple(content["left_out"]),
+        method=content["method"],
+    )
 
 
 def _read(what: str, read: Callable[[], T]) -> T:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gmwm._text import duration_text
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.planning import SEEN
@@ -170,6 +170,6 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
 def _longest_unbroken(wv: WaveletVariance) -> float:
     """The longest scale (s) that the same number of samples would show without a gap."""
     levels = np.arange(1, wv.samples.bit_length())
-    whole = Setting(levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform)
+    whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(whole)]
     return float(2.0 ** usable[-1] / wv.rate) if usable.size else 0.0

@@ -54,22 +54,28 @@ def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
     if sum(candidate.recommended for candidate in candidates) != 1:
         raise ReadError("not a ranking: one candidate must be recommended")
     return Ranking(
-        candidates, Model.parse(content["within"]), fits[0], weighting, matrix, wavelet, float(content["confidence"])
+        candidates=candidates,
+        within=Model.parse(content["within"]),
+        general=fits[0],
+        weighting=weighting,
+        weighting_matrix=matrix,
+        wavelet=wavelet,
+        confidence=float(content["confidence"]),
     )
 
 
 def _candidate(values: Mapping[str, Any], fit: Fit) -> Candidate:
     wic = values["wic"]
     return Candidate(
-        Model.parse(values["asked"]),
-        (fit,),
-        Criterion(float(wic["loss"]), float(wic["optimism"]), wic["method"]),
-        values["out_of_sample"],
-        float(values["difference"]),
-        int(values["parameters"]),
-        bool(values["equivalent"]),
-        bool(values["recommended"]),
-        values["same_as"],
+        model=Model.parse(values["asked"]),
+        fits=(fit,),
+        wic=Criterion(loss=float(wic["loss"]), optimism=float(wic["optimism"]), method=wic["method"]),
+        out_of_sample=values["out_of_sample"],
+        difference=float(values["difference"]),
+        parameters=int(values["parameters"]),
+        equivalent=bool(values["equivalent"]),
+        recommended=bool(values["recommended"]),
+        same_as=values["same_as"],
     )
 
 
@@ -77,17 +83,17 @@ def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix:
     model = Model.parse(values["model"])
     lower = values["lower_bound"]
     return Fit(
-        wv,
-        model,
-        {name: value for name, value in model.parameters.items() if value is not None},
-        float(values["objective"]),
-        None if lower is None else float(lower),
-        float(values["relaxed_bound"]),
-        model.wavelet_variance(wv.levels, wv.rate, wv.filter),
-        model.decomposition(wv.levels, wv.rate, wv.filter),
-        weighting,
-        matrix,
-        Diagnostics.from_dict(values),
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: value for name, value in model.parameters.items() if value is not None},
+        objective=float(values["objective"]),
+        lower_bound=None if lower is None else float(lower),
+        relaxed_bound=float(values["relaxed_bound"]),
+        implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting=weighting,
+        weighting_matrix=matrix,
+        diagnostics=Diagnostics.from_dict(values),
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from gmwm.inspection import Inspection
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Recording:
     """The facts of a recording.
 
@@ -21,7 +21,7 @@ class Recording:
     samples, rate, duration : int, float (Hz), float (s)
         Length without gaps.
     segments : int
-        Stretches without a gap.
+        Number of segments without a gap.
     missing : float
         Time that the gaps lost (s).
     jitter : float or None
@@ -62,10 +62,17 @@ class Recording:
         base = found.time_base
         missing = sum(duration - 1 / found.rate for _, duration in base.gaps)
         return cls(
-            found.samples, found.rate, found.duration, found.segments, float(missing),
-            float(base.jitter) if base.stamped else None, bool(found.static), len(found.knocks), found.gravity,
-            found.temperature,
-        )  # fmt: skip
+            samples=found.samples,
+            rate=found.rate,
+            duration=found.duration,
+            segments=found.segments,
+            missing=float(missing),
+            jitter=float(base.jitter) if base.stamped else None,
+            static=bool(found.static),
+            knocks=len(found.knocks),
+            gravity=found.gravity,
+            temperature=found.temperature,
+        )
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
         """The same with name, size and SHA-256 of the file; of a folder with its name alone."""

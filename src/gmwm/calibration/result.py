@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm._files import write_text
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.summary_text import summary
 from gmwm.datasheets import Datasheet
@@ -24,40 +24,15 @@ from gmwm.remarks import Remark
 from gmwm.selection import Ranking
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.exporters.reduction import Rule
+    from gmwm.plots.view import UnitSystem, ViewName
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What was asked for; see `calibrate`.
-
-    Attributes
-    ----------
-    within : str
-        The largest model, as text.
-    robust : "auto", True or False
-        Which curve was to be fitted.
-    weighting, criterion : str
-        How models were fitted, and how they were compared.
-    confidence, efficiency : float
-        Of the intervals, and of the robust wavelet variance.
-    draws, seed : int
-        Of the simulated records.
-    """
-
-    within: str
-    robust: Literal["auto"] | bool
-    weighting: Literal["diagonal", "optimal"]
-    criterion: Literal["asymptotic", "bootstrap"]
-    confidence: float
-    efficiency: float
-    draws: int
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class AxisCalibration:
     """One axis.
 
@@ -95,7 +70,7 @@ class AxisCalibration:
         return tuple(dict.fromkeys((*self.fit.remarks, *self.datasheet.remarks)))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Calibration(Summarised, Mapping[str, Fit]):
     """The calibration of a unit; a mapping of axis to the recommended Fit.
 
@@ -105,7 +80,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         All that was found on each axis.
     failed : mapping of axis to str
         Axes that could not be calibrated, and why.
-    settings : Settings
+    settings : CalibrationOptions
         What was asked for.
     source : str
         Where the recording came from.
@@ -131,23 +106,10 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     axes: Mapping[str, AxisCalibration]
     failed: Mapping[str, str]
-    settings: Settings
+    settings: CalibrationOptions
     source: str = ""
     recording_remarks: tuple[Remark, ...] = ()
     recording: Recording | None = None
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.imu:plot_imu",
-        "Draw all axes with their models: a panel each, or with split=False a panel for each sensor; view=, units=, "
-        "path=.",
-    )
-    export: ClassVar[LateMethod[..., str]] = LateMethod(
-        "gmwm.exporters:export",
-        "The noise as another program reads it: export(path, format='kalibr'); axes=, inflation=, horizon=, rate=.",
-    )
-    report: ClassVar[LateMethod[..., Path]] = LateMethod(
-        "gmwm.reports:report", "Write all of it as one HTML page that needs nothing else: report(path)."
-    )
 
     def __getitem__(self, axis: str) -> Fit:
         if axis in self.axes:
@@ -258,6 +220,116 @@ class Calibration(Summarised, Mapping[str, Fit]):
             return cls.from_dict(content)
         except ReadError as error:
             raise ReadError(f"{path}: {error}") from error
+
+    def plot(
+        self,
+        *,
+        split: bool = True,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the wavelet variance and the model of every axis.
+
+        Parameters
+        ----------
+        split : bool
+            One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
+            vermillion, green and blue.
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or there is nothing to draw.
+        """
+        from gmwm.plots.imu import plot_imu
+
+        return plot_imu(self, split=split, view=view, units=units, path=path)
+
+    def export(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        format: str = "kalibr",
+        *,
+        axes: Rule | None = None,
+        inflation: float = 1.0,
+        horizon: float = 1.0,
+        rate: float | None = None,
+    ) -> str:
+        """Write the noise of the unit in the format of another program.
+
+        See `gmwm.export` for how the numbers follow from the models, and `gmwm.export_formats` for the formats.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write, whole or not at all; by default no file is written.
+        format : str
+            One of `export_formats()`.
+        axes : "worst", "mean" or "each", optional
+            From the axes of a sensor, take the largest number, the root mean square, or one number for each axis if the
+            format allows it. By default the largest for filters, and each for simulators and messages.
+        inflation : float
+            Factor on standard deviations and densities; variances grow by its square.
+        horizon : float
+            How long (s) the consumer relies on the sensor alone.
+        rate : float, optional
+            Sampling rate (Hz) of the data that the consumer will receive; by default that of the recording.
+
+        Returns
+        -------
+        str
+            The text of the file.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range, or has no meaning for the format.
+        DataError
+            If a sensor that the consumer needs was not calibrated, or the data do not even bound a number.
+        MissingTheoryError
+            If the theory of a process in a model does not suffice.
+        """
+        from gmwm.exporters import export
+
+        return export(self, path, format, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write the calibration as one self-contained HTML page: verdict, plots, numbers, models, configuration files.
+
+        The page makes no network request, and the same calibration gives the same bytes.
+
+        Parameters
+        ----------
+        path : path
+            A file name that ends in .html; the file is written whole or not at all.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        OptionError
+            If `path` does not end in .html.
+        OSError
+            If the file cannot be written.
+        """
+        from gmwm.reports import report
+
+        return report(self, path)
 
     def __repr__(self) -> str:
         models = ", ".join(f"{axis}: {fit.model.structure}" for axis, fit in self.items())

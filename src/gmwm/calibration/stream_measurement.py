@@ -1,4 +1,4 @@
-"""A recording in pieces as a calibration needs it: the curves of its axes and a look at it, from two readings."""
+"""The wavelet variances and the inspection of a recording in chunks, from the same two readings."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from gmwm._text import duration_text
 from gmwm.errors import GmwmError
 from gmwm.inspection import Inspection, inspect
-from gmwm.inspection.api import Looks, Survey
-from gmwm.readers.streams import Piece, Stream
+from gmwm.inspection.api import FirstPass, RecordingStatistics
+from gmwm.readers.streams import Chunk, Stream
 from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.passes import measured_pairs, stream_variance
 from gmwm.streaming.scheduling import connected
@@ -44,16 +44,25 @@ def measured_and_seen(
     robust, efficiency, threads, scheduler, workers
         As of `stream_variance`. With workers, one of them inspects while the others measure.
     done : callable, optional
-        Called as pieces are read, with how much was, in words.
+        Called as chunks are read, with how much was, in words.
     """
     if scheduler is not None or workers is not None:
-        return _spread(stream, axes, pairs, robust, efficiency, scheduler, workers, done)
-    seen = Seen(stream, axes, done)
+        return _spread(
+            stream,
+            axes,
+            pairs=pairs,
+            robust=robust,
+            efficiency=efficiency,
+            scheduler=scheduler,
+            workers=workers,
+            done=done,
+        )
+    seen = InspectedStream(stream, axes, done)
     if pairs:
         both = measured_pairs(seen, efficiency=efficiency, threads=threads)
-        return dict(both), seen.found()
+        return dict(both), seen.inspection()
     curves = stream_variance(seen, robust=robust, efficiency=efficiency, threads=threads)
-    return {axis: (curve,) for axis, curve in curves.items()}, seen.found()
+    return {axis: (curve,) for axis, curve in curves.items()}, seen.inspection()
 
 
 def _spread(
@@ -88,8 +97,8 @@ def _inspected(stream: Stream) -> Inspection | GmwmError:
         return error
 
 
-class Seen:
-    """A stream that is looked at while it is read for something else: the first two readings make a look.
+class InspectedStream:
+    """A stream that is inspected while it is read for something else, in its first two readings.
 
     Attributes
     ----------
@@ -103,41 +112,41 @@ class Seen:
 
     def __init__(self, stream: Stream, axes: Sequence[str], done: Callable[[str], None] | None = None) -> None:
         self.source, self.axes, self.rate = stream.source, tuple(axes), stream.rate
-        self._stream, self._survey = stream, Survey(stream)
-        self._looks: Looks | None = None
+        self._stream, self._first = stream, FirstPass(stream)
+        self._statistics: RecordingStatistics | None = None
         self._reading, self._done = 0, done
 
-    def __iter__(self) -> Iterator[Piece]:
+    def __iter__(self) -> Iterator[Chunk]:
         self._reading += 1
         if self._reading == 1:
-            yield from self._surveyed()
+            yield from self._first_reading()
         elif self._reading == 2:
-            yield from self._looked_at(self._survey.looks())
+            yield from self._second_reading(self._first.second_pass())
         else:
             yield from self._stream
 
-    def found(self) -> Inspection:
-        """What was seen; what was not read yet is."""
-        while self._looks is None:
+    def inspection(self) -> Inspection:
+        """The inspection; readings that are missing are done now."""
+        while self._statistics is None:
             for _ in self:
                 pass
-        return self._looks.found()
+        return self._statistics.result()
 
-    def _surveyed(self) -> Iterator[Piece]:
-        for piece in self._stream:
-            self._tell(f"first reading: {self._length(piece)}")
-            self._survey.take(piece)
-            yield piece
+    def _first_reading(self) -> Iterator[Chunk]:
+        for chunk in self._stream:
+            self._tell(f"first reading: {self._length(chunk)}")
+            self._first.update(chunk)
+            yield chunk
 
-    def _looked_at(self, looks: Looks) -> Iterator[Piece]:
-        self._looks = looks
-        for piece in self._stream:
-            self._tell(f"second reading: {self._length(piece)} of {duration_text(looks.samples / self.rate)}")
-            looks.take(piece)
-            yield piece
+    def _second_reading(self, statistics: RecordingStatistics) -> Iterator[Chunk]:
+        self._statistics = statistics
+        for chunk in self._stream:
+            self._tell(f"second reading: {self._length(chunk)} of {duration_text(statistics.samples / self.rate)}")
+            statistics.update(chunk)
+            yield chunk
 
-    def _length(self, piece: Piece) -> str:
-        return duration_text((piece.first + len(piece)) / self.rate)
+    def _length(self, chunk: Chunk) -> str:
+        return duration_text((chunk.first + len(chunk)) / self.rate)
 
     def _tell(self, text: str) -> None:
         if self._done is not None:

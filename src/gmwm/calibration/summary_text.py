@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gmwm._tables import headed
 from gmwm._text import counted, duration_text
-from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, by_sensor, in_order, key, number, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
 from gmwm.remarks import Dialect, brief, texts
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -80,7 +82,7 @@ def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
     lines: list[str] = []
     for start in range(0, len(names), count):
         chosen = {axis: axes[axis] for axis in names[start : start + count]}
-        lines += [*([""] if lines else []), *aligned(rows_of(chosen))]
+        lines += [*([""] if lines else []), *headed(rows_of(chosen))]
     return lines
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from gmwm._text import rounded
 from gmwm.inference.planning import SEEN
@@ -18,25 +18,6 @@ WIDTH = 80
 """Columns of a terminal."""
 SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
 """What stands above the tables of a sensor's axes."""
-
-T = TypeVar("T")
-
-
-def sensor_of(axis: str) -> str:
-    """The sensor that an axis belongs to.
-
-    >>> sensor_of("gyro_x")
-    'gyro'
-    """
-    return axis.rpartition("_")[0]
-
-
-def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
-    """What there is of each axis, sensor by sensor."""
-    sensors: dict[str, dict[str, T]] = {}
-    for axis, found in axes.items():
-        sensors.setdefault(sensor_of(axis), {})[axis] = found
-    return sensors
 
 
 def merged(lists: Sequence[Sequence[str]]) -> list[str]:
@@ -78,17 +59,6 @@ def number(entry: Entry) -> str:
         return f"{'≤ ' if low >= 0 else '≤ ±'}{high:.3g}"
     share = (high - low) / 2 / abs(value)
     return f"{value:.3g} ± {100 * share:.2g} %" if share <= SEEN else f"{rounded(low)} … {rounded(high)}"
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """A table: the first row heads it, the first column is flush left."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = [
-        "  "
-        + "  ".join([row[0].ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True))])
-        for row in rows
-    ]
-    return [lines[0].rstrip(), "  " + "─" * (max(map(len, lines)) - 2), *(line.rstrip() for line in lines[1:])]
 
 
 def wrapped(text: str) -> list[str]:

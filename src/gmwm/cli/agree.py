@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.options import Json
+from gmwm.cli.command import command
+from gmwm.cli.output import Outcome, calibration_file, progress
 from gmwm.errors import OptionError
 
 EXAMPLES = (
@@ -20,6 +21,7 @@ EXAMPLES = (
 _VALUE = re.compile(r"([-+0-9.,']*(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 
+@command
 def agree(
     files: Annotated[
         list[Path],
@@ -45,30 +47,26 @@ def agree(
     size: Annotated[
         float, typer.Option(help="Probability of any disagreement where there is none, of all numbers together.")
     ] = 0.05,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Tell which numbers of several recordings of one unit differ by more than chance.
 
     The recordings are calibrated each by itself. N, B, K, R and Q are compared whatever their models, T_c and q_c where
     the models are the same. --reference sets the datasheet's values beside them.
     """
     from gmwm import Calibration, agreement
-    from gmwm.cli.output import calibration_file, print_json, progress, told_warnings
 
     references = dict(parse_reference(text) for text in reference or ())
     if len(references) != len(reference or ()):
         raise OptionError("--reference names each number once")
-    with told_warnings() as told:
-        with progress("reading"):
-            calibrations = [Calibration.load(calibration_file(file)) for file in files]
-        stems = {Path(found.source).stem for found in calibrations} - {""}
-        # Names of the recordings if they have them.
-        names = label or (None if len(stems) == len(files) else names_of(files))
-        found = agreement(calibrations, size=size, labels=names, reference=references)
-        if json:
-            print_json("agree", {"files": list(map(str, files)), **found.to_dict()}, told)
-            return
-        print(found.summary())
+    with progress("reading"):
+        calibrations = [Calibration.load(calibration_file(file)) for file in files]
+    stems = {Path(found.source).stem for found in calibrations} - {""}
+    # Names of the recordings if they have them.
+    names = label or (None if len(stems) == len(files) else names_of(files))
+    found = agreement(calibrations, size=size, labels=names, reference=references)
+    return Outcome(
+        command="agree", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
+    )  # fmt: skip
 
 
 def parse_reference(text: str) -> tuple[str, tuple[float, str]]:

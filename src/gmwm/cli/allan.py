@@ -6,13 +6,18 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm.cli.options import RESULT, Datasheet, Json
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens, require_whole
+from gmwm.cli.command import command
+from gmwm.cli.options import RESULT, Datasheet
+from gmwm.cli.output import NewFile, Outcome, progress, table_text, text_file
+from gmwm.cli.read_options import Axes, File, chosen_axes, load, require_whole
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,10 +39,10 @@ LONGEST_TABLE = 100
 """Cluster sizes beyond which the table is thinned: then they are all there are, from 1 on."""
 
 
-@opens
+@command
 def allan(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     axis: Axes = None,
     kind: Annotated[
         Kind,
@@ -67,41 +72,35 @@ def allan(
     plot: Annotated[
         Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Print the Allan deviation of each axis over its averaging time, with limits and the noise that rules there.
 
     The samples are rates, as inertial sensors give them. Limits are 95 % chi-square, with the degrees of freedom of
     the noise identified at each averaging time.
     """
-    from gmwm.cli.output import print_json, print_written, progress, told_warnings
-    from gmwm.errors import OptionError
-
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
         raise OptionError(f"--slopes reads an Allan deviation, got --kind {kind}; use overlapping")
-    with told_warnings() as told:
-        imu = load(file, opening)
-        require_whole(imu)
-        results = _measured(chosen_axes(imu, axis), kind, clusters)
-        regressions = _regressions(results) if slopes else {}
-        system: UnitSystem = "datasheet" if datasheet else "si"
-        if csv is not None:
-            _write_csv(csv, results)
-        if plot is not None:
-            with progress("drawing"):
-                _draw(plot, results, regressions, system)
-        if json:
-            curves = {name: result.to_dict() for name, result in results.items()}
-            content = {"file": str(file), "kind": kind, "axes": curves}
-            if slopes:
-                lines = {name: found.to_dict() for name, found in regressions.items()}
-                content["slopes"] = {n: {k: v for k, v in found.items() if k != "allan"} for n, found in lines.items()}
-            print_json("allan", content, told)
-            return
-        _print_curves(results, system)
-        for found in regressions.values():
-            print(f"\n{found.summary(system)}")
-        print_written([path for path in (csv, plot) if path is not None])
+    imu = load(file, reading)
+    require_whole(imu)
+    results = _measured(chosen_axes(imu, axis), kind, clusters)
+    regressions = _regressions(results) if slopes else {}
+    system: UnitSystem = "datasheet" if datasheet else "si"
+    files = [] if csv is None else [text_file(csv, _csv_text(results))]
+    if plot is not None:
+        files.append(NewFile(plot, partial(_draw, results, regressions, system), "drawing"))
+    curves = {name: result.to_dict() for name, result in results.items()}
+    return Outcome(
+        command="allan",
+        document={"file": str(file), "kind": kind, "axes": curves, **_slopes(regressions)},
+        text="\n\n".join([_curves_text(results, system), *(found.summary(system) for found in regressions.values())]),
+        files=tuple(files),
+    )
+
+
+def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
+    """The regressions for JSON, without the curves that they were read from."""
+    found = {name: one.to_dict() for name, one in regressions.items()}
+    return {"slopes": {n: {k: v for k, v in one.items() if k != "allan"} for n, one in found.items()}} if found else {}
 
 
 def _measured(
@@ -156,7 +155,6 @@ def _say_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
 @contextmanager
 def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
     """A progress bar for the cluster sizes of one axis, moved a hundred times at most."""
-    from gmwm.cli.output import progress
 
     with progress(name, 100) as step:
         moved = 0
@@ -177,7 +175,7 @@ def _regressions(results: Mapping[str, ClusterVariance]) -> dict[str, AllanRegre
 
 
 def _draw(
-    path: Path, results: Mapping[str, ClusterVariance], regressions: Mapping[str, AllanRegression], system: UnitSystem
+    results: Mapping[str, ClusterVariance], regressions: Mapping[str, AllanRegression], system: UnitSystem, path: Path
 ) -> None:
     from gmwm.plots.allan import plot_allan_axes
 
@@ -188,23 +186,22 @@ def _draw(
         found.plot(units=system, path=path)
 
 
-def _print_curves(results: Mapping[str, ClusterVariance], system: UnitSystem) -> None:
+def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
     """One axis with limits and noise, or all of a sensor side by side."""
-    from gmwm.cli.output import print_table
     from gmwm.plots.allan import cluster_view
+    from gmwm.signals import by_sensor
 
-    sensors: dict[str, list[ClusterVariance]] = {}
-    for name, result in results.items():
-        sensors.setdefault(name.rpartition("_")[0], []).append(result)
+    sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % limits" if alone else ""
-    print(f"{first.samples} samples at {first.rate:g} Hz{limits}")
+    head = f"{first.samples} samples at {first.rate:g} Hz{limits}"
     style = "#.5g" if system == "datasheet" else ".4e"
     shown = list(range(len(first)))
     if len(first) > LONGEST_TABLE:
         shown = [n - 1 for n in (2**k for k in range(len(first).bit_length())) if n <= len(first)]
-        print(f"{len(first)} cluster sizes; the table shows octaves, --csv writes all")
+        head += f"\n{len(first)} cluster sizes; the table shows octaves, --csv writes all"
+    parts = [head]
     for group in sensors.values():
         one = group[0]
         view = cluster_view(one, system)
@@ -219,14 +216,12 @@ def _print_curves(results: Mapping[str, ClusterVariance], system: UnitSystem) ->
             for k in shown
         ]
         columns = ["cluster", "τ (s)", *heads, *(["edf", "noise"] if len(group) == 1 else [])]
-        print()
-        print_table(columns, rows, title=view.height_label, texts=0)
+        parts.append(table_text(columns, rows, title=view.height_label, texts=0))
+    return "\n\n".join(parts)
 
 
-def _write_csv(path: Path, results: Mapping[str, ClusterVariance]) -> None:
+def _csv_text(results: Mapping[str, ClusterVariance]) -> str:
     """One line for each cluster size of each axis."""
-    from gmwm._files import write_text
-
     lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
     for name, result in results.items():
         columns = zip(
@@ -237,4 +232,4 @@ def _write_csv(path: Path, results: Mapping[str, ClusterVariance]) -> None:
             ",".join([name, result.unit, *(str(value.item()) for value in row), noise])
             for row, noise in zip(columns, result.noise, strict=True)
         ]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"

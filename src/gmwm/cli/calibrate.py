@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.calibration.api import WITHIN
-from gmwm.cli.export import written_for_kalibr
-from gmwm.cli.measuring import InPieces, Scheduler, Workers, opened
+from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.summary_text import summary
+from gmwm.cli.command import command
+from gmwm.cli.export import KalibrFile, kalibr_file
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, opened
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
@@ -18,18 +21,20 @@ from gmwm.cli.options import (
     CriterionName,
     Datasheet,
     Efficiency,
-    Json,
     Seed,
     View,
     Within,
     parse_within,
 )
-from gmwm.cli.read_options import Axes, File, Opening, chosen_names, opens
+from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
+from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect
+from gmwm.variance.biweight import EFFICIENCY
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
-    from gmwm.processes.model import ModelLike
     from gmwm.readers.streams import Stream
     from gmwm.signals import Imu
 
@@ -50,10 +55,10 @@ Outliers = Annotated[
 ROBUST: Mapping[str, Literal["auto"] | bool] = {"auto": "auto", "yes": True, "no": False}
 
 
-@opens
+@command
 def calibrate(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     axis: Axes = None,
     within: Within = WITHIN,
     robust: Outliers = "auto",
@@ -62,7 +67,7 @@ def calibrate(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
     output: Annotated[
@@ -77,8 +82,7 @@ def calibrate(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Calibrate a unit: choose the noise model of each axis, and give its numbers as datasheets do.
 
     Every model within the general one is compared; of those that the data cannot tell from the best the simplest is
@@ -87,85 +91,66 @@ def calibrate(
 
     calibration.json holds everything: Calibration.load reads it, docs/calibration-format.md describes it.
     """
-    from gmwm.cli.errors import as_options
-    from gmwm.cli.output import made_directory, print_json, print_written, tell, told_warnings
-
     if efficiency is not None and robust == "no":
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
-    largest = parse_within(within)
-    with told_warnings() as told:
-        recording = opened(file, opening, in_pieces, spread=scheduler is not None or workers is not None)
-        chosen = tuple(chosen_names(recording.axes, axis))
-        if output is not None:
-            made_directory(output)
-        found = calibrated(
-            recording, largest, axes=chosen, robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-            efficiency=0.6 if efficiency is None else efficiency, confidence=confidence, seed=seed,
-            scheduler=scheduler, workers=workers,
-        ).of_file(file)  # fmt: skip
-        for caution in found.cautions if json else ():  # else the summary has them
-            tell(told, caution)
-        for name, why in found.failed.items():
-            tell(told, f"{name} is not calibrated: {why}")
-        written = [] if output is None else write_all(found, output, view, datasheet)
-        if json:
-            document = {**found.to_dict(), "file": str(file), "written": list(map(str, written))}
-            print_json("calibrate", document, told)
-            return
-        print(as_options(found.summary()))
-        print_written(written)
+    asked = CalibrationOptions(
+        within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
+    )  # fmt: skip
+    recording = opened(file, reading, chunked, spread=scheduler is not None or workers is not None)
+    asked = replace(asked, axes=chosen_names(recording.axes, axis))
+    if output is not None:
+        made_directory(output)
+    found = calibrated(recording, asked, scheduler=scheduler, workers=workers).of_file(file)
+    files = () if output is None else calibration_files(found, output, view, datasheet)
+    kalibr = KalibrFile() if output is None else kalibr_file(found, output)
+    written = file_names((*files, *kalibr.files))
+    return Outcome(
+        command="calibrate",
+        document={**found.to_dict(), "file": str(file), "written": written},
+        text=summary(found, Dialect.SHELL),
+        all_text=summary(found, Dialect.SHELL, every=True),
+        files=(*files, *kalibr.files),
+        together=True,
+        obsolete=kalibr.obsolete,
+        remarks=kalibr.remarks,
+    )
 
 
 def calibrated(
     recording: Imu | Stream,
-    within: ModelLike,
+    options: CalibrationOptions,
     *,
-    axes: tuple[str, ...] | None = None,
-    robust: Literal["auto"] | bool = "auto",
-    efficiency: float = 0.6,
-    weighting: Literal["diagonal", "optimal"] = "optimal",
-    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",
-    confidence: float = 0.95,
-    seed: int = 0,
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> Calibration:
     """The calibration, with a progress bar."""
-    from gmwm.calibration.api import STAGES, calibrate
-    from gmwm.cli.output import progress
+    from gmwm.calibration.api import STAGES, calibrate_recording
 
     before = 0
-    with progress("calibrating", len(STAGES) * len(recording.axes if axes is None else axes)) as advance:
+    with progress("calibrating", len(STAGES) * len(options.wanted or recording.axes)) as advance:
 
-        def tell(done: int, _: int, text: str) -> None:
+        def show(done: int, _: int, text: str) -> None:
             nonlocal before
             advance(text, done - before)
             before = done
 
-        return calibrate(
-            recording, within, axes=axes, robust=robust, efficiency=efficiency, weighting=weighting,
-            criterion=criterion, confidence=confidence, seed=seed, scheduler=scheduler, workers=workers, progress=tell,
-        )  # fmt: skip
+        return calibrate_recording(recording, options, scheduler=scheduler, workers=workers, progress=show)
 
 
-def write_all(
+def calibration_files(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
-) -> list[Path]:
-    """The document, the page, the summary and the pictures, all of them or none."""
-    from gmwm._files import write_text, written_together
-    from gmwm.cli.errors import as_options
-    from gmwm.cli.output import progress
-
-    names = ("calibration.json", "report.html", "summary.txt", "calibration.png", "by_sensor.png")
+) -> tuple[NewFile, ...]:
+    """The document, the page, the summary and the pictures."""
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
-    with written_together(folder) as room:
-        document, page, text, grid, by_sensor = (room / name for name in names)
-        found.save(document)
-        write_text(text, as_options(found.summary()) + "\n")
-        with progress("drawing"):
-            found.plot(view=view, units=system, path=grid)
-            found.plot(split=False, view=view, units=system, path=by_sensor)
-        with progress("writing the report"):
-            found.report(page)
-        kalibr = written_for_kalibr(found, room, folder)
-    return [folder / name for name in (*names, *kalibr)]
+    return (
+        NewFile(folder / "calibration.json", found.save),
+        NewFile(folder / "report.html", found.report, "writing the report"),
+        text_file(folder / "summary.txt", summary(found, Dialect.SHELL, every=True) + "\n"),
+        NewFile(folder / "calibration.png", lambda path: found.plot(view=view, units=system, path=path), "drawing"),
+        NewFile(
+            folder / "by_sensor.png",
+            lambda path: found.plot(split=False, view=view, units=system, path=path),
+            "drawing",
+        ),
+    )

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, Json, View
-from gmwm.cli.read_options import Axes, Opening, chosen_axes, load, opens
+from gmwm.cli.command import command
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, View
+from gmwm.cli.output import NewFile, Outcome, table_text, tell
+from gmwm.cli.read_options import Axes, chosen_axes, load
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
@@ -24,13 +27,13 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def compare(
     files: Annotated[
         list[Path],
         typer.Argument(help="Recordings, in any formats that are read.", metavar="FILE…", show_default=False),
     ],
-    opening: Opening,
+    reading: ReadOptions,
     axis: Axes = None,
     classical: Annotated[
         bool, typer.Option("--classical", help="The classical curve alone.", rich_help_panel="Estimation")
@@ -44,8 +47,7 @@ def compare(
     plot: Annotated[
         Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Compare wavelet variances: classical with robust, and recordings with one another.
 
     Where the classical curve lies above the robust one, outliers make the difference: knocks, spikes, telegraph
@@ -53,31 +55,26 @@ def compare(
     of them at level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely quantised
     sensor, it may be zero, and says so.
     """
-    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
-
     if efficiency is not None and classical and not robust:
         raise OptionError("--efficiency belongs to the robust curve; leave it or --classical out")
     kinds = [kind for kind, wanted in (("classical", classical), ("robust", robust)) if wanted or classical == robust]
     system: UnitSystem = "datasheet" if datasheet else "si"
-    with told_warnings() as told:
-        curves: dict[str, dict[str, WaveletVariance]] = {}
-        for file, name in zip(files, _names(files), strict=True):
-            signals = chosen_axes(load(file, opening), axis)
-            for kind in kinds:
-                label = ", ".join(filter(None, (name, kind if name == "" or len(kinds) > 1 else "")))
-                for axis_name, result in _measured(signals, kind, efficiency).items():
-                    curves.setdefault(axis_name, {})[label] = result
-                    for note in result.notes():
-                        tell(told, f"{axis_name}, {label}: {note}")
-        if plot is not None:
-            with progress("drawing"):
-                _draw(curves, view, system, plot)
-        if json:
-            axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
-            print_json("compare", {"files": list(map(str, files)), "axes": axes}, told)
-            return
-        _print_curves(curves, view, system)
-        print_written([plot] if plot is not None else [])
+    curves: dict[str, dict[str, WaveletVariance]] = {}
+    for file, name in zip(files, _names(files), strict=True):
+        signals = chosen_axes(load(file, reading), axis)
+        for kind in kinds:
+            label = ", ".join(filter(None, (name, kind if name == "" or len(kinds) > 1 else "")))
+            for axis_name, result in _measured(signals, kind, efficiency).items():
+                curves.setdefault(axis_name, {})[label] = result
+                for remark in result.remarks:
+                    tell(remark.about(f"{axis_name}, {label}"))
+    axes = {a: {label: wv.to_dict() for label, wv in group.items()} for a, group in curves.items()}
+    return Outcome(
+        command="compare",
+        document={"files": list(map(str, files)), "axes": axes},
+        text=_curves_text(curves, view, system),
+        files=() if plot is None else (NewFile(plot, partial(_draw, curves, view, system), "drawing"),),
+    )
 
 
 def _names(files: Sequence[Path]) -> list[str]:
@@ -114,13 +111,13 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
     draw_one(*group.values(), labels=list(group), view=view, units=system, title=axis_title(name), path=path)
 
 
-def _print_curves(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> None:
+def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
     """A table for each axis, a column for each curve."""
-    from gmwm.cli.output import print_table
     from gmwm.plots.view import view_of
 
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
-    for k, (axis, group) in enumerate(curves.items()):
+    tables = []
+    for axis, group in curves.items():
         shown = view_of(next(iter(group.values())).unit, view, system)
         columns: list[dict[float, str]] = []
         for wv in group.values():
@@ -128,6 +125,5 @@ def _print_curves(curves: Mapping[str, Mapping[str, WaveletVariance]], view: Vie
             columns.append({t: f"{h:{style}}" for t, h in zip(shown.time(wv.tau).tolist(), heights, strict=True)})
         times = sorted(set().union(*columns))
         rows = [[f"{t:.6g}", *(column.get(t, "") for column in columns)] for t in times]
-        if k:
-            print()
-        print_table(["τ (s)", *group], rows, title=f"{axis}: {shown.height_label}", texts=0)
+        tables.append(table_text(["τ (s)", *group], rows, title=f"{axis}: {shown.height_label}", texts=0))
+    return "\n\n".join(tables)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from gmwm.cli.options import Json
-from gmwm.cli.read_options import File, Opening, load, opens
-
-if TYPE_CHECKING:
-    from gmwm.signals import Imu
+from gmwm.cli.command import command
+from gmwm.cli.option_names import named_as_options
+from gmwm.cli.output import Outcome, progress
+from gmwm.cli.read_options import File, load
+from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect, Remark, texts
 
 EXAMPLES = (
     "gmwm convert flight.imr static.parquet",
@@ -21,10 +22,10 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def convert(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     output: Annotated[Path, typer.Argument(help="File to write: .parquet, .csv or .imu.", metavar="OUT")],
     to: Annotated[
         str | None,
@@ -36,45 +37,32 @@ def convert(
             show_default=False,
         ),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Write a recording as Parquet, CSV or .imu.
 
     In rad/s and m/s², with the time stamps of a uniform clock in each segment: gaps stay, jitter goes. Parquet and
     CSV keep every digit. An .imu file holds increments in the counts of its type, and no temperature. The file is
     written whole or not at all.
     """
-    from gmwm.cli.output import print_json, progress, tell, told_warnings
-    from gmwm.errors import OptionError
-    from gmwm.writers import RECORDS
+    from gmwm.writers import RECORDS, write
 
     if output.exists() and output.resolve() == file.resolve():
         raise OptionError(f"OUT must be another file than FILE, got {output} for both")
-    with told_warnings() as told:
-        imu = load(file, opening)
-        with progress(f"writing {output.name}"):
-            _write(imu, output, to)
-        if output.suffix.lower() == RECORDS and imu.temperature is not None:
-            tell(told, f"the temperature is left out: {RECORDS} records have no place for it")
-        content = {
+    imu = load(file, reading)
+    # What the library calls format= is --to here, as --format is of the file that is read.
+    with progress(f"writing {output.name}"), named_as_options({"format": "--to"}):
+        write(imu, output, format=to)
+    lost = output.suffix.lower() == RECORDS and imu.temperature is not None
+    said = f"wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
+    return Outcome(
+        command="convert",
+        document={
             "file": str(file), "output": str(output), "axes": list(imu.axes), "rate": imu.rate, "samples": len(imu),
             "duration": imu.duration, "segments": [list(segment) for segment in imu.segments],
-            "units": {axis: imu[axis].unit for axis in imu}, "notes": list(imu.notes),
-        }  # fmt: skip
-        if json:
-            print_json("convert", content, told)
-            return
-        for note in imu.notes:
-            print(note)
-        print(f"wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}")
-
-
-def _write(imu: Imu, output: Path, to: str | None) -> None:
-    """Write; what the library calls format= is --to here, as --format is of the file that is read."""
-    from gmwm.errors import OptionError
-    from gmwm.writers import write
-
-    try:
-        write(imu, output, format=to)
-    except OptionError as error:
-        raise OptionError(re.sub(r"^format\b|(?<=pass )format=", "--to", str(error))) from None
+            "units": {axis: imu[axis].unit for axis in imu}, "remarks": [remark.to_dict() for remark in imu.remarks],
+        },
+        text="\n".join([*texts(imu.remarks, Dialect.SHELL), said]),
+        written=(output,),
+        listed=False,
+        remarks=(Remark.of("temperature-left-out", str(output), format=RECORDS),) if lost else (),
+    )  # fmt: skip

@@ -11,11 +11,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.options import Json
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.summary_text import summary
+from gmwm.cli.calibrate import calibrated, calibration_files
+from gmwm.cli.command import command
+from gmwm.cli.export import kalibr_file
+from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
+from gmwm.inspection.result import text as inspection_text
+from gmwm.remarks import Dialect
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.processes.model import Model
+    from gmwm.signals import Imu
 
 EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 
@@ -25,62 +33,63 @@ RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
 """Least significant bit of the demo's output (rad/s, m/s²): a hundredth of the noise, as a good unit has."""
 
 
+@command
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Directory for what the demo writes.")] = Path(
         "demo-output"
     ),
     seed: Annotated[int, typer.Option(help="Another seed is another recording of the same unit.", min=0)] = 2018,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Simulate a six-axis IMU, write it to a file, calibrate it from that file, and compare with the truth.
 
     The file goes the way of your own: read, inspect, calibrate, pictures.
     """
-    from gmwm.calibration.api import WITHIN
-    from gmwm.cli.calibrate import calibrated, write_all
-    from gmwm.cli.output import made_directory, print_json, progress, tell, told_warnings
     from gmwm.inspection import inspect
     from gmwm.readers import read
-    from gmwm.simulation import reference_imu, simulate
-    from gmwm.writers import write
+    from gmwm.simulation import reference_imu
 
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
-    say = _silent if json else print
-    with told_warnings() as told:
-        with progress("simulating"):
-            imu = simulate(truth, rate=RATE, samples=SAMPLES, seed=seed, resolution=RESOLUTION)
-        with progress(f"writing {file}"):
-            write(imu, file)
-        say(
-            f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\n"
-            f"Wrote {file}, read it back:\n"
-        )
-        with progress(f"reading {file}"):
-            imu = read(file)
-        with progress("inspecting"):
-            inspection = inspect(imu)
-        say(inspection.summary() + "\n")
-        found = calibrated(imu, WITHIN).of_file(file)
-        say(found.summary())
-        for axis, why in found.failed.items():
-            tell(told, f"{axis} is not calibrated: {why}")
-        rows = _comparison(truth, found)
-        if not json:
-            _print_comparison(rows, truth, found)
-        written = [file, *write_all(found, output), _allan(found, output)]
-    if json:
-        content = {
+    imu = _simulated(truth, seed, file)
+    begin = (
+        f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n"
+    )
+    with progress(f"reading {file}"):
+        imu = read(file)
+    with progress("inspecting"):
+        inspection = inspect(imu)
+    found = calibrated(imu, CalibrationOptions()).of_file(file)
+    rows, kalibr = _comparison(truth, found), kalibr_file(found, output)
+    files = (*calibration_files(found, output), *kalibr.files, _allan(found, output))
+    return Outcome(
+        command="demo",
+        document={
             "file": str(file), "seed": seed, "comparison": rows, "calibration": found.to_dict(),
-            "inspection": inspection.to_dict(), "written": list(map(str, written)),
-        }  # fmt: skip
-        print_json("demo", content, told)
-    else:
-        _print_what_next(written)
+            "inspection": inspection.to_dict(), "written": [str(file), *file_names(files)],
+        },
+        text="\n".join([
+            begin, inspection_text(inspection, Dialect.SHELL) + "\n", summary(found, Dialect.SHELL),
+            _comparison_text(rows, truth, found),
+        ]),
+        files=files,
+        together=True,
+        obsolete=kalibr.obsolete,
+        written=(file,),
+        closing=_what_next(),
+        remarks=kalibr.remarks,
+    )  # fmt: skip
 
 
-def _silent(_: str) -> None:
-    """In place of `print` where stdout is for JSON alone."""
+def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
+    """A recording with this truth, written to a file."""
+    from gmwm.simulation import simulate
+    from gmwm.writers import write
+
+    with progress("simulating"):
+        imu = simulate(truth, rate=RATE, samples=SAMPLES, seed=seed, resolution=RESOLUTION)
+    with progress(f"writing {file}"):
+        write(imu, file)
+    return imu
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
@@ -97,8 +106,7 @@ def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str
     return rows
 
 
-def _print_comparison(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Model], found: Calibration) -> None:
-    from gmwm.cli.output import print_table
+def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Model], found: Calibration) -> str:
     from gmwm.selection.structure import structure_of
 
     table, rules = [], []
@@ -111,38 +119,38 @@ def _print_comparison(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mod
             low, high = row["interval"]
             numbers[1:] = [f"{row['estimate']:.2e}", f"{low:.2e} … {high:.2e}"]
         table.append([row["axis"] if first else "", row["parameter"], *numbers])
-    print()
-    print_table(
+    shown = table_text(
         ["axis", "parameter", "truth", "estimate", "95 % interval"], table,
         title="What was simulated, and what was found in the file", texts=2, rules=rules,
     )  # fmt: skip
     same = [axis for axis, fit in found.items() if structure_of(fit.model) == structure_of(truth[axis])]
     inside = [low <= row["truth"] <= high for row in rows if row["interval"] for low, high in [row["interval"]]]
-    print(
+    lines = [
+        "",
+        shown,
         "\nVariances in (rad/s)² and (m/s²)², those of RW per sample; beta in 1/s.\n"
         f"The model that was simulated is recommended on {len(same)} of {len(found)} axes;\n"
         f"{sum(inside)} of {len(inside)} intervals hold the truth. White and quantization noise are\n"
         "known to a per cent; random walks and slow Gauss-Markov processes to some\n"
-        "20 %: two hours hold few of their swings."
-    )
+        "20 %: two hours hold few of their swings.",
+    ]
     for axis, fit in found.items():
         if axis not in same:
             equal = [structure_of(other.model) for other in found.rankings[axis].equivalent]
             too = "; both are as good" if structure_of(truth[axis]) in equal else ""
-            print(f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended{too}.")
+            lines.append(f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended{too}.")
     gaps = [fit.gap for fit in found.values() if fit.gap is not None]
     if gaps:
-        print(f"Each fit is proven best: no other gains more than {100 * max(gaps):.2g} % of its objective.")
+        lines.append(f"Each fit is proven best: no other gains more than {100 * max(gaps):.2g} % of its objective.")
+    return "\n".join(lines)
 
 
-def _allan(found: Calibration, folder: Path) -> Path:
+def _allan(found: Calibration, folder: Path) -> NewFile:
     """All axes by sensor as Allan deviations, in the units of datasheets."""
-    from gmwm.cli.output import progress
-
     path = folder / "allan_deviations.png"
-    with progress("drawing"):
-        found.plot(split=False, view="allan", units="datasheet", path=path)
-    return path
+    return NewFile(
+        path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "drawing"
+    )  # fmt: skip
 
 
 def _way_in() -> str:
@@ -152,11 +160,8 @@ def _way_in() -> str:
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"
 
 
-def _print_what_next(written: Sequence[Path]) -> None:
-    from gmwm.cli.output import print_written
-
-    print_written(written)
-    print(
+def _what_next() -> str:
+    return (
         "\nNow your own recording, some hours at rest:\n"
         f"{_way_in()}"
         "  gmwm info FILE\n"

@@ -12,7 +12,7 @@ _UNITS = {
 }  # fmt: skip
 _SECONDS = _UNITS | {f"{unit}s": seconds for unit, seconds in _UNITS.items() if len(unit) > 2 or unit == "hr"}
 _NUMBER = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:e[+-]?[0-9]+)?"
-_PIECE = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
+_TERM = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
 _PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
@@ -26,10 +26,10 @@ def parse_length(text: str, option: str = "--duration") -> float:
     """
     if (plain := _PLAIN.fullmatch(text)) and not plain[2]:
         return float(plain[1])
-    pieces, rest = _PIECE.findall(text), _PIECE.sub("", text)
-    if not pieces or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in pieces):
+    terms, rest = _TERM.findall(text), _TERM.sub("", text)
+    if not terms or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
         raise OptionError(f"{option} takes a length as 90s, 30min, 1h30m, 2h or 1d, or in seconds; got {text!r}")
-    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in pieces))
+    return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
 
 
 def parse_share(text: str) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shlex
 import sys
 import threading
 from collections.abc import Sequence
@@ -14,16 +13,9 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from gmwm._template import Dialect
+from gmwm.cli.output import one_line
 from gmwm.errors import GmwmError
-
-# What is said to a caller of the library, and the same to a shell.
-_PHRASES = (
-    ("imu.longest()", "--gaps longest"),
-    ("gaps='longest'", "--gaps longest"),
-    ("robust=True", "--robust"),
-    ("None to leave one out", "nothing between two commas to leave one out"),
-)
-_KEYWORD = re.compile(r"\b(rate|units|columns|gaps|format|topic|start|stop|skip)=(\{[^{}]*\}|\[[^][]*\])?(?=(\S)?)")
 
 # What Typer says of a value that is no number, and the same in plain words.
 _VALUE = r"invalid value for '(?:\S+ / )?([^']+)': [Ii]nput should be "
@@ -69,7 +61,7 @@ class OneLineErrors(TyperGroup):
         except _UsageError as error:
             code = _told(_usage(error))
         except GmwmError as error:
-            code = _told(str(error))
+            code = _told(error.text(Dialect.SHELL))
         except MemoryError:
             code = _told("there is not enough memory for a recording of this length")
         except OSError as error:
@@ -98,39 +90,8 @@ def _flush() -> None:
             stream.flush()
 
 
-def one_line(text: str) -> str:
-    """`text` without line breaks.
-
-    >>> one_line("a first\\n   and a second")
-    'a first and a second'
-    """
-    return " ".join(text.split())
-
-
-def as_options(text: str) -> str:
-    """A message with the arguments of `gmwm.read` that it names as the options a shell takes.
-
-    >>> as_options("pass rate=, or say it with units={'accel': 'g'} or columns=['time', None, 'gyro_x']")
-    'pass --rate, or say it with --units accel=g or --columns time,,gyro_x'
-    >>> as_options("imu.longest() takes the longest")
-    '--gaps longest takes the longest'
-    """
-
-    def option(match: re.Match[str]) -> str:
-        name, literal, follows = match.groups()
-        if literal is None:
-            return f"--{name} " if follows and (follows.isalnum() or follows in "\"'") else f"--{name}"
-        value = re.sub(r"\bNone\b", "", literal[1:-1].replace('"', "").replace("'", ""))
-        value = re.sub(r"\s*,\s*", ",", re.sub(r"\s*:\s*", "=", value)).strip()
-        return f"--{name} {shlex.quote(value)}"
-
-    for python, shell in _PHRASES:
-        text = text.replace(python, shell)
-    return _KEYWORD.sub(option, text)
-
-
 def _told(message: str) -> int:
-    print(f"error: {as_options(one_line(message))}", file=sys.stderr)
+    print(f"error: {one_line(message)}", file=sys.stderr)
     return USER_ERROR
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, TypedDict
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
-from gmwm.cli.options import RESULT, Json
-from gmwm.errors import DataError, GmwmWarning, MissingTheoryError, OptionError
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
+from gmwm.errors import DataError, MissingTheoryError, OptionError
 from gmwm.exporters import export_formats
 from gmwm.exporters.base import HORIZON
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -25,6 +29,7 @@ EXAMPLES = (
 DEFAULT = "kalibr"
 
 
+@command
 def export(
     calibration: Annotated[
         Path,
@@ -73,8 +78,7 @@ def export(
         Path | None,
         typer.Option("--all", help="Write a file of each format into this directory.", rich_help_panel=RESULT),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Write the noise of a calibrated unit as other programs read it.
 
     Most of them know white noise N and a random walk K of the bias, and no more. Where the model has nothing of the
@@ -82,83 +86,84 @@ def export(
     continuous or discrete, axes, inflation, horizon, models and source.
     """
     from gmwm import Calibration
-    from gmwm.cli.output import calibration_file, made_directory, print_json, print_written, told_warnings
-    from gmwm.exporters import export as exported
 
     if all is not None and (format is not None or output is not None):
         raise OptionError("--all writes every format into a directory; leave --format and --output out")
-    time = parse_length(horizon, "--horizon")
-    with told_warnings() as told:
-        file = calibration_file(calibration)
-        found = Calibration.load(file)
-        if all is not None:
-            made_directory(all, "--all")
-            written, left = _all(found, all, axes, inflation, time, rate)
-            _tell_left(left, told)
-            if json:
-                paths = list(map(str, written))
-                print_json("export", {"file": str(file), "written": paths, "left_out": left}, told)
-                return
-            print_written(written)
-            print(f"\n{len(written)} of {len(written) + len(left)} formats written")
-            return
-        name = DEFAULT if format is None else format
-        text = exported(found, output, name, axes=axes, inflation=inflation, horizon=time, rate=rate)
-        if json:
-            written = [] if output is None else [output]
-            content = {"file": str(file), "format": name, "text": text, "written": list(map(str, written))}
-            print_json("export", content, told)
-        elif output is None:
-            print(text, end="")
-        else:
-            print_written([output])
+    seconds = parse_length(horizon, "--horizon")
+    choice: _Choice = {"axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate}
+    file = calibration_file(calibration)
+    found = Calibration.load(file)
+    if all is not None:
+        return _all(found, file, made_directory(all, "--all"), choice)
+    return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
 
 
-def _all(
-    found: Calibration,
-    folder: Path,
-    axes: Literal["worst", "mean", "each"] | None,
-    inflation: float,
-    horizon: float,
-    rate: float | None,
-) -> tuple[list[Path], dict[str, str]]:
+class _Choice(TypedDict):
+    """The options of an export."""
+
+    axes: Literal["worst", "mean", "each"] | None
+    inflation: float
+    horizon: float
+    rate: float | None
+
+
+def _one(found: Calibration, file: Path, output: Path | None, name: str, choice: _Choice) -> Outcome:
+    """One format, printed if there is no file for it."""
+    from gmwm.exporters import export as exported
+
+    text = exported(found, None, name, **choice)
+    files = () if output is None else (text_file(output, text),)
+    return Outcome(
+        command="export",
+        document={"file": str(file), "format": name, "text": text, "written": file_names(files)},
+        text="" if files else text,
+        files=files,
+    )
+
+
+def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outcome:
     """Every format that there can be of a calibration; and of the others, why not."""
     from gmwm.exporters import export_all
 
-    written, left = export_all(found, folder, axes=axes, inflation=inflation, horizon=horizon, rate=rate)
-    return list(written.values()), left
+    written, left = export_all(found, folder, **choice)
+    paths = tuple(written.values())
+    return Outcome(
+        command="export",
+        document={"file": str(file), "written": list(map(str, paths)), "left_out": left},
+        written=paths,
+        closing=f"\n{len(paths)} of {len(paths) + len(left)} formats written",
+        remarks=tuple(_reasons(left)),
+    )
 
 
-def _tell_left(left: Mapping[str, str], told: list[str]) -> None:
-    """Each reason once, after the formats that it keeps from being written."""
-    from gmwm.cli.output import tell
-
-    reasons: dict[str, list[str]] = {}
+def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:
+    """Why formats are not written."""
     for name, why in left.items():
-        reasons.setdefault(why.removeprefix(f"{name} "), []).append(name)
-    for why, names in reasons.items():
-        each = "each " if len(names) > 1 and why.startswith("needs") else ""
-        tell(told, f"not written: {', '.join(names)}: {each}{why}")
+        yield Remark.of("format-not-written", name, reason=why.rstrip("."))
 
 
-def written_for_kalibr(found: Calibration, room: Path, folder: Path) -> list[str]:
-    """imu.yaml in `room`, if both sensors are calibrated and the data bound what it needs; else `folder`'s own goes."""
-    import warnings
+@dataclass(frozen=True)
+class KalibrFile:
+    """imu.yaml beside a calibration: the file if it can be written, one of an earlier run to remove, and remarks."""
 
+    files: tuple[NewFile, ...] = ()
+    obsolete: tuple[Path, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+
+
+def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
+    """imu.yaml in `folder`, if both sensors are calibrated and the data bound what it needs."""
     from gmwm.exporters import export as exported
+    from gmwm.signals import sensor_of
 
-    target = room / "imu.yaml"
-    if {"gyro", "accel"} <= {axis.rpartition("_")[0] for axis in found}:
+    target, remarks = folder / "imu.yaml", []
+    if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:
         try:
-            exported(found, target)
+            return KalibrFile((text_file(target, exported(found)),))
         except (DataError, MissingTheoryError) as error:
-            warnings.warn(f"{target.name} is not written: {error}", GmwmWarning, stacklevel=2)
-        else:
-            return [target.name]
+            remarks.append(Remark.of("format-not-written", target.name, reason=str(error).rstrip(".")))
+    if not target.is_file():
+        return KalibrFile(remarks=tuple(remarks))
     # Another run would have written over it; beside the new numbers it would be taken for theirs.
-    old = folder / target.name
-    if old.is_file():
-        old.unlink()
-        warnings.warn(f"the {target.name} of an earlier run is removed: it is not of this calibration", GmwmWarning,
-                      stacklevel=2)  # fmt: skip
-    return []
+    remarks.append(Remark.of("old-file-removed", target.name))
+    return KalibrFile(obsolete=(target,), remarks=tuple(remarks))

@@ -2,34 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from gmwm.cli.likelihood_output import LIKELIHOOD, judged, likelihood_fits, print_likelihoods, require_states
+from gmwm.cli.command import command
+from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import InPieces, needs_memory, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, needs_memory, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     Datasheet,
     Efficiency,
     Filter,
-    Json,
     Robust,
     TransformName,
     View,
+    checked_confidence,
     chosen_efficiency,
-    confidence_level,
 )
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, opens
-from gmwm.processes import families, registry
+from gmwm.cli.output import (
+    NewFile,
+    Outcome,
+    json_text,
+    made_directory,
+    progress,
+    table_text,
+    tell,
+    text_file,
+    units_text,
+)
+from gmwm.cli.read_options import Axes, File, chosen_axes
+from gmwm.options import ReadOptions
+from gmwm.processes import ordered_classes, registry
+from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
     from gmwm.estimation.starts import Sampled
-    from gmwm.inference.summary import Way
+    from gmwm.inference.summary import IntervalMethod
     from gmwm.signals import Signal
 
 EXAMPLES = (
@@ -40,14 +53,14 @@ EXAMPLES = (
 )
 _PROCESSES = ", ".join(
     [f"{name} {process.title}" for name, process in registry.items()]
-    + [f"{family.written()} {family.title}" for family in families.values()]
+    + [f"{ordered.written()} {ordered.title}" for ordered in ordered_classes.values()]
 )
 
 
-@opens
+@command
 def fit(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     model: Annotated[
         str,
         typer.Option(
@@ -99,7 +112,7 @@ def fit(
     confidence: Annotated[
         float,
         typer.Option(
-            callback=confidence_level,
+            callback=checked_confidence,
             help="Level of the parameters' confidence intervals.",
             metavar="LEVEL",
             rich_help_panel=RESULT,
@@ -115,7 +128,7 @@ def fit(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Of the bootstrap and the draws.", min=0, rich_help_panel=RESULT)] = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
@@ -126,8 +139,7 @@ def fit(
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Fit a model to each axis and print its parameters with confidence intervals, and a test of the fit.
 
     Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
@@ -135,72 +147,85 @@ def fit(
     of the objective a better one could gain at most. Processes with several parameters of their shape, as AR(2),
     have none: theirs is the best of what a scan of all shapes leads to.
     """
-    import gmwm
-    from gmwm import parse_model
-    from gmwm.cli.output import made_directory, print_json, print_written, progress, tell, told_warnings
+    from gmwm import Imu, Sampled, parse_model
 
-    parsed = parse_model(model)
+    parsed, strength = parse_model(model), chosen_efficiency(robust, efficiency)
     if likelihood:
         require_states(parsed, LIKELIHOOD[0])
-    way = _way(confidence, bootstrap, seed)
-    with told_warnings() as told:
-        whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
-        recording = opened(file, opening, in_pieces, whole=whole)
-        if output is not None:
-            made_directory(output)
-        strength = chosen_efficiency(robust, efficiency)
-        signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength, told=told)
-        fits = fit_axes(
-            dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
-            efficiency=strength, certify=certify, filter=filter, transform=transform,
-            start=None if draws is None else gmwm.Sampled(draws, seed),
-        )  # fmt: skip
+    how = _interval_method(confidence, bootstrap, seed)
+    recording = opened(file, reading, chunked, whole=LIKELIHOOD[0] if likelihood else needs_memory(filter, transform))
+    if output is not None:
+        made_directory(output)
+    signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
+    fits = fit_axes(
+        dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
+        efficiency=strength, certify=certify, filter=filter, transform=transform,
+        start=None if draws is None else Sampled(draws, seed),
+    )  # fmt: skip
+    for name, found in fits.items():
+        for remark in found.wavelet_variance.remarks:
+            tell(remark.about(name))
+    carried = {}
+    if likelihood and isinstance(recording, Imu):
+        carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed), confidence)
+    content = {"file": str(file), "model": str(parsed), "axes": _axes_document(fits, carried, how)}
+    return Outcome(
+        command="fit",
+        document=content,
+        text="\n\n".join([fits_text(fits, how), *([likelihoods_text(carried)] if carried else [])]),
+        files=tuple(_files(fits, content, folder=output, plot=plot, view=view, datasheet=datasheet)),
+        in_text=tuple(_remarks(fits, carried)),
+    )
+
+
+def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
+    """What to know about the fits."""
+    for name, found in fits.items():
+        yield from (remark.about(name) for remark in found.diagnostics.remarks)
+    for name, one in carried.items():
+        yield from (remark.about(f"{name}, by maximum likelihood") for remark in one.fit.remarks)
+
+
+def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
+    """Each fit with its intervals and test as plain numbers, lists and texts."""
+    from gmwm.inference.summary import inference
+
+    axes = {}
+    with progress("intervals and tests", len(fits)) as advance:
         for name, found in fits.items():
-            for note in found.wavelet_variance.notes():
-                tell(told, f"{name}: {note}")
-        carried = {}
-        if likelihood and isinstance(recording, gmwm.Imu):
-            carried = judged(likelihood_fits(fits, chosen_axes(recording, axis), parsed), confidence)
-        if json:
-            for name, found in fits.items():
-                for note in found.diagnostics.notes():
-                    tell(told, f"{name}: {note}")
-            for name, one in carried.items():
-                for note in one.fit.diagnostics.notes():
-                    tell(told, f"{name}, by maximum likelihood: {note}")
-        with progress("intervals and tests", len(fits)) as advance:
-            axes = {}
-            for name, f in fits.items():
-                axes[name] = as_dict(f, way)
-                if name in carried:
-                    axes[name]["likelihood"] = likelihood_as_dict(carried[name])
-                advance(f"intervals and tests: {name}")
-        content = {"file": str(file), "model": str(parsed), "axes": axes}
-        written = []
-        if output is not None:
-            written.append(write_fits(output / "fits.json", content))
-            written += [draw({name: f}, output / f"fit_{name}.png", view, datasheet) for name, f in fits.items()]
-        if plot is not None:
-            written.append(draw(fits, plot, view, datasheet))
-        if json:
-            print_json("fit", content, told)
-            return
-        print_fits(fits, way)
-        if carried:
-            print_likelihoods(carried)
-        print_written(written)
+            axes[name] = found.to_dict() | inference(found, how)
+            if name in carried:
+                axes[name]["likelihood"] = likelihood_as_dict(carried[name])
+            advance(f"intervals and tests: {name}")
+    return axes
 
 
-def _way(confidence: float, draws: int | None, seed: int) -> Way:
+def _files(
+    fits: Mapping[str, Fit],
+    content: Mapping[str, Any],
+    folder: Path | None,
+    plot: Path | None,
+    view: Literal["wavelet", "allan"],
+    datasheet: bool,
+) -> Iterator[NewFile]:
+    """fits.json and a picture of each fit in a folder, and the picture that --plot asks for."""
+    if folder is not None:
+        yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
+        yield from (_picture({name: f}, folder / f"fit_{name}.png", view, datasheet) for name, f in fits.items())
+    if plot is not None:
+        yield _picture(fits, plot, view, datasheet)
+
+
+def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
     """How intervals and tests are made, and enough simulated records for them."""
     from gmwm.inference.bootstrap import as_draws
-    from gmwm.inference.summary import Way
+    from gmwm.inference.summary import IntervalMethod
 
-    way = Way(confidence)
+    how = IntervalMethod(confidence)
     if draws is None:
-        return way
-    as_draws(draws, way.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
-    return Way(confidence, "bootstrap", draws, seed)
+        return how
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
+    return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 
 def fit_axes(
@@ -228,79 +253,62 @@ def fit_axes(
     return over_axes(measured_and_fitted, signals, "fitting")
 
 
-def draw(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> Path:
+def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
     """A picture of one fit with its terms in words, or of several in a grid."""
-    from gmwm.cli.output import progress
     from gmwm.plots.imu import plot_imu
 
-    with progress(f"drawing {path.name}"):
+    units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
+
+    def draw(target: Path) -> None:
         if len(fits) == 1:
-            next(iter(fits.values())).plot(view=view, units="datasheet" if datasheet else "si", path=path)
+            next(iter(fits.values())).plot(view=view, units=units, path=target)
         else:
-            plot_imu(fits, view=view, units="datasheet" if datasheet else "si", path=path)
-    return path
+            plot_imu(fits, view=view, units=units, path=target)
+
+    return NewFile(path, draw, f"drawing {path.name}")
 
 
-def write_fits(path: Path, content: Mapping[str, Any]) -> Path:
-    """`content` as a JSON file, with the version of the package."""
-    from gmwm._files import write_text
-    from gmwm.cli.output import json_text
-
-    write_text(path, json_text("fit", content) + "\n")
-    return path
-
-
-def as_dict(fit: Fit, way: Way) -> dict[str, Any]:
-    """A fit with its intervals and test as plain numbers, lists and texts."""
-    from gmwm.inference.summary import inference
-
-    return fit.to_dict() | inference(fit, way)
-
-
-def print_fits(fits: Mapping[str, Fit], way: Way) -> None:
+def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.calibration.tables import wrapped
-    from gmwm.inference.summary import intervals_if_known, notes
+    from gmwm.inference.summary import intervals_if_known
+    from gmwm.signals import by_sensor
 
     if len(fits) == 1:
-        print(next(iter(fits.values())).summary(way.level, way.method, draws=way.draws, seed=way.seed))
-        return
+        return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, seed=how.seed)
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
     robust = f"robust with efficiency {wv.efficiency:g}, " if wv.robust else ""
-    print(f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}")
-    sensors: dict[str, dict[str, Fit]] = {}
-    for name, found in fits.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = found
-    for group in sensors.values():
-        _print_sensor(group, way)
-    print(
-        f"\n±: one relative standard error; ≤: upper limit at {50 + 50 * way.level:g} %; p: of a worse fit\n"
-        "if the model is right. Confidence intervals: one --axis alone, or --json."
-    )
-    told = [
-        f"{name}: {note}" for name, found in fits.items() for note in notes(found, intervals_if_known(found, way)[1])
+    sensors = by_sensor(fits)
+    parts = [
+        f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}",
+        *(_sensor_text(group, how) for group in sensors.values()),
+        f"±: one relative standard error; ≤: upper limit at {50 + 50 * how.level:g} %; p: of a worse fit\n"
+        "if the model is right. Confidence intervals: one --axis alone, or --json.",
     ]
-    if told:
-        print("\n".join(["", *(line for text in told for line in wrapped(text))]))
+    remarks = [
+        remark.about(name)
+        for name, found in fits.items()
+        for remark in (intervals_if_known(found, how)[1], *found.diagnostics.remarks)
+        if remark is not None
+    ]
+    lines = [line for text in texts(remarks, Dialect.SHELL) for line in wrapped(text)]
+    return "\n\n".join([*parts, *(["\n".join(lines)] if lines else [])])
 
 
-def _print_sensor(group: Mapping[str, Fit], way: Way) -> None:
-    from gmwm.cli.output import print_table, print_units
+def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
     from gmwm.inference.summary import short_values, test_in_words
 
     first = next(iter(group.values()))
     units = first.units()
-    values = [short_values(found, way) for found in group.values()]
+    values = [short_values(found, how) for found in group.values()]
     rows = [[name, *(shown[name] for shown in values)] for name in first.parameters]
     last = len(rows) - 1
-    tests = [test_in_words(found, way)[0] for found in group.values()]
+    tests = [test_in_words(found, how)[0] for found in group.values()]
     rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
     rows.append(["objective", *(f"{found.objective:.5g}" for found in group.values())])
     rows.append(["gain at most", *_gains(list(group.values()))])
-    print()
-    print_table(["parameter", *group], rows, rules=[last])
-    print_units(units)
+    return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(units)}"
 
 
 def _gains(fits: Sequence[Fit]) -> list[str]:

@@ -9,22 +9,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.api import WITHIN
+from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers
+from gmwm.cli.command import command
 from gmwm.cli.measuring import MACHINES
-from gmwm.cli.options import (
-    RESULT,
-    ChoiceWeighting,
-    Confidence,
-    CriterionName,
-    Efficiency,
-    Json,
-    Seed,
-    Within,
-    parse_within,
-)
-from gmwm.cli.read_options import INPUT, Axes, Opening, opens, reading
+from gmwm.cli.options import RESULT, ChoiceWeighting, Confidence, CriterionName, Efficiency, Seed, Within, parse_within
+from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
+from gmwm.cli.read_options import INPUT, Axes
 from gmwm.errors import DataError, OptionError
+from gmwm.fleets.discovery import FILE
+from gmwm.fleets.storage import TABLE
+from gmwm.options import ReadOptions
+from gmwm.remarks import Remark
+from gmwm.variance.biweight import EFFICIENCY
 
 if TYPE_CHECKING:
     from gmwm.fleets import Fleet
@@ -39,7 +36,7 @@ SHOWN = 10
 """Failed units that are named on stderr; the table and the summary have all."""
 
 
-@opens
+@command
 def fleet(
     folder: Annotated[
         Path,
@@ -56,7 +53,7 @@ def fleet(
             show_default=False,
         ),
     ],
-    opening: Opening,
+    reading: ReadOptions,
     pattern: Annotated[
         str | None,
         typer.Option(
@@ -101,8 +98,7 @@ def fleet(
             rich_help_panel=MACHINES,
         ),
     ] = 2,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Calibrate every recording in a folder, and tell what the units are like and which are not like the others.
 
     Each unit's calibration is written as soon as it is there; the same command again does only what is missing, failed
@@ -111,9 +107,7 @@ def fleet(
 
     fleet.parquet has a row for each unit and axis; Fleet.load reads the directory.
     """
-    from gmwm import fleet as calibrate_all
-    from gmwm.cli.errors import as_options
-    from gmwm.cli.output import print_json, print_written, tell, told_warnings
+    from gmwm.fleets.engine import calibrate_fleet
 
     if efficiency is not None and robust == "no":
         raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
@@ -121,30 +115,36 @@ def fleet(
         raise OptionError("--workers are those begun on this machine, a scheduler has its own: leave one of them out")
     if folder.is_file():
         raise OptionError(f"{folder} is one recording, not a folder of them: gmwm calibrate is for one")
-    largest, arguments = parse_within(within), reading(opening)
-    axes = [part.strip() for text in axis or () for part in text.split(",")] or None
-    with told_warnings() as told:
-        with _bar() as progress:
-            found = calibrate_all(
-                folder, output, within=largest, robust=ROBUST[robust], weighting=weighting, criterion=criterion,
-                confidence=confidence, efficiency=0.6 if efficiency is None else efficiency, seed=seed, axes=axes,
-                reading=arguments, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
-                progress=progress,
-            )  # fmt: skip
-        if not len(found):
-            unit, why = next(iter(found.failed.items()))
-            raise DataError(f"none of {len(found.units)} units can be calibrated; {unit}: {why}")
-        for line in _trouble(found):
-            tell(told, line)
-        written = write_all(found, output)
-        if json:
-            print_json("fleet", {**document(found), "written": list(map(str, written))}, told)
-            return
-        print(as_options(found.summary()))
-        print_written(written)
+    asked = CalibrationOptions(
+        within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+        confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
+        axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
+    )  # fmt: skip
+    with _bar() as advance:
+        found = calibrate_fleet(
+            folder, output, asked, reading, pattern=pattern, scheduler=scheduler, workers=workers, retries=retries,
+            progress=advance,
+        )  # fmt: skip
+    if not len(found):
+        unit, why = next(iter(found.failed.items()))
+        raise DataError(f"none of {len(found.units)} units can be calibrated; {unit}: {why}")
+    summary = found.summary()
+    done = (output / FILE, output / TABLE)
+    files = (
+        text_file(output / "summary.txt", summary + "\n"),
+        NewFile(output / "fleet.png", lambda path: found.plot(path=path), "drawing"),
+    )
+    return Outcome(
+        command="fleet",
+        document={**_document(found), "written": [*map(str, done), *file_names(files)]},
+        text=summary,
+        files=files,
+        written=done,
+        remarks=tuple(_trouble(found)),
+    )
 
 
-def document(found: Fleet) -> dict[str, object]:
+def _document(found: Fleet) -> dict[str, object]:
     """What --json prints, but for what was written."""
     return {
         "output": str(found.folder), "units": list(found.units), "done": found.done, "kept": found.kept,
@@ -152,39 +152,17 @@ def document(found: Fleet) -> dict[str, object]:
     }  # fmt: skip
 
 
-def write_all(found: Fleet, folder: Path) -> list[Path]:
-    """The summary and the picture, each whole or not at all; the rest is there."""
-    from gmwm._files import write_text
-    from gmwm.cli.errors import as_options
-    from gmwm.cli.output import progress
-    from gmwm.fleets.discovery import FILE
-    from gmwm.fleets.storage import TABLE
-
-    facts, table, text, picture = (folder / name for name in (FILE, TABLE, "summary.txt", "fleet.png"))
-    write_text(text, as_options(found.summary()) + "\n")
-    with progress("drawing"):
-        found.plot(path=picture)
-    return [facts, table, text, picture]
-
-
-def _trouble(found: Fleet) -> Iterator[str]:
-    """Units and files that are not among the calibrated ones, a line each."""
-    failed = list(found.failed.items())
-    for unit, why in failed[:SHOWN]:
-        yield f"{unit} is not calibrated: {why}"
-    if len(failed) > SHOWN:
-        yield f"{len(failed) - SHOWN} more units are not calibrated: summary.txt and fleet.parquet say why"
+def _trouble(found: Fleet) -> Iterator[Remark]:
+    """Units and files that are not among the calibrated ones."""
+    for unit, why in found.failed.items():
+        yield Remark.of("not-calibrated", unit, reason=why.rstrip("."))
     if found.left_out:
-        names = ", ".join(found.left_out[:SHOWN])
-        more = f" and {len(found.left_out) - SHOWN} more" if len(found.left_out) > SHOWN else ""
-        yield f"left out, as they look like no recordings: {names}{more}; --pattern says which files are"
+        yield Remark.of("files-left-out", files=tuple(found.left_out))
 
 
 @contextmanager
 def _bar() -> Iterator[Progress]:
     """A progress bar of as many units as there are, which is known when they are found."""
-    from gmwm.cli.output import progress
-
     fine, moved = 1000, 0
     with progress("looking for recordings", fine) as advance:
 

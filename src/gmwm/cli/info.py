@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gmwm.cli.measuring import InPieces, opened
-from gmwm.cli.options import RESULT, Json
-from gmwm.cli.read_options import File, Opening, opens
+from gmwm.cli.command import command
+from gmwm.cli.measuring import Chunked, opened
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress
+from gmwm.cli.read_options import File
+from gmwm.inspection.result import text
+from gmwm.options import ReadOptions
+from gmwm.remarks import Dialect
+from gmwm.signals import Imu
 
 EXAMPLES = (
     "gmwm info static.csv",
@@ -18,17 +25,16 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def info(
     file: File,
-    opening: Opening,
-    in_pieces: InPieces = "auto",
+    reading: ReadOptions,
+    chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Say what a recording holds and whether it can be used.
 
     Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
@@ -36,24 +42,24 @@ def info(
 
     In the table, all in SI units: mean; sd, the standard deviation of all samples; noise, that of white noise with
     the same differences from sample to sample, which offset and slow drift do not reach; LSB, the quantisation step
-    where one shows; wander, the largest difference between the means of 64 equal pieces of the recording.
+    where one shows; wander, the largest difference between the means of 64 equal windows of the recording.
     """
-    from gmwm.cli.errors import as_options
-    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
     from gmwm.inspection import inspect
-    from gmwm.signals import Imu
 
-    with told_warnings() as told:
-        recording = opened(file, opening, in_pieces, whole="" if plot is None else "--plot")
-        with progress("inspecting"):
-            inspection = inspect(recording)
-        if plot is not None and isinstance(recording, Imu):
-            with progress(f"drawing {plot.name}"):
-                recording.plot(path=plot)
-        if json:
-            for warning in inspection.warnings:
-                tell(told, warning)
-            print_json("info", {"file": str(file), **inspection.to_dict()}, told)
-        else:
-            print(as_options(inspection.summary()))
-            print_written([plot] if plot is not None else [])
+    recording = opened(file, reading, chunked, whole="" if plot is None else "--plot")
+    with progress("inspecting"):
+        inspection = inspect(recording)
+    files = []
+    if plot is not None and isinstance(recording, Imu):
+        files.append(NewFile(plot, partial(_draw, recording), f"drawing {plot.name}"))
+    return Outcome(
+        command="info",
+        document={"file": str(file), **inspection.to_dict()},
+        text=text(inspection, Dialect.SHELL),
+        all_text=text(inspection, Dialect.SHELL, every=True),
+        files=tuple(files),
+    )
+
+
+def _draw(recording: Imu, path: Path) -> None:
+    recording.plot(path=path)

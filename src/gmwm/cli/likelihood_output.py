@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gmwm.errors import MissingTheoryError
+from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -26,7 +27,7 @@ class Judged:
     fit: LikelihoodFit
     level: float
     intervals: Mapping[str, Interval]
-    reason: str | None
+    missing: Remark | None
     residuals: Residuals
 
 
@@ -69,10 +70,10 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
     from gmwm.likelihood.summary import intervals_if_known, own_residuals
 
     def one(_: str, fit: LikelihoodFit) -> Judged:
-        intervals, reason = intervals_if_known(fit, level)
+        intervals, missing = intervals_if_known(fit, level)
         residuals = own_residuals(fit)
         assert residuals is not None  # fitted here, so its record is there
-        return Judged(fit, level, intervals, reason, residuals)
+        return Judged(fit, level, intervals=intervals, missing=missing, residuals=residuals)
 
     what = "intervals of the likelihood"
     with progress(what, len(fits)) as advance:
@@ -90,34 +91,32 @@ def as_dict(found: Judged) -> dict[str, Any]:
     }
 
 
-def print_likelihoods(found: Mapping[str, Judged]) -> None:
+def likelihoods_text(found: Mapping[str, Judged]) -> str:
     """The summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.likelihood.summary import in_words
+    from gmwm.signals import by_sensor
 
-    print()
     if len(found) == 1:
         one = next(iter(found.values()))
-        print(in_words(one.fit, one.level, one.intervals, one.residuals, one.reason))
-        return
+        return in_words(one.fit, one.level, intervals=one.intervals, residuals=one.residuals, missing=one.missing)
     first = next(iter(found.values()))
-    print(f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz")
-    sensors: dict[str, dict[str, Judged]] = {}
-    for name, one in found.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = one
-    for group in sensors.values():
-        _print_sensor(group)
-    print("\np of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.")
-    told = [
-        f"{name}: {note}"
-        for name, one in found.items()
-        for note in [*one.fit.diagnostics.notes(), *([one.reason] if one.reason else [])]
+    sensors = by_sensor(found)
+    parts = [
+        f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz",
+        *map(_sensor_text, sensors.values()),
+        "p of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.",
     ]
-    if told:
-        print("\n".join(["", *told]))
+    remarks = [
+        remark.about(name)
+        for name, one in found.items()
+        for remark in (one.missing, *one.fit.remarks)
+        if remark is not None
+    ]
+    return "\n\n".join([*parts, *(["\n".join(texts(remarks, Dialect.SHELL))] if remarks else [])])
 
 
-def _print_sensor(group: Mapping[str, Judged]) -> None:
-    from gmwm.cli.output import print_table, print_units
+def _sensor_text(group: Mapping[str, Judged]) -> str:
+    from gmwm.cli.output import table_text, units_text
     from gmwm.likelihood.summary import p_text, short_values
 
     first = next(iter(group.values())).fit
@@ -131,6 +130,4 @@ def _print_sensor(group: Mapping[str, Judged]) -> None:
         ["Ljung-Box, p", *(p_text(one.residuals.ljung_box().p_value) for one in group.values())],
         ["Jarque-Bera, p", *(p_text(one.residuals.normality().p_value) for one in group.values())],
     ]
-    print()
-    print_table(["parameter", *group], rows, rules=[last])
-    print_units(first.units())
+    return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(first.units())}"

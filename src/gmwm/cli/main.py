@@ -29,7 +29,8 @@ from gmwm.cli import (
     watch,
     wv,
 )
-from gmwm.cli.errors import OneLineErrors, one_line
+from gmwm.cli.errors import OneLineErrors
+from gmwm.cli.output import one_line
 
 app = typer.Typer(
     name="gmwm",

@@ -1,4 +1,4 @@
-"""Recordings larger than memory: when they are read in pieces, and how their curves are had, here or on a cluster."""
+"""Recordings larger than memory: when they are read in chunks, and how their curves are had, here or on a cluster."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.read_options import INPUT, Opening, chosen_axes, chosen_names, load, reading
+from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
     from gmwm.signals import Imu, Signal
     from gmwm.variance.result import WaveletVariance
 
-InPieces = Annotated[
+Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Read the recording in pieces, twice, in bounded memory: files of 300 MB or more, all, or none. Scales "
-        "from 2^15 samples on then take one coefficient every τ/64, and temperatures are not looked at.",
+        help="Read the recording in chunks, twice, in bounded memory. auto: files of 300 MB or more; yes: every file; "
+        "no: never. In chunks, scales from 2^15 samples on use one coefficient every τ/64; temperatures are not read.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -48,37 +49,36 @@ Workers = Annotated[
 
 def opened(
     path: Path,
-    opening: Opening,
-    in_pieces: Literal["auto", "yes", "no"],
+    reading: ReadOptions,
+    chunked: Literal["auto", "yes", "no"],
     *,
     spread: bool = False,
     whole: str = "",
 ) -> Imu | Stream:
-    """The recording in a file, in memory or in pieces.
+    """The recording in a file, in memory or in chunks.
 
     Parameters
     ----------
-    path, opening, in_pieces
+    path, reading, chunked
     spread : bool
-        Whether others are to read it: that is in pieces.
+        Whether workers read it, which is always in chunks.
     whole : str
         What was asked for that needs it in memory; "" if nothing was.
     """
-    whole = whole or ("--gaps longest" if opening.gaps == "longest" else "")
-    if whole and (spread or in_pieces == "yes"):
-        asked = "--scheduler and --workers read" if spread else "--in-pieces yes reads"
-        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in pieces: leave one of them out")
-    if spread and in_pieces == "no":
-        raise OptionError("--scheduler and --workers read the recording in pieces: leave --in-pieces no out")
+    whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
+    if whole and (spread or chunked == "yes"):
+        asked = "--scheduler and --workers read" if spread else "--chunked yes reads"
+        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in chunks: leave one of them out")
+    if spread and chunked == "no":
+        raise OptionError("--scheduler and --workers read the recording in chunks: leave --chunked no out")
     from gmwm.cli.output import progress
-    from gmwm.readers import stream
-    from gmwm.readers.streams import is_large
+    from gmwm.readers.streams import is_large, stream_file
 
-    if not spread and (in_pieces == "no" or (in_pieces == "auto" and (whole or not is_large(path)))):
-        return load(path, opening)
+    if not spread and (chunked == "no" or (chunked == "auto" and (whole or not is_large(path)))):
+        return load(path, reading)
 
     with progress(f"reading {path.name}"):
-        return stream(path, **{name: value for name, value in reading(opening).items() if name != "gaps"})
+        return stream_file(path, reading)
 
 
 def needs_memory(filter: str, transform: str) -> str:
@@ -88,7 +88,7 @@ def needs_memory(filter: str, transform: str) -> str:
     return f"--transform {transform}" if transform != "modwt" else ""
 
 
-def curves_and_cautions(
+def stream_curves(
     stream: Stream,
     axes: Sequence[str],
     *,
@@ -96,32 +96,29 @@ def curves_and_cautions(
     efficiency: float,
     scheduler: str | None = None,
     workers: int | None = None,
-) -> tuple[dict[str, WaveletVariance], tuple[str, ...]]:
-    """The curves of some axes of a recording in pieces, and what an inspection warns of."""
+) -> dict[str, WaveletVariance]:
+    """The curves of some axes of a recording in chunks; adds what the inspection finds."""
     from gmwm.calibration.stream_measurement import measured_and_seen
-    from gmwm.cli.output import progress
+    from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
         curves, seen = measured_and_seen(
             stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
             done=lambda text: advance(text, 0),
         )  # fmt: skip
-    return {axis: found[0] for axis, found in curves.items()}, seen.warnings
+    for remark in seen.remarks:
+        tell(remark)
+    return {axis: found[0] for axis, found in curves.items()}
 
 
 def signals_or_curves(
-    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, told: list[str]
+    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The axes that --axis names, measured already if the recording is in pieces; cautions are told."""
-    from gmwm.cli.output import tell, tell_cautions
+    """The axes that --axis names, measured already if the recording is in chunks; adds what an inspection finds."""
+    from gmwm.cli.output import tell_inspection
     from gmwm.signals import Imu
 
     if isinstance(recording, Imu):
-        tell_cautions(told, recording)
+        tell_inspection(recording)
         return chosen_axes(recording, wanted)
-    curves, seen = curves_and_cautions(
-        recording, chosen_names(recording.axes, wanted), robust=robust, efficiency=efficiency
-    )
-    for warning in seen:
-        tell(told, warning)
-    return curves
+    return stream_curves(recording, chosen_names(recording.axes, wanted), robust=robust, efficiency=efficiency)

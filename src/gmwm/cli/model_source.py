@@ -1,4 +1,4 @@
-"""What the commands that follow a recording with a model share: which model, and where its values come from."""
+"""The model of the commands that run a Kalman filter: which model, and where its values come from."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ ByLikelihood = Annotated[
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
-    """The model of an axis with its values, how they came, and whether they were estimated from this very record."""
+class AxisModel:
+    """The model of an axis with its values, their origin, and whether they were estimated from this very record."""
 
     model: Fit | LikelihoodFit | Model
-    source: str
+    origin: str
     own: bool
 
     @property
@@ -64,12 +64,12 @@ class Followed:
 
     def to_dict(self) -> dict[str, Any]:
         """Model and values as plain texts and numbers."""
-        return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.source}
+        return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
 @dataclass(frozen=True)
-class Way:
-    """What the options say of the model, checked before a file is read."""
+class ModelSource:
+    """The options on the model, checked before a file is read."""
 
     model: Model | None
     fits: Mapping[str, Any]
@@ -80,10 +80,10 @@ class Way:
     efficiency: float
 
 
-def as_way(
+def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
-) -> Way:
-    """The way to the values, or an error where options contradict each other."""
+) -> ModelSource:
+    """The source of the model, or an error if options contradict each other."""
     from gmwm import parse_model
     from gmwm.cli.plan import fits_in
 
@@ -93,41 +93,57 @@ def as_way(
         if robust:
             raise OptionError("--robust is how a model is fitted; with --from-fits it is fitted already, leave one out")
         fitted, fits = fits_in(from_fits)
-        return Way(None, fits, str(from_fits), fitted, likelihood, robust, efficiency)
+        return ModelSource(
+            model=None,
+            fits=fits,
+            fits_file=str(from_fits),
+            fitted_file=fitted,
+            likelihood=likelihood,
+            robust=robust,
+            efficiency=efficiency,
+        )
     parsed = parse_model(str(model))
     require_states(parsed, "--model")
-    return Way(parsed, {}, "", None, likelihood, robust, efficiency)
+    return ModelSource(
+        model=parsed,
+        fits={},
+        fits_file="",
+        fitted_file=None,
+        likelihood=likelihood,
+        robust=robust,
+        efficiency=efficiency,
+    )
 
 
-def followed(way: Way, signals: Mapping[str, Signal], file: Path, told: list[str]) -> dict[str, Followed]:
-    """The model of each axis with its values; those that are fitted say what to be warned of."""
+def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
+    """The model of each axis with its values; fitted ones pass on their warnings."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
-    if way.model is None:
-        return {axis: _from_file(way, axis, file) for axis in signals}
-    if not way.likelihood and not way.robust and None not in way.model.parameters.values():
-        return dict.fromkeys(signals, Followed(way.model, "given", False))
+    if source.model is None:
+        return {axis: _from_file(source, axis, file) for axis in signals}
+    if not source.likelihood and not source.robust and None not in source.model.parameters.values():
+        return dict.fromkeys(signals, AxisModel(source.model, "given", False))
     fits: Mapping[str, Fit | LikelihoodFit] = fit_axes(
-        dict.fromkeys(signals, way.model), signals, robust=way.robust, efficiency=way.efficiency, certify=False
+        dict.fromkeys(signals, source.model), signals, robust=source.robust, efficiency=source.efficiency, certify=False
     )
-    source = "fitted to the wavelet variance"
-    if way.likelihood:
-        fits, source = likelihood_fits(fits, signals, way.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
+    origin = "fitted to the wavelet variance"
+    if source.likelihood:
+        fits, origin = likelihood_fits(fits, signals, source.model), "fitted by maximum likelihood"  # type: ignore[arg-type]
     for axis, fit in fits.items():
-        for note in fit.diagnostics.notes():
-            tell(told, f"{axis}: {note}")
-    return {axis: Followed(fit, source, True) for axis, fit in fits.items()}
+        for remark in fit.diagnostics.remarks:
+            tell(remark.about(axis))
+    return {axis: AxisModel(fit, origin, True) for axis, fit in fits.items()}
 
 
-def axes_of(way: Way, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
+def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
     """The signals that there is a model for: those of the file of fits, unless axes are named."""
-    if way.model is not None or chosen:
+    if source.model is not None or chosen:
         return signals
-    there = {axis: signal for axis, signal in signals.items() if axis in way.fits}
+    there = {axis: signal for axis, signal in signals.items() if axis in source.fits}
     if not there:
         raise OptionError(
-            f"--from-fits holds {', '.join(way.fits)}, the recording {', '.join(signals)}: none in common"
+            f"--from-fits holds {', '.join(source.fits)}, the recording {', '.join(signals)}: none in common"
         )
     return there
 
@@ -135,19 +151,21 @@ def axes_of(way: Way, signals: Mapping[str, Signal], chosen: bool) -> Mapping[st
 # --- inside -------------------------------------------------------------------------------------------
 
 
-def _from_file(way: Way, axis: str, file: Path) -> Followed:
+def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
     from gmwm import Fit, LikelihoodFit
 
-    if axis not in way.fits:
-        raise OptionError(f"--axis must be one of {', '.join(way.fits)}, which {way.fits_file} holds; got {axis}")
-    content = way.fits[axis]
+    if axis not in source.fits:
+        raise OptionError(f"--axis must be one of {', '.join(source.fits)}, which {source.fits_file} holds; got {axis}")
+    content = source.fits[axis]
     fit: Fit | LikelihoodFit
-    if way.likelihood:
+    if source.likelihood:
         if "likelihood" not in content:
-            raise ReadError(f"{way.fits_file} has no fit by maximum likelihood of {axis}: write it with gmwm fit --ml")
+            raise ReadError(
+                f"{source.fits_file} has no fit by maximum likelihood of {axis}: write it with gmwm fit --ml"
+            )
         fit = LikelihoodFit.from_dict(content["likelihood"])
     else:
         fit = Fit.from_dict(content)
-    require_states(fit.model, f"{axis} of {way.fits_file}")
-    same = way.fitted_file is not None and Path(way.fitted_file).name == file.name
-    return Followed(fit, f"of {way.fits_file}", same)
+    require_states(fit.model, f"{axis} of {source.fits_file}")
+    same = source.fitted_file is not None and Path(source.fitted_file).name == file.name
+    return AxisModel(fit, f"of {source.fits_file}", same)

@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.cli.option_names import checked, prefixed
 from gmwm.errors import OptionError
+from gmwm.options import as_confidence
+from gmwm.variance.biweight import biweight
 
 if TYPE_CHECKING:
     from gmwm.processes.model import Model
@@ -20,6 +23,10 @@ Json = Annotated[
         help="JSON on stdout and nothing else; warnings and progress on stderr.",
         rich_help_panel=RESULT,
     ),
+]
+AllRemarks = Annotated[
+    bool,
+    typer.Option("--all-remarks", help="Show all remarks instead of the gravest five.", rich_help_panel=RESULT),
 ]
 View = Annotated[
     Literal["wavelet", "allan"],
@@ -54,22 +61,10 @@ Robust = Annotated[
 ]
 
 
-def checked_efficiency(given: float | None) -> float | None:
-    """The option's own name in the message, before the file is read."""
-    from gmwm.variance.biweight import biweight
-
-    if given is not None:
-        try:
-            biweight(given)
-        except OptionError as error:
-            raise OptionError(f"--{error}") from None
-    return given
-
-
 Efficiency = Annotated[
     float | None,
     typer.Option(
-        callback=checked_efficiency,
+        callback=checked(biweight),
         help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: a low one stands outliers "
         "that are near, a high one more of those that are far. Default: 0.6.",
         rich_help_panel="Estimation",
@@ -102,18 +97,11 @@ CriterionName = Annotated[
 ]
 
 
-def confidence_level(given: float) -> float:
-    """A level as it is computed with; an error that names the option where it is none."""
-    if not 0 < given < 1:
-        hint = f"; {given:g} % is {given / 100:g}" if 1 < given < 100 else "; 95 % is 0.95"
-        raise OptionError(f"--confidence must be between 0 and 1, got {given:g}{hint}")
-    return given
-
-
+checked_confidence = checked(as_confidence)
 Confidence = Annotated[
     float,
     typer.Option(
-        callback=confidence_level,
+        callback=checked_confidence,
         help="Level of the intervals, and of what counts as equally good.",
         metavar="LEVEL",
         rich_help_panel="Estimation",
@@ -131,12 +119,9 @@ def parse_within(text: str) -> Model:
     Model('GM + WN')
     """
     from gmwm import parse_model
-    from gmwm.errors import ModelError
 
-    try:
+    with prefixed("within"):
         return parse_model(text)
-    except ModelError as error:
-        raise ModelError(f"--within: {error}") from None
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:

@@ -1,4 +1,4 @@
-"""What commands write: JSON alone on stdout, tables that never wrap, warnings in a line, progress on stderr."""
+"""The result of a command and its output: text or JSON on stdout, files, warnings and progress on stderr."""
 
 from __future__ import annotations
 
@@ -7,16 +7,126 @@ import json
 import math
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
-from gmwm.cli.errors import as_options, one_line
-from gmwm.errors import FitWarning, GmwmWarning, OptionError
+from gmwm._files import write_text, written_together
+from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
+from gmwm.remarks import Dialect, Remark, Severity, brief
+from gmwm.remarks.rendering import MOST
 
 if TYPE_CHECKING:
     from gmwm.signals import Imu
+
+
+@dataclass(frozen=True)
+class NewFile:
+    """A file to write: its path, the function that writes it whole, and the label of the progress bar."""
+
+    path: Path
+    write: Callable[[Path], object]
+    label: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """The result of a command, before anything of it is printed or written.
+
+    Attributes
+    ----------
+    command : str
+        Name of the command.
+    document : mapping
+        The result for --json, without the warnings.
+    text : str
+        The result for a reader.
+    all_text : str
+        The same with all remarks, for --all-remarks; "" if the text has them all.
+    files : tuple of NewFile
+        Files to write.
+    together : bool
+        Whether the files belong to one folder and are written all or none.
+    obsolete : tuple of Path
+        Files of an earlier run to remove when the new ones are there.
+    written : tuple of Path
+        Files that the library has written already; they are listed before the others.
+    listed : bool
+        Whether the files are listed after the text.
+    closing : str
+        Text after the list of files.
+    remarks : tuple of Remark
+        Remarks that neither the library's warnings nor the text has.
+    in_text : tuple of Remark
+        Remarks that the text contains; --json has them among its remarks.
+    failure : GmwmError or None
+        The error to end with, after the result of what came before it.
+    """
+
+    command: str
+    document: Mapping[str, Any]
+    text: str = ""
+    all_text: str = ""
+    files: tuple[NewFile, ...] = ()
+    together: bool = False
+    obsolete: tuple[Path, ...] = ()
+    written: tuple[Path, ...] = ()
+    listed: bool = True
+    closing: str = ""
+    remarks: tuple[Remark, ...] = ()
+    in_text: tuple[Remark, ...] = ()
+    failure: GmwmError | None = None
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files of the result."""
+        return [*self.written, *(file.path for file in self.files)]
+
+
+def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
+    """Write the files of a result, and print it as text or as JSON with the remarks."""
+    for remark in outcome.remarks:
+        tell(remark)
+    _write_files(outcome)
+    warned.show()
+    if json:
+        print_json(outcome.command, outcome.document, [*outcome.in_text, *warned.remarks])
+    else:
+        text = outcome.all_text if every and outcome.all_text else outcome.text
+        if text:
+            print(text, end="" if text.endswith("\n") else "\n")
+        if outcome.listed and outcome.paths:
+            print("\nWrote", *(f"  {path}" for path in outcome.paths), sep="\n")
+        if outcome.closing:
+            print(outcome.closing)
+    if outcome.failure is not None:
+        raise outcome.failure
+
+
+def _write_files(outcome: Outcome) -> None:
+    if not outcome.together or not outcome.files:
+        for file in outcome.files:
+            with progress(file.label) if file.label else nullcontext():
+                file.write(file.path)
+        return
+    with written_together(outcome.files[0].path.parent) as room:
+        for file in outcome.files:
+            with progress(file.label) if file.label else nullcontext():
+                file.write(room / file.path.name)
+        for path in outcome.obsolete:
+            path.unlink(missing_ok=True)
+
+
+def text_file(path: Path, text: str) -> NewFile:
+    """A file with this text."""
+    return NewFile(path, lambda target: write_text(target, text))
+
+
+def file_names(files: Sequence[NewFile]) -> list[str]:
+    """The paths of files to write, as --json has them."""
+    return [str(file.path) for file in files]
 
 
 class Advance(Protocol):
@@ -26,10 +136,15 @@ class Advance(Protocol):
         """Move on."""
 
 
-def print_json(command: str, content: Mapping[str, Any], warned: Sequence[str]) -> None:
-    """The result of a command on stdout, as `json_text` has it, escaped where stdout is not in UTF-8."""
+def print_json(command: str, content: Mapping[str, Any], remarks: Iterable[Remark]) -> None:
+    """The result of a command on stdout, as `json_text` has it, escaped where stdout is not in UTF-8.
+
+    The document's own remarks come first, then those that it does not have.
+    """
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
-    print(json_text(command, {**content, "warnings": list(warned)}, escaped=escaped))
+    known = list(content.get("remarks", ()))
+    known += [one for one in (remark.to_dict() for remark in dict.fromkeys(remarks)) if one not in known]
+    print(json_text(command, {**content, "remarks": known}, escaped=escaped))
 
 
 def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False) -> str:
@@ -66,21 +181,6 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def print_table(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    title: str = "",
-    texts: int = 1,
-    rules: Sequence[int] = (),
-) -> None:
-    """A table on stdout; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
-
-    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
-    """
-    print(table_text(columns, rows, title=title, texts=texts, rules=rules))
-
-
 def table_text(
     columns: Sequence[str],
     rows: Sequence[Sequence[str]],
@@ -89,7 +189,10 @@ def table_text(
     texts: int = 1,
     rules: Sequence[int] = (),
 ) -> str:
-    """The lines of such a table."""
+    """A table; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
+
+    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
+    """
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -113,30 +216,45 @@ def table_text(
     return "\n".join(lines).strip("\n")
 
 
-def print_units(units: Mapping[str, str]) -> None:
+def units_text(units: Mapping[str, str]) -> str:
     """The units of parameters in a line, each name once."""
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
     # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
         of = dict(units)
-    print("in " + ", ".join(f"{unit} ({name})" for name, unit in of.items()))
+    return "in " + ", ".join(f"{unit} ({name})" for name, unit in of.items())
 
 
-def print_written(paths: Sequence[Path]) -> None:
-    """Say which files there are now."""
-    if paths:
-        print("\nWrote")
-    for path in paths:
-        print(f"  {path}")
+class Warned:
+    """Remarks that came as warnings, printed on stderr: the gravest five, or all of them."""
+
+    def __init__(self, *, every: bool) -> None:
+        self.remarks: list[Remark] = []
+        self._every, self._shown = every, False
+
+    def add(self, remark: Remark) -> None:
+        """One more remark, once."""
+        if remark not in self.remarks:
+            self.remarks.append(remark)
+
+    def show(self) -> None:
+        """Print them, once."""
+        if self._shown:
+            return
+        self._shown = True
+        found = [remark for remark in self.remarks if remark.severity is not Severity.INFO or self._every]
+        most = len(found) if self._every else MOST
+        for text in brief(found, Dialect.SHELL, rest="--all-remarks", most=most):
+            print(f"warning: {one_line(text)}", file=sys.stderr)
 
 
 @contextmanager
-def told_warnings() -> Iterator[list[str]]:
-    """Print each GmwmWarning as one line on stderr, once; yields the list of those printed so far.
+def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
+    """Collect each GmwmWarning; they are printed at the end, also if the command fails.
 
-    Those of fits are left to `Fit.diagnostics`, where they stand beside the axis.
+    Warnings of fits are left to `fit.remarks`, which the text shows beside the axis.
     """
-    told: list[str] = []
+    warned = Warned(every=every)
 
     def show(
         message: Warning | str,
@@ -146,33 +264,42 @@ def told_warnings() -> Iterator[list[str]]:
         file: TextIO | None = None,
         line: str | None = None,
     ) -> None:
-        if not issubclass(category, GmwmWarning):
+        if not isinstance(message, GmwmWarning):
             print(f"{category.__name__}: {message} ({filename}:{lineno})", file=sys.stderr)
-        elif not issubclass(category, FitWarning):
-            tell(told, str(message))
+        elif not isinstance(message, FitWarning):
+            warned.add(message.remark)
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", GmwmWarning)
         warnings.showwarning = show
-        yield told
+        try:
+            yield warned
+        finally:
+            warned.show()
 
 
-def tell(told: list[str], message: str) -> None:
-    """Print a warning in one line on stderr, unless it has been told before."""
-    text = as_options(one_line(message))
-    if text not in told:
-        told.append(text)
-        print(f"warning: {text}", file=sys.stderr)
+def tell(remark: Remark) -> None:
+    """Add a remark to the warnings of the command; `collected_warnings` prints it."""
+    warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
-def tell_cautions(told: list[str], imu: Imu) -> None:
-    """Print what an inspection warns of, as motion and knocks, for who did not ask for one."""
+def tell_inspection(imu: Imu) -> None:
+    """Add what an inspection finds, such as motion and knocks, if the command does not inspect by itself."""
     from gmwm.inspection import inspect
 
     with progress("inspecting"):
         inspection = inspect(imu)
-    for warning in inspection.warnings:
-        tell(told, warning)
+    for remark in inspection.remarks:
+        tell(remark)
+
+
+def one_line(text: str) -> str:
+    """`text` without line breaks.
+
+    >>> one_line("a first\\n   and a second")
+    'a first and a second'
+    """
+    return " ".join(text.split())
 
 
 def calibration_file(path: Path) -> Path:

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length, parse_share
-from gmwm.cli.options import RESULT, Json
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress, tell
 from gmwm.errors import OptionError, ReadError
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +31,7 @@ EXAMPLES = (
 )
 
 
+@command
 def plan(
     duration: Annotated[
         str,
@@ -72,50 +76,48 @@ def plan(
     plot: Annotated[
         Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Say how long to record: the error of each parameter by the length of the recording.
 
     Standard errors are those of a fit that is still to come, relative to the values, from the exact covariance of
     the wavelet variance under the model; nothing is simulated. Take the values from a pilot recording (gmwm fit
     --output) or a datasheet. A parameter with more than 50 % is not to be seen.
     """
-    from gmwm.cli.output import print_json, print_written, progress, tell, told_warnings
+    if (model is None) == (from_fits is None):
+        raise OptionError(
+            "give a model with its values, or --from-fits with a fits.json or calibration.json, one of them"
+        )
+    seconds, wanted = parse_length(duration), parse_share(accuracy)
+    source: dict[str, Any] = {}
+    unit = ""
+    if from_fits is not None:
+        axis, found = pilot(from_fits, axis)
+        source = {"file": str(from_fits), "axis": axis}
+        model, remarks = _as_seen(found)
+        for remark in remarks:
+            tell(remark)
+        unit, rate = found["wavelet_variance"]["unit"], _pilot_rate(found, rate, from_fits)
+    elif axis is not None:
+        raise OptionError("--axis belongs to --from-fits; leave it out, or pass the file too")
+    made, needed = _planned(str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit)
+    drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "drawing"),)
+    return Outcome(
+        command="plan",
+        document={**source, **made.to_dict(), "accuracy": wanted, "needed": needed},
+        text=made.summary(wanted),
+        files=drawn,
+        in_text=made.remarks,
+    )
 
-    with told_warnings() as told:
-        source: dict[str, Any] = {}
-        if (model is None) == (from_fits is None):
-            raise OptionError(
-                "give a model with its values, or --from-fits with a fits.json or calibration.json, one of them"
-            )
-        seconds, wanted = parse_length(duration), parse_share(accuracy)
-        unit = ""
-        if from_fits is not None:
-            axis, found = pilot(from_fits, axis)
-            source = {"file": str(from_fits), "axis": axis}
-            model, notes = _as_seen(found)
-            for note in notes:
-                tell(told, note)
-            unit, pilot_rate = found["wavelet_variance"]["unit"], found["wavelet_variance"]["rate"]
-            if rate is not None and abs(rate / pilot_rate - 1) > 1e-3:
-                raise OptionError(
-                    f"--rate {rate:g} is not the {pilot_rate:g} Hz of {from_fits}, whose values are per sample; "
-                    "leave --rate out"
-                )
-            rate = pilot_rate
-        elif axis is not None:
-            raise OptionError("--axis belongs to --from-fits; leave it out, or pass the file too")
-        made, needed = _planned(str(model), seconds, rate, wanted, weighting, unit)
-        if plot is not None:
-            with progress("drawing"):
-                made.plot(accuracy=wanted, path=plot)
-        if json:
-            for note in made.notes():
-                tell(told, note)
-            print_json("plan", {**source, **made.to_dict(), "accuracy": wanted, "needed": needed}, told)
-            return
-        print(made.summary(wanted))
-        print_written([plot] if plot is not None else [])
+
+def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:
+    """The rate of a pilot fit, with which --rate must agree."""
+    own = float(found["wavelet_variance"]["rate"])
+    if rate is not None and abs(rate / own - 1) > 1e-3:
+        raise OptionError(
+            f"--rate {rate:g} is not the {own:g} Hz of {file}, whose values are per sample; leave --rate out"
+        )
+    return own
 
 
 def _planned(
@@ -128,7 +130,6 @@ def _planned(
 ) -> tuple[Plan, dict[str, float]]:
     from gmwm import plan as planned
     from gmwm._arrays import as_rate
-    from gmwm.cli.output import progress
     from gmwm.inference.planning import as_accuracy
 
     as_accuracy(accuracy)
@@ -175,7 +176,7 @@ def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
     return dict(content["axes"]) if content["command"] == "fit" else {}
 
 
-def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
+def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
     """The model that a pilot fit amounts to, and what was done to it.
 
     Without the terms that were estimated as zero; those that act as another process are that process.
@@ -183,22 +184,26 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[str]]:
     from gmwm import Model, parse_model
     from gmwm.processes.equivalence import likeness
 
-    model, notes = parse_model(found["model"]), []
+    model, remarks = parse_model(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
-        notes.append(f"left out, as the pilot recording does not show it: {', '.join(zero)}")
+        remarks.append(Remark.of("pilot-left-out", terms=tuple(zero)))
     processes = {term: process for term, process in processes.items() if term not in zero}
     levels, rate, filter, matrix = _measured(found)
     for term, name in found["acts_as"].items():
-        like = likeness(processes[term], name, levels, rate, filter, matrix) if term in processes else None
+        like = (
+            likeness(processes[term], name, levels=levels, rate=rate, filter=filter, matrix=matrix)
+            if term in processes
+            else None
+        )
         if like is None:
-            notes.append(f"{term} acts as {name} in the pilot recording: its values, and their errors, mean nothing")
+            remarks.append(Remark.of("pilot-undetermined", term=term, process=name))
             continue
         del processes[term]
         value = ", ".join(f"{parameter}={value:.4g}" for parameter, value in like.values.items())
-        notes.append(f"{term} acts as {name} in the pilot recording: planned as {name}({value})")
+        remarks.append(Remark.of("pilot-acts-as", term=term, process=f"{name}({value})"))
         processes[name] = _added(processes[name], like) if name in processes else like
-    return (str(Model(tuple(processes.values()))) if processes else found["model"]), notes
+    return (str(Model(tuple(processes.values()))) if processes else found["model"]), remarks
 
 
 def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:

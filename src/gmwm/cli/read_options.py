@@ -1,19 +1,19 @@
-"""How a recording is opened: the options that say what is in a file, in words, and how it is loaded by them."""
+"""The options of the shell for reading a recording, and the axes that are used of it."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import wraps
-from inspect import Parameter, Signature, signature
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm._template import shell_option
 from gmwm.cli.durations import parse_length
 from gmwm.errors import DataError, OptionError
+from gmwm.options import ReadOptions
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
@@ -124,8 +124,8 @@ Topic = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class Opening:
-    """How a recording is opened: the options that all commands with a recording share, in the order of their help."""
+class ReadOptionTexts:
+    """The options that all commands with a recording share, as they are typed, in the order of their help."""
 
     rate: Rate = None
     units: Units = None
@@ -139,28 +139,21 @@ class Opening:
     scale: Scale = None
     increments: Increments = None
 
-
-def opens(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose parameter `opening` becomes the options of `Opening`: each is written once, there."""
-    hints, options = (get_type_hints(of, include_extras=True) for of in (command, Opening))
-    parameters: list[Parameter] = []
-    for given in signature(command).parameters.values():
-        if given.name == "opening":
-            parameters += (
-                Parameter(option.name, Parameter.KEYWORD_ONLY, default=option.default, annotation=options[option.name])
-                for option in fields(Opening)
-            )
-        else:
-            parameters.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[given.name]))
-
-    @wraps(command)
-    def run(**given: Any) -> None:
-        opening = Opening(**{option.name: given.pop(option.name) for option in fields(Opening)})
-        command(opening=opening, **given)
-
-    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return run
+    def parsed(self) -> ReadOptions:
+        """The same as values, checked."""
+        return ReadOptions(
+            rate=self.rate,
+            columns=parse_columns(self.columns),
+            units=parse_units(self.units) or {},
+            gaps=self.gaps,
+            start=_length(self.start, "start"),
+            stop=_length(self.stop, "stop"),
+            skip=parse_skips(self.skip),
+            format=self.format,
+            topic=self.topic,
+            scale=parse_scale(self.scale) or {},
+            increments=[part.strip() for part in (self.increments or "").split(",") if part.strip()],
+        )
 
 
 Axes = Annotated[
@@ -175,38 +168,21 @@ Axes = Annotated[
 ]
 
 
-def load(path: Path, opening: Opening) -> Imu:
-    """The recording in a file, read as the options say."""
+def load(path: Path, reading: ReadOptions) -> Imu:
+    """The recording in a file."""
     from gmwm.cli.output import progress
-    from gmwm.readers import read
+    from gmwm.readers.api import read_file
 
     with progress(f"reading {path.name}"):
-        return read(path, **reading(opening))
+        return read_file(path, reading)
 
 
-def reading(opening: Opening) -> dict[str, Any]:
-    """The options as the arguments of `gmwm.read`."""
-    return {
-        "rate": opening.rate,
-        "columns": parse_columns(opening.columns),
-        "units": parse_units(opening.units),
-        "gaps": opening.gaps,
-        "start": _length(opening.start, "--start"),
-        "stop": _length(opening.stop, "--stop"),
-        "skip": parse_skips(opening.skip),
-        "format": opening.format,
-        "topic": opening.topic,
-        "scale": parse_scale(opening.scale),
-        "increments": [part.strip() for part in (opening.increments or "").split(",") if part.strip()],
-    }
-
-
-def _length(text: str | None, option: str) -> float | None:
-    return None if text is None else parse_length(text, option)
+def _length(text: str | None, argument: str) -> float | None:
+    return None if text is None else parse_length(text, shell_option(argument))
 
 
 def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
-    """Stretches of time to leave out (s).
+    """Ranges of time to leave out (s).
 
     >>> parse_skips(["20min-25min,1h-1h30s"])
     [(1200.0, 1500.0), (3600.0, 3630.0)]

@@ -7,11 +7,14 @@ from typing import Annotated
 
 import typer
 
-from gmwm.cli.options import RESULT, Json
+from gmwm.cli.command import command
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import Outcome, calibration_file, progress
 
 EXAMPLES = ("gmwm report results/calibration.json", "gmwm report results/calibration.json --output unit7.html")
 
 
+@command
 def report(
     file: Annotated[
         Path,
@@ -31,22 +34,16 @@ def report(
             show_default=False,
         ),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Write a calibration as one HTML page, to read without a network, to print and to pass on.
 
     Verdict, recording, curves with their values under the pointer, numbers in the units of datasheets and in SI, models
     compared, outliers, configuration files to paste, and how to cite.
     """
     from gmwm import Calibration
-    from gmwm.cli.output import calibration_file, print_json, print_written, progress, told_warnings
 
-    with told_warnings() as told:
-        file = calibration_file(file)
-        with progress("writing the report"):
-            found = Calibration.load(file)
-            page = found.report(file.with_name("report.html") if output is None else output)
-        if json:
-            print_json("report", {"file": str(file), "written": [str(page)]}, told)
-        else:
-            print_written([page])
+    file = calibration_file(file)
+    with progress("writing the report"):
+        found = Calibration.load(file)
+        page = found.report(file.with_name("report.html") if output is None else output)
+    return Outcome(command="report", document={"file": str(file), "written": [str(page)]}, written=(page,))

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
-from gmwm.cli.options import RESULT, Efficiency, Json, Robust, chosen_efficiency
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.command import command
+from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
+from gmwm.cli.options import RESULT, Efficiency, Robust, chosen_efficiency
+from gmwm.cli.output import NewFile, Outcome, file_names, table_text, tell_inspection
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.likelihood import Residuals
@@ -24,10 +27,10 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def residuals(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     model: ModelText = None,
     from_fits: FromFits = None,
     axis: Axes = None,
@@ -52,8 +55,7 @@ def residuals(
             show_default=False,
         ),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Check a model by what it cannot predict: the standardised innovations of its Kalman filter.
 
     Under the right model they are white, with mean 0 and standard deviation 1, and normal if all its noise is. The
@@ -61,31 +63,29 @@ def residuals(
     Jarque-Bera test asks whether they are normal: rounding to a coarse step, knocks and outliers are not, and a long
     recording shows the least of it.
     """
-    from gmwm.cli.output import print_json, print_written, progress, tell_cautions, told_warnings
-
-    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
-    with told_warnings() as told:
-        imu = load(file, opening)
-        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
-        if plot is not None and len(signals) > 1:
-            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
-        tell_cautions(told, imu)
-        models = followed(way, signals, file, told)
-        found = _residuals(models, signals)
-        checks = {name: one.to_dict(lags) for name, one in found.items()}
-        if plot is not None:
-            with progress(f"drawing {plot.name}"):
-                next(iter(found.values())).plot(lags, path=plot)
-        written = [] if plot is None else [plot]
-        if json:
-            axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
-            print_json("residuals", {"file": str(file), "axes": axes, "written": list(map(str, written))}, told)
-            return
-        _print(models, checks)
-        print_written(written)
+    source = model_source(
+        model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
+    )
+    imu = load(file, reading)
+    signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
+    if plot is not None and len(signals) > 1:
+        raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+    tell_inspection(imu)
+    models = axis_models(source, signals, file)
+    found = _residuals(models, signals)
+    checks = {name: one.to_dict(lags) for name, one in found.items()}
+    first = next(iter(found.values()))
+    files = () if plot is None else (NewFile(plot, lambda path: first.plot(lags, path=path), f"drawing {plot.name}"),)
+    axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
+    return Outcome(
+        command="residuals",
+        document={"file": str(file), "axes": axes, "written": file_names(files)},
+        text=_text(models, checks),
+        files=files,
+    )
 
 
-def _residuals(models: Mapping[str, Followed], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
+def _residuals(models: Mapping[str, AxisModel], signals: Mapping[str, Signal]) -> dict[str, Residuals]:
     from gmwm.cli.parallel import over_axes
     from gmwm.likelihood import residuals as residuals_of
 
@@ -96,14 +96,13 @@ def _residuals(models: Mapping[str, Followed], signals: Mapping[str, Signal]) ->
     return over_axes(one, signals, "checking residuals")
 
 
-def _print(models: Mapping[str, Followed], checks: Mapping[str, Mapping[str, Any]]) -> None:
-    from gmwm.cli.output import print_table
+def _text(models: Mapping[str, AxisModel], checks: Mapping[str, Mapping[str, Any]]) -> str:
     from gmwm.likelihood.summary import p_text
 
     first = next(iter(models.values()))
     structures = {model.values.structure for model in models.values()}
     several = len(structures) > 1
-    print(f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.source}")
+    head = f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.origin}"
     rows = [
         [
             name, *([models[name].values.structure] if several else []), str(check["samples"]),
@@ -114,10 +113,10 @@ def _print(models: Mapping[str, Followed], checks: Mapping[str, Mapping[str, Any
         for name, check in checks.items()
     ]  # fmt: skip
     heads = ["axis", *(["model"] if several else []), "samples", "mean", "sd", "Ljung-Box", "p", "Jarque-Bera", "p"]
-    print_table(heads, rows, texts=2 if several else 1)
     lags = next(iter(checks.values()))["ljung_box"]["lags"]
-    print(
-        f"\nIf the model is right: mean 0, sd 1, and each p below 0.05 once in twenty axes.\nLjung-Box: whether they "
+    return (
+        f"{head}\n{table_text(heads, rows, texts=2 if several else 1)}\n\n"
+        f"If the model is right: mean 0, sd 1, and each p below 0.05 once in twenty axes.\nLjung-Box: whether they "
         f"are white, over {lags} lags. Jarque-Bera: whether they are normal,\nwhich rounding to a coarse step, knocks "
         "and outliers are not."
     )

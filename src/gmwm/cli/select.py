@@ -8,25 +8,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.api import WITHIN
-from gmwm.cli.measuring import InPieces, opened, signals_or_curves
+from gmwm.calibration.options import WITHIN
+from gmwm.cli.command import command
+from gmwm.cli.measuring import Chunked, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
     ChoiceWeighting,
     Confidence,
     CriterionName,
     Efficiency,
-    Json,
     Robust,
     Seed,
     Within,
     chosen_efficiency,
     parse_within,
 )
-from gmwm.cli.read_options import Axes, File, Opening, chosen_names, opens
+from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_directory, text_file
+from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+from gmwm.selection.options import RankingOptions
 
 if TYPE_CHECKING:
+    from gmwm.processes.model import Model
     from gmwm.selection import Ranking
     from gmwm.signals import Signal
     from gmwm.variance.result import WaveletVariance
@@ -38,10 +42,10 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def select(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     axis: Axes = None,
     within: Within = WITHIN,
     robust: Robust = False,
@@ -50,7 +54,7 @@ def select(
     criterion: CriterionName = "asymptotic",
     confidence: Confidence = 0.95,
     seed: Seed = 0,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     limit: Annotated[int, typer.Option(help="Models to print for each axis.", min=1, rich_help_panel=RESULT)] = 10,
     plot: Annotated[
         Path | None,
@@ -65,68 +69,57 @@ def select(
             rich_help_panel=RESULT,
         ),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Compare every model within a general one, for each axis.
 
     The wavelet information criterion (WIC) is the objective plus what it would be larger by on another record of the
     same kind. All models have the weights of the general one. Those that the data cannot tell from the best are
     marked, and the simplest of them is recommended.
     """
-    from gmwm.cli.output import made_directory, print_json, print_written, told_warnings
+    largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
+    asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
+    recording = opened(file, reading, chunked)
+    names = chosen_names(recording.axes, axis)
+    if plot is not None and len(names) > 1:
+        raise OptionError(f"--plot draws one axis, {', '.join(names)} are chosen; pass --axis, or take --output")
+    if output is not None:
+        made_directory(output)
+    measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
+    rankings = _ranked(largest, measured, options=asked, robust=robust, efficiency=strength)
+    axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
+    content = {"file": str(file), "within": within, "axes": axes}
+    files = [] if output is None else _files(rankings, output, content)
+    if plot is not None:
+        files.append(_picture(next(iter(rankings.values())), plot))
+    parts = {name: ranking.summary(limit) for name, ranking in rankings.items()}
+    return Outcome(
+        command="select",
+        document={**content, "written": file_names(files)},
+        text="\n\n".join(f"{name}\n{part}" if len(parts) > 1 else part for name, part in parts.items()),
+        files=tuple(files),
+    )
+
+
+def _ranked(
+    largest: Model,
+    measured: Mapping[str, Signal | WaveletVariance],
+    options: RankingOptions,
+    robust: bool,
+    efficiency: float,
+) -> dict[str, Ranking]:
     from gmwm.cli.parallel import over_axes
+    from gmwm.selection.api import select_within
 
-    largest = parse_within(within)
-    with told_warnings() as told:
-        recording = opened(file, opening, in_pieces)
-        signals = chosen_names(recording.axes, axis)
-        if plot is not None and len(signals) > 1:
-            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis, or take --output")
-        if output is not None:
-            made_directory(output)
-        strength = chosen_efficiency(robust, efficiency)
-        measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength, told=told)
-
-        def ranked(signal: Signal | WaveletVariance) -> Ranking:
-            from gmwm.selection import select as select_within
-
-            return select_within(
-                largest, signal, weighting=weighting, criterion=criterion, confidence=confidence, seed=seed,
-                robust=robust, efficiency=strength,
-            )  # fmt: skip
-
-        rankings = over_axes(ranked, measured, "comparing models")
-        content = {
-            "file": str(file), "within": within,
-            "axes": {name: ranking.to_dict() for name, ranking in rankings.items()},
-        }  # fmt: skip
-        written = [] if output is None else _written(rankings, output, content)
-        if plot is not None:
-            written.append(_drawn(next(iter(rankings.values())), plot))
-        if json:
-            print_json("select", {**content, "written": list(map(str, written))}, told)
-            return
-        for k, (name, ranking) in enumerate(rankings.items()):
-            if k:
-                print()
-            if len(rankings) > 1:
-                print(name)
-            print(ranking.summary(limit))
-        print_written(written)
+    return over_axes(
+        lambda one: select_within(largest, one, options, robust=robust, efficiency=efficiency), measured,
+        "comparing models",
+    )  # fmt: skip
 
 
-def _written(rankings: Mapping[str, Ranking], folder: Path, content: Mapping[str, object]) -> list[Path]:
-    from gmwm._files import write_text
-    from gmwm.cli.output import json_text
-
-    path = folder / "rankings.json"
-    write_text(path, json_text("select", content) + "\n")
-    return [path, *(_drawn(ranking, folder / f"ranking_{name}.png") for name, ranking in rankings.items())]
+def _files(rankings: Mapping[str, Ranking], folder: Path, content: Mapping[str, object]) -> list[NewFile]:
+    pictures = [_picture(ranking, folder / f"ranking_{name}.png") for name, ranking in rankings.items()]
+    return [text_file(folder / "rankings.json", json_text("select", content) + "\n"), *pictures]
 
 
-def _drawn(ranking: Ranking, path: Path) -> Path:
-    from gmwm.cli.output import progress
-
-    with progress(f"drawing {path.name}"):
-        ranking.plot(path=path)
-    return path
+def _picture(ranking: Ranking, path: Path) -> NewFile:
+    return NewFile(path, lambda target: ranking.plot(path=target), f"drawing {path.name}")

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
-from gmwm.cli.options import Json
+from gmwm.cli.output import Outcome, progress
 from gmwm.errors import OptionError
 from gmwm.signals import AXES
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
-    from gmwm.processes.model import ModelLike
+    from gmwm.processes.model import Model, ModelLike
+    from gmwm.signals import Imu
 
 EXAMPLES = (
     "gmwm simulate --reference --duration 1h --output imu.csv",
@@ -26,6 +28,7 @@ EXAMPLES = (
 _PLACE = re.compile(r"\s*(\w+)\s*=(.*)", re.DOTALL)
 
 
+@command
 def simulate(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="File to write: .csv or .parquet.", show_default=False)
@@ -63,19 +66,15 @@ def simulate(
             show_default=False,
         ),
     ] = None,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Write a static recording whose noise is known.
 
     Each axis is a path of its own model (values in SI units and per sample, GM.beta in 1/s); accel_z carries
     gravity as well. Every axis draws from its own stream of the seed. With --components the recording is the same;
     less gravity, its axes are the sums of the columns of the other file.
     """
-    from gmwm._text import duration_text
-    from gmwm.cli.output import print_json, progress, told_warnings
-    from gmwm.simulation import models_by_axis, reference_imu, write_components
-    from gmwm.simulation import simulate as simulated
-    from gmwm.writers import table_path, write
+    from gmwm.simulation import models_by_axis, reference_imu
+    from gmwm.writers import table_path
 
     if reference == bool(model):
         raise OptionError("give what to simulate as --model or as --reference, one of them")
@@ -84,30 +83,41 @@ def simulate(
     if components is not None and table_path(components).resolve() == output.resolve():
         raise OptionError(f"--components needs a file of its own, got {str(components)!r} for --output too")
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
-    with told_warnings() as told:
-        columns: tuple[str, ...] = ()
-        with progress(f"simulating {duration_text(seconds)}"):
-            made = None
-            if components is not None:
-                made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)
-            imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, seed=seed)
-        with progress(f"writing {output.name}"):
-            write(imu, output)
-            if components is not None and made is not None:
-                columns = write_components(made, components)
-        if json:
-            content = {
-                "file": str(output), "seed": seed, "rate": imu.rate, "samples": len(imu), "duration": imu.duration,
-                "axes": {axis: {"model": str(m), "parameters": m.parameters} for axis, m in truth.items()},
-                "components": {"file": str(components), "columns": list(columns)} if columns else None,
-            }  # fmt: skip
-            print_json("simulate", content, told)
-            return
-        for axis, m in truth.items():
-            print(f"{axis:<8} {m}")
-        print(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
+    imu, columns = _written(truth, rate, seconds=seconds, seed=seed, output=output, components=components)
+    lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
+    lines.append(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
+    if components is not None:
+        lines.append(f"wrote {components}: {len(columns)} columns of the same length, one for each latent process")
+    return Outcome(
+        command="simulate",
+        document={
+            "file": str(output), "seed": seed, "rate": imu.rate, "samples": len(imu), "duration": imu.duration,
+            "axes": {axis: {"model": str(m), "parameters": m.parameters} for axis, m in truth.items()},
+            "components": {"file": str(components), "columns": list(columns)} if columns else None,
+        },
+        text="\n".join(lines),
+        written=(output,) if components is None else (output, components),
+        listed=False,
+    )  # fmt: skip
+
+
+def _written(
+    truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
+) -> tuple[Imu, tuple[str, ...]]:
+    """The simulated recording and the names of its latent processes, both written to their files."""
+    from gmwm._text import duration_text
+    from gmwm.simulation import simulate as simulated
+    from gmwm.simulation import write_components
+    from gmwm.writers import write
+
+    made = None
+    with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            print(f"wrote {components}: {len(columns)} columns of the same length, one for each latent process")
+            made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)
+        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, seed=seed)
+    with progress(f"writing {output.name}"):
+        write(imu, output)
+        return imu, () if components is None or made is None else tuple(write_components(made, components))
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
-from gmwm.cli.model_source import ByLikelihood, Followed, FromFits, ModelText, as_way, axes_of, followed
-from gmwm.cli.options import (
-    RESULT,
-    Datasheet,
-    Efficiency,
-    Json,
-    Robust,
-    chosen_efficiency,
-    confidence_level,
-)
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, load, opens
+from gmwm.cli.model_source import AxisModel, ByLikelihood, FromFits, ModelText, axes_of, axis_models, model_source
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, Robust, checked_confidence, chosen_efficiency
+from gmwm.cli.output import NewFile, Outcome, file_names, tell_inspection
+from gmwm.cli.read_options import Axes, File, chosen_axes, load
+from gmwm.cli.track_output import as_dict, tracks_text
 from gmwm.errors import OptionError
+from gmwm.options import ReadOptions
+from gmwm.remarks import Quantity, Remark
 
 if TYPE_CHECKING:
     from gmwm._arrays import Vector
@@ -37,10 +35,10 @@ HASTY = 10.0
 """Samples of correlation time below which a term in the bias is told of."""
 
 
-@opens
+@command
 def track(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     model: ModelText = None,
     from_fits: FromFits = None,
     axis: Axes = None,
@@ -75,7 +73,7 @@ def track(
     ] = None,
     confidence: Annotated[
         float,
-        typer.Option(callback=confidence_level, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
+        typer.Option(callback=checked_confidence, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
     ] = 0.95,
     output: Annotated[
         Path | None,
@@ -97,8 +95,7 @@ def track(
         ),
     ] = None,
     datasheet: Datasheet = False,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Follow the bias, and every hidden process of a model, through a recording.
 
     The Kalman filter of the model gives each process at each sample with its standard deviation. The bias is the sum
@@ -106,44 +103,51 @@ def track(
     Gaps are samples that are missing: the filter steps over them, and the band grows. The band counts the values of
     the model as known.
     """
-    from gmwm.cli.output import print_json, print_written, tell, tell_cautions, told_warnings
-    from gmwm.cli.track_output import as_dict, print_tracks
+    source = model_source(
+        model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
+    )
+    length = None if predict is None else _length(predict, kind)
+    _check_output(output, file)
+    imu = load(file, reading)
+    signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
+    if plot is not None and len(signals) > 1:
+        raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+    tell_inspection(imu)
+    models = axis_models(source, signals, file)
+    tracks = _tracks(models, signals, kind, length)
+    if label:
+        _check_labels(tracks, label)
+    files = []
+    if output is not None:
+        files.append(NewFile(output, partial(_write, tracks, label), f"writing {output.name}"))
+    if plot is not None:
+        first = next(iter(tracks.values()))
+        files.append(
+            NewFile(plot, partial(_draw, first, label, level=confidence, datasheet=datasheet), f"drawing {plot.name}")
+        )
+    axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
+    parts = [
+        tracks_text(name, models[name], found=found, level=confidence, datasheet=datasheet)
+        for name, found in tracks.items()
+    ]
+    return Outcome(
+        command="track",
+        document={"file": str(file), "confidence": confidence, "axes": axes, "written": file_names(files)},
+        text="\n\n".join(parts),
+        files=tuple(files),
+        remarks=tuple(remark for name, found in tracks.items() for remark in _fast_terms(name, found)),
+    )
+
+
+def _check_output(output: Path | None, file: Path) -> None:
+    """An error where --output cannot be written as a table, or is the recording itself."""
     from gmwm.writers import table_path
 
-    way = as_way(model, from_fits, likelihood, robust, chosen_efficiency(robust, efficiency))
-    length = None if predict is None else _length(predict, kind)
-    if output is not None:
-        table_path(output)
-        if output.exists() and output.resolve() == file.resolve():
-            raise OptionError(f"--output must be another file than FILE, got {output} for both")
-    with told_warnings() as told:
-        imu = load(file, opening)
-        signals = axes_of(way, chosen_axes(imu, axis), bool(axis))
-        if plot is not None and len(signals) > 1:
-            raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
-        tell_cautions(told, imu)
-        models = followed(way, signals, file, told)
-        tracks = _tracks(models, signals, kind, length)
-        if label:
-            _check_labels(tracks, label)
-        for name, found in tracks.items():
-            for note in _hasty(found):
-                tell(told, f"{name}: {note}")
-        written = []
-        if output is not None:
-            written.append(_write(tracks, label, output))
-        if plot is not None:
-            written.append(_draw(next(iter(tracks.values())), label, confidence, datasheet, plot))
-        if json:
-            axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
-            content = {"file": str(file), "confidence": confidence, "axes": axes, "written": list(map(str, written))}
-            print_json("track", content, told)
-            return
-        for k, (name, found) in enumerate(tracks.items()):
-            if k:
-                print()
-            print_tracks(name, models[name], found, confidence, datasheet)
-        print_written(written)
+    if output is None:
+        return
+    table_path(output)
+    if output.exists() and output.resolve() == file.resolve():
+        raise OptionError(f"--output must be another file than FILE, got {output} for both")
 
 
 def _length(text: str, kind: str) -> float:
@@ -153,7 +157,7 @@ def _length(text: str, kind: str) -> float:
 
 
 def _tracks(
-    models: Mapping[str, Followed],
+    models: Mapping[str, AxisModel],
     signals: Mapping[str, Signal],
     kind: Literal["smooth", "filter"],
     ahead: float | None,
@@ -180,24 +184,19 @@ def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
             raise OptionError(f"--label must be one of {', '.join(found.labels)} for {name}; got {unknown[0]!r}")
 
 
-def _hasty(found: Tracks) -> list[str]:
-    """Terms that count as bias and yet forget all within some samples: with them the bias is half the noise."""
+def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
+    """Terms that are part of the bias and are correlated for a few samples only: they make half of it noise."""
     from gmwm.likelihood.tracks import wanders
 
-    notes = []
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
         lasts = process.correlation_time(found.rate) or 0.0
         if process.scale > 0 and wanders(process, found.rate) and lasts * found.rate < HASTY:
-            notes.append(
-                f"the bias holds {term}, which is correlated for {lasts:.2g} s only, {lasts * found.rate:.2g} samples: "
-                "it is noise to most filters; --label takes the other terms by themselves"
-            )
-    return notes
+            duration = Quantity(lasts, "s")
+            yield Remark.of("bias-has-noise", axis, term=term, duration=duration, samples=lasts * found.rate)
 
 
-def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> Path:
+def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> None:
     """Time, and of each axis the data, each process, and its standard deviation."""
-    from gmwm.cli.output import progress
     from gmwm.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}
@@ -207,14 +206,8 @@ def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Pat
         for label in labels or found.labels:
             columns[f"{name} {label} [{found.unit}]"] = found.mean[label]
             columns[f"{name} {label} sd [{found.unit}]"] = found.error[label]
-    with progress(f"writing {path.name}"):
-        write_table(columns, path)
-    return path
+    write_table(columns, path)
 
 
-def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> Path:
-    from gmwm.cli.output import progress
-
-    with progress(f"drawing {path.name}"):
-        found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)
-    return path
+def _draw(found: Tracks, labels: Sequence[str] | None, level: float, datasheet: bool, path: Path) -> None:
+    found.plot(list(labels) if labels else None, level=level, units="datasheet" if datasheet else "si", path=path)

@@ -11,14 +11,14 @@ import numpy as np
 from gmwm._text import counted
 
 if TYPE_CHECKING:
-    from gmwm.cli.model_source import Followed
+    from gmwm.cli.model_source import AxisModel
     from gmwm.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
 """What is told of each process, in the unit of the data: a reach is half the width of the band."""
 
 
-def as_dict(model: Followed, found: Tracks, level: float) -> dict[str, Any]:
+def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
     """Tracks in short, with the model they are of; the whole of them is what --output writes."""
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
@@ -46,9 +46,9 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
     return {name: numbers.get(name) for name in NUMBERS}
 
 
-def print_tracks(name: str, model: Followed, found: Tracks, level: float, datasheet: bool) -> None:
+def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
     """A table of what each process did, how well that is known, and where it ended."""
-    from gmwm.cli.output import print_table
+    from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
 
     shown = view_of(found.unit, "allan", "datasheet" if datasheet else "si")
@@ -60,10 +60,10 @@ def print_tracks(name: str, model: Followed, found: Tracks, level: float, datash
         "filter": f"filtered over {counted(len(found), 'sample')}, {duration}{missing}",
         "predict": f"predicted for the {duration} after the recording",
     }
-    print(f"{name}: {model.values.structure}, values {model.source}\n{words[found.kind]}, in {shown.unit}")
+    head = f"{name}: {model.values.structure}, values {model.origin}\n{words[found.kind]}, in {shown.unit}"
     reach = f"± {100 * level:g} %"
     middle = ["first", reach] if found.kind == "predict" else ["mean", "rms about it", "known to"]
-    print_table(["process", *middle, "last", reach], rows)
+    return f"{head}\n{table_text(['process', *middle, 'last', reach], rows)}"
 
 
 def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:

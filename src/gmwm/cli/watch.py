@@ -12,22 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length, parse_share
 from gmwm.cli.options import Datasheet, Json
-from gmwm.cli.read_options import (
-    Axes,
-    Columns,
-    Increments,
-    Rate,
-    Scale,
-    Units,
-    chosen_names,
-    parse_columns,
-    parse_scale,
-    parse_units,
-)
+from gmwm.cli.output import Outcome
+from gmwm.cli.read_options import Axes, Columns, Increments, Rate, ReadOptionTexts, Scale, Units, chosen_names
 from gmwm.cli.watch_status import as_dicts, fitted, one_line_of, whole_text
 from gmwm.errors import GmwmError, OptionError
+from gmwm.remarks import Remark
 from gmwm.signals import MINIMUM_SAMPLES
 
 if TYPE_CHECKING:
@@ -35,6 +27,7 @@ if TYPE_CHECKING:
 
     from gmwm.processes.model import Model
     from gmwm.readers.growing_files import GrowingFile, GrowingPipe
+    from gmwm.readers.streams import Stream
     from gmwm.variance.accumulate import WaveletAccumulator
 
 EXAMPLES = (
@@ -44,6 +37,7 @@ EXAMPLES = (
 )
 
 
+@command
 def watch(
     file: Annotated[str, typer.Argument(help="Text that is being written, or - for standard input.", metavar="FILE|-")],
     rate: Rate = None,
@@ -77,7 +71,7 @@ def watch(
     ] = None,
     datasheet: Datasheet = False,
     json: Json = False,
-) -> None:
+) -> Outcome:
     """Follow a recording while it is made: is it enough yet?
 
     Shows the Allan deviation of each axis and how well it is known so far; with a model also the estimates, their
@@ -88,49 +82,52 @@ def watch(
     replaced ends the watch, with what came before.
     """
     from gmwm import parse_model
-    from gmwm.cli.output import print_json, tell, told_warnings
     from gmwm.inference.planning import as_accuracy
     from gmwm.readers.growing_files import Lines, growing_stream
-    from gmwm.streaming.passes import accumulators, feed
+    from gmwm.streaming.passes import accumulators
 
     seconds, patience = parse_length(every, "--every"), None if idle is None else parse_length(idle, "--idle")
     wanted = as_accuracy(parse_share(accuracy))
     parsed = None if model is None else parse_model(model)
     if seconds <= 0:
         raise OptionError(f"--every takes a length of time above 0, got {every!r}")
-    with told_warnings() as told, _source(file) as (take, name), _interruptible() as stopped:
-        view = _View(seconds, patience, stopped, parsed, wanted, datasheet, json)
+    reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
+    with _source(file) as (take, name), _interruptible() as stopped:
+        view = _View(
+            every=seconds, idle=patience, stopped=stopped, model=parsed, accuracy=wanted, datasheet=datasheet, json=json
+        )
         lines = Lines(view.noting(take), view.breathe)
-        source = growing_stream(
-            lines, name, rate, parse_columns(columns), parse_units(units), scale=parse_scale(scale),
-            increments=[part.strip() for part in (increments or "").split(",") if part.strip()],
-            patience=min(seconds, 5.0),
-        )  # fmt: skip
+        source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
         measured = accumulators(chosen_names(source.axes, axis), source.rate)
-        failure: GmwmError | None = None
-        with view.shown(measured):
-            try:
-                feed(source, measured)
-            except KeyboardInterrupt:
-                pass  # Polars has its own handler, if Ctrl-C comes while it reads; an end like any other
-            except GmwmError as error:
-                failure = error  # what came before counts all the same
-                if not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
-                    raise
-        if take.trouble:
-            tell(told, take.trouble)
-        if lines.rest:
-            tell(told, "the last line has no line end: it was left out")
-        curves = {one: made.result() for one, made in measured.items()}
-        fits, failed = fitted(parsed, curves)
-        for one, reason in failed.items():
-            tell(told, f"{one}: {reason}")
-        if json:
-            print_json("watch", {"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)}, told)
-        else:
-            print(whole_text(curves, fits, failed, wanted, datasheet))
-        if failure is not None:
-            raise failure
+        failure = _fed(source, measured, view)
+    remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
+    if lines.rest:
+        remarks.append(Remark.of("last-line-left-out", str(name)))
+    curves = {one: made.result() for one, made in measured.items()}
+    fits, failed = fitted(parsed, curves)
+    return Outcome(
+        command="watch",
+        document={"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)},
+        text=whole_text(curves, fits, failed=failed, accuracy=wanted, datasheet=datasheet),
+        remarks=(*remarks, *(Remark.of("not-fitted", one, reason=why.rstrip(".")) for one, why in failed.items())),
+        failure=failure,
+    )
+
+
+def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
+    """Measure what comes until it ends; the error that ended it, if what came before it can be used."""
+    from gmwm.streaming.passes import feed
+
+    with view.shown(measured):
+        try:
+            feed(source, measured)
+        except KeyboardInterrupt:
+            pass  # Polars has its own handler, if Ctrl-C comes while it reads; an end like any other
+        except GmwmError as error:
+            if not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
+                raise
+            return error
+    return None
 
 
 class _View:
@@ -199,9 +196,10 @@ class _View:
         fits, failed = fitted(self._model, curves)
         live = self._out.isatty()
         self._update(
-            whole_text(curves, fits, failed, self._accuracy, self._datasheet, live=True) if live
-            else one_line_of(curves, fits, failed, self._accuracy, self._datasheet)
-        )  # fmt: skip
+            whole_text(curves, fits, failed=failed, accuracy=self._accuracy, datasheet=self._datasheet, live=True)
+            if live
+            else one_line_of(curves, fits, failed=failed, accuracy=self._accuracy, datasheet=self._datasheet)
+        )
 
 
 def _unwrapped(text: Text) -> Text:

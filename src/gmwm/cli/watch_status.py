@@ -63,12 +63,11 @@ def whole_text(
     from gmwm._text import duration_text
     from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
+    from gmwm.signals import by_sensor
 
     first = next(iter(curves.values()))
     parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]
-    sensors: dict[str, dict[str, WaveletVariance]] = {}
-    for axis, curve in curves.items():
-        sensors.setdefault(axis.rpartition("_")[0], {})[axis] = curve
+    sensors = by_sensor(curves)
     for group in sensors.values():
         one = next(iter(group.values()))
         shown = view_of(one.unit, "allan", "datasheet" if datasheet else "si")
@@ -93,14 +92,14 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
     """The estimates of an axis, with intervals, and whether it is enough."""
     from gmwm._text import duration_text
     from gmwm.cli.output import table_text
-    from gmwm.inference.summary import Way, intervals_if_known, rows
+    from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows
 
     errors, needed = _errors(fit), _needed(fit, accuracy)
     now = fit.wavelet_variance.samples / fit.wavelet_variance.rate
     lines = []
-    for row in rows(fit, intervals_if_known(fit, Way())[0], Way()):
+    for row in rows(fit, intervals_if_known(fit, IntervalMethod())[0], IntervalMethod()):
         error, least = errors.get(row.name), needed.get(row.name)
-        if row.name in fit.model.fixed:
+        if row.name in fit.model.fixed_names:
             enough = ""
         elif error is None or not math.isfinite(error):
             enough = "not seen"
@@ -119,16 +118,16 @@ def one_line_of(
 ) -> str:  # fmt: skip
     """One line: how long it is, and of each axis the estimates, or the least deviation."""
     from gmwm._text import duration_text
-    from gmwm.inference.summary import Way, short_values
+    from gmwm.inference.summary import IntervalMethod, short_values
     from gmwm.plots.view import view_of
 
     first = next(iter(curves.values()))
     parts = [f"{duration_text(first.samples / first.rate)}, {first.samples} samples"]
     for axis, curve in curves.items():
         if axis in fits:
-            values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], Way()).items())
+            values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], IntervalMethod()).items())
             errors = _errors(fits[axis])
-            free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed]
+            free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed_names]
             lacking = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
             share = f"{100 * accuracy:g} %"
             parts.append(f"{axis}: {values}; {f'not yet {share}: {lacking}' if lacking else f'enough for {share}'}")
@@ -148,14 +147,14 @@ def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
     """Curves and fits as plain numbers, lists and texts."""
-    from gmwm.inference.summary import Way, inference
+    from gmwm.inference.summary import IntervalMethod, inference
 
     out = {}
     for axis, curve in curves.items():
         out[axis] = {"wavelet_variance": curve.to_dict()}
         if axis in fits:
             found = fits[axis]
-            out[axis]["fit"] = found.to_dict() | inference(found, Way())
+            out[axis]["fit"] = found.to_dict() | inference(found, IntervalMethod())
             out[axis]["relative_errors"] = _errors(found)
             out[axis]["needed"] = _needed(found, accuracy)
     return out

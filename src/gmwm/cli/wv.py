@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.cli.measuring import InPieces, Scheduler, Workers, curves_and_cautions, needs_memory, opened
-from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Json, Robust, TransformName, View, chosen_efficiency
-from gmwm.cli.read_options import Axes, File, Opening, chosen_axes, chosen_names, opens
+from gmwm.cli.command import command
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, needs_memory, opened, stream_curves
+from gmwm.cli.options import RESULT, Datasheet, Efficiency, Filter, Robust, TransformName, View, chosen_efficiency
+from gmwm.cli.output import NewFile, Outcome, table_text, tell_inspection, text_file
+from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
+from gmwm.options import ReadOptions
 
 if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem, ViewName
+    from gmwm.readers.streams import Stream
+    from gmwm.signals import Imu
     from gmwm.variance.result import WaveletVariance
 
 EXAMPLES = (
@@ -25,16 +30,16 @@ EXAMPLES = (
 )
 
 
-@opens
+@command
 def wv(
     file: File,
-    opening: Opening,
+    reading: ReadOptions,
     axis: Axes = None,
     filter: Filter = "haar",
     transform: TransformName = "modwt",
     robust: Robust = False,
     efficiency: Efficiency = None,
-    in_pieces: InPieces = "auto",
+    chunked: Chunked = "auto",
     scheduler: Scheduler = None,
     workers: Workers = None,
     view: View = "wavelet",
@@ -54,8 +59,7 @@ def wv(
             rich_help_panel=RESULT,
         ),
     ] = False,
-    json: Json = False,
-) -> None:
+) -> Outcome:
     """Print the wavelet variance of each axis, or its Allan deviation.
 
     The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at
@@ -65,65 +69,78 @@ def wv(
     coefficients of level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely
     quantised sensor, it may be zero, and says so. gmwm compare draws both over one another.
     """
+    strength = chosen_efficiency(robust, efficiency)
+    recording = opened(
+        file, reading, chunked, spread=scheduler is not None or workers is not None,
+        whole=needs_memory(filter, transform),
+    )  # fmt: skip
+    results = _measured(
+        recording, axis, filter=filter, transform=transform, robust=robust, efficiency=strength, scheduler=scheduler,
+        workers=workers,
+    )  # fmt: skip
+    system: UnitSystem = "datasheet" if datasheet else "si"
+    files = [] if csv is None else [text_file(csv, _csv_text(results))]
+    if plot is not None:
+        files.append(NewFile(plot, partial(_draw, results, view, system, overlay), "drawing"))
+    return Outcome(
+        command="wv",
+        document={"file": str(file), "axes": {name: result.to_dict() for name, result in results.items()}},
+        text=_curves_text(results, view, system),
+        files=tuple(files),
+        remarks=tuple(remark.about(name) for name, result in results.items() for remark in result.remarks),
+    )
+
+
+def _measured(
+    recording: Imu | Stream,
+    axis: list[str] | None,
+    *,
+    filter: str,
+    transform: Literal["modwt", "dwt"],
+    robust: bool,
+    efficiency: float,
+    scheduler: str | None,
+    workers: int | None,
+) -> dict[str, WaveletVariance]:
+    """The wavelet variance of each axis, of a recording in memory or in pieces; cautions are told."""
     from gmwm import wavelet_variance
-    from gmwm.cli.output import print_json, print_written, progress, tell, tell_cautions, told_warnings
     from gmwm.cli.parallel import over_axes
     from gmwm.readers.streams import Stream
 
-    with told_warnings() as told:
-        recording = opened(
-            file, opening, in_pieces, spread=scheduler is not None or workers is not None,
-            whole=needs_memory(filter, transform),
-        )  # fmt: skip
-        chosen, strength = chosen_names(recording.axes, axis), chosen_efficiency(robust, efficiency)
-        if isinstance(recording, Stream):
-            results, seen = curves_and_cautions(
-                recording, chosen, robust=robust, efficiency=strength, scheduler=scheduler, workers=workers
-            )
-            for warning in seen:
-                tell(told, warning)
-        else:
-            measure = partial(
-                wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=strength
-            )  # fmt: skip
-            results = over_axes(measure, chosen_axes(recording, axis), "wavelet variance")
-            tell_cautions(told, recording)
-        for name, result in results.items():
-            for note in result.notes():
-                tell(told, f"{name}: {note}")
-        system: UnitSystem = "datasheet" if datasheet else "si"
-        if csv is not None:
-            _write_csv(csv, results)
-        if plot is not None:
-            from gmwm.plots.imu import plot_imu
-
-            with progress("drawing"):
-                if len(results) == 1:
-                    next(iter(results.values())).plot(view=view, units=system, path=plot)
-                else:
-                    plot_imu(results, split=not overlay, view=view, units=system, path=plot)
-        if json:
-            curves = {name: result.to_dict() for name, result in results.items()}
-            print_json("wv", {"file": str(file), "axes": curves}, told)
-            return
-        _print_curves(results, view, system)
-        print_written([path for path in (csv, plot) if path is not None])
+    chosen = chosen_names(recording.axes, axis)
+    if isinstance(recording, Stream):
+        return stream_curves(
+            recording, chosen, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers
+        )
+    measure = partial(wavelet_variance, filter=filter, transform=transform, robust=robust, efficiency=efficiency)
+    results = over_axes(measure, chosen_axes(recording, axis), "wavelet variance")
+    tell_inspection(recording)
+    return results
 
 
-def _print_curves(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> None:
+def _draw(
+    results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem, overlay: bool, path: Path
+) -> None:
+    from gmwm.plots.imu import plot_imu
+
+    if len(results) == 1:
+        next(iter(results.values())).plot(view=view, units=system, path=path)
+    else:
+        plot_imu(results, split=not overlay, view=view, units=system, path=path)
+
+
+def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """One axis with its limits, or all of a sensor side by side."""
-    from gmwm.cli.output import print_table
     from gmwm.plots.view import view_of
+    from gmwm.signals import by_sensor
 
-    sensors: dict[str, dict[str, WaveletVariance]] = {}
-    for name, result in results.items():
-        sensors.setdefault(name.rpartition("_")[0], {})[name] = result
+    sensors = by_sensor(results)
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
     limits = f", {100 * first.confidence:g} % limits" if alone else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
-    print(f"{first.extent}{transform}{robust}{limits}")
+    parts = [f"{first.extent}{transform}{robust}{limits}"]
     # A deviation in deg/h or mg has a size that reads better without an exponent.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():
@@ -139,13 +156,12 @@ def _print_curves(results: Mapping[str, WaveletVariance], view: ViewName, system
             [f"{j}", f"{t:.6g}", *(f"{curve[k]:{style}}" for curve in heights), f"{m}"]
             for k, (j, t, m) in enumerate(zip(one.levels, shown.time(one.tau), one.counts, strict=True))
         ]
-        print()
-        print_table(["level", "τ (s)", *heads, "coefficients"], rows, title=shown.height_label, texts=0)
+        parts.append(table_text(["level", "τ (s)", *heads, "coefficients"], rows, title=shown.height_label, texts=0))
+    return "\n\n".join(parts)
 
 
-def _write_csv(path: Path, results: Mapping[str, WaveletVariance]) -> None:
+def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
     """One line for each level of each axis; the deviation and its time are Allan's."""
-    from gmwm._files import write_text
     from gmwm.plots.view import view_of
 
     lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]
@@ -156,4 +172,4 @@ def _write_csv(path: Path, results: Mapping[str, WaveletVariance]) -> None:
             allan.time(result.tau), allan.height(result.variance), strict=True,
         )  # fmt: skip
         lines += [",".join([name, result.unit, *(str(value.item()) for value in row)]) for row in columns]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"

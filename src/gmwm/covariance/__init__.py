@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.covariance import filtered, gaussian, lines
-from gmwm.covariance.design import Setting as Setting
+from gmwm.covariance.design import Design as Design
 from gmwm.covariance.segments import pooled
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
@@ -18,44 +18,44 @@ from gmwm.variance.biweight import biweight, require_robust
 from gmwm.variance.transform import Transform, deepest_level
 
 
-def covariance(model: Model, setting: Setting) -> Matrix:
+def covariance(model: Model, design: Design) -> Matrix:
     """V = Cov(ν̂², ν̂²) (J, J) in u⁴ of a model whose values are complete; see `wavelet_covariance`."""
-    if setting.segments:
-        return pooled(setting, lambda stretch: covariance(model, stretch))
-    noise, waves = lines.apart(model, setting)
+    if design.segments:
+        return pooled(design, lambda segment: covariance(model, segment))
+    noise, waves = lines.apart(model, design)
     if noise is not model:
-        own = 0.0 if noise is None else covariance(noise, setting)
-        return np.asarray(own + lines.excess(noise, waves, setting, diagonal=False))
-    if gaussian.knows(model, setting):
-        return gaussian.covariance(model, setting)
-    return filtered.covariance(model, setting)
+        own = 0.0 if noise is None else covariance(noise, design)
+        return np.asarray(own + lines.excess(noise, waves, design, diagonal=False))
+    if gaussian.knows(model, design):
+        return gaussian.covariance(model, design)
+    return filtered.covariance(model, design)
 
 
-def variances(model: Model, setting: Setting) -> Vector:
+def variances(model: Model, design: Design) -> Vector:
     """The diagonal of `covariance` (J,), at about a tenth of the cost."""
-    if setting.segments:
-        return pooled(setting, lambda stretch: variances(model, stretch))
-    noise, waves = lines.apart(model, setting)
+    if design.segments:
+        return pooled(design, lambda segment: variances(model, segment))
+    noise, waves = lines.apart(model, design)
     if noise is not model:
-        own = 0.0 if noise is None else variances(noise, setting)
-        return np.asarray(own + lines.excess(noise, waves, setting, diagonal=True))
-    if gaussian.knows(model, setting):
-        return gaussian.variances(model, setting)
-    return filtered.variances(model, setting)
+        own = 0.0 if noise is None else variances(noise, design)
+        return np.asarray(own + lines.excess(noise, waves, design, diagonal=True))
+    if gaussian.knows(model, design):
+        return gaussian.variances(model, design)
+    return filtered.variances(model, design)
 
 
-def ratio_variances(model: Model, setting: Setting) -> Vector:
+def ratio_variances(model: Model, design: Design) -> Vector:
     """Var log(ν̂_j²/ν̃_j²) (J,) of the classical over the robust estimate of a Gaussian signal, if it has no drift.
 
     The classical one is the first term of the Hermite expansion of the robust one. So Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
     ν̂_k²), and of the ratio is left what the robust one has beyond: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
     """
-    if setting.segments:
-        return pooled(setting, lambda stretch: ratio_variances(model, stretch))
-    lines.apart(model, setting)
-    if gaussian.knows(model, setting):
-        return gaussian.ratio_variances(model, setting)
-    return filtered.ratio_variances(model, setting)
+    if design.segments:
+        return pooled(design, lambda segment: ratio_variances(model, segment))
+    lines.apart(model, design)
+    if gaussian.knows(model, design):
+        return gaussian.ratio_variances(model, design)
+    return filtered.ratio_variances(model, design)
 
 
 def wavelet_covariance(
@@ -88,12 +88,12 @@ def wavelet_covariance(
     A sinusoid of fixed amplitude is not Gaussian; 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k) is added, R
     the covariance of its coefficients, and what its phase makes of their squares. Robust estimates have no V then.
 
-    Of stretches s between gaps, measured together and taken for independent,
+    Of segments s between gaps, measured together and taken for independent,
 
         V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj,
 
     which is exact of white and quantization noise and of random walks, whose coefficients hold increments of their own
-    stretch alone; a Gauss-Markov process that outlasts a gap correlates what lies on both sides of it a little, which
+    segment alone; a Gauss-Markov process that outlasts a gap correlates what lies on both sides of it a little, which
     is left out, and a sinusoid is given a phase of its own in each. If more than 64 lengths differ, V_s M_s² is
     interpolated between lengths an eighth of an octave apart, which makes V of the coarsest levels up to 1 % too large.
 
@@ -102,7 +102,7 @@ def wavelet_covariance(
     model : Model, Process or str
         With all its values.
     samples : int or sequence of int
-        Length N of the record, or that of each of its stretches if it has gaps.
+        Length N of the record, or that of each of its segments if it has gaps.
     rate : float
         Samples per second (Hz).
     levels : int or (J,) array, optional
@@ -133,23 +133,25 @@ def wavelet_covariance(
     array([[0.000751]])
     """
     require_robust(robust, efficiency)
-    setting = as_setting(samples, rate, levels, filter, transform, efficiency if robust else None)
-    return covariance(as_model(model), setting)
+    design = as_design(
+        samples, rate, levels=levels, filter=filter, transform=transform, efficiency=efficiency if robust else None
+    )
+    return covariance(as_model(model), design)
 
 
-def as_setting(
+def as_design(
     samples: int | Sequence[int],
     rate: float,
     levels: int | ArrayLike | None,
     filter: str | WaveletFilter,
     transform: Transform,
     efficiency: float | None,
-) -> Setting:
-    """The setting, checked: every level has a coefficient."""
+) -> Design:
+    """The design, checked: every level has a coefficient."""
     rate, wavelet = as_rate(rate), find_filter(filter)
     lengths = list(samples) if isinstance(samples, Sequence) else [samples]
     if not lengths or any(isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in lengths):
-        raise OptionError(f"samples must be an integer of at least 2, or the lengths of stretches, got {samples!r}")
+        raise OptionError(f"samples must be an integer of at least 2, or the lengths of segments, got {samples!r}")
     longest = int(max(lengths))
     if longest < 2:
         raise OptionError(f"samples must be an integer of at least 2, got {samples!r}")
@@ -163,4 +165,12 @@ def as_setting(
         needed = wavelet.width(int(wanted[-1]))
         raise OptionError(f"level {wanted[-1]} needs {needed} samples, got samples={samples}; take fewer levels")
     segments = tuple(map(int, lengths)) if len(lengths) > 1 else ()
-    return Setting(wanted, sum(map(int, lengths)), rate, wavelet, transform, efficiency, segments)
+    return Design(
+        levels=wanted,
+        samples=sum(map(int, lengths)),
+        rate=rate,
+        filter=wavelet,
+        transform=transform,
+        efficiency=efficiency,
+        segments=segments,
+    )

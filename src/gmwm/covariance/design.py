@@ -1,4 +1,4 @@
-"""How a wavelet variance was measured: all that its covariance depends on besides the model."""
+"""How a wavelet variance was measured: all that its covariance depends on, besides the model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gmwm.variance.transform import Transform, coefficient_counts, pooled_counts
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class Design:
     """Levels, length of the record, rate, filter, transform and estimator of a wavelet variance.
 
     Attributes
@@ -31,15 +31,15 @@ class Setting:
     efficiency : float or None
         Of a robust estimate; None of a classical one.
     segments : tuple of int
-        Lengths of the stretches that are measured together; () for a record without a gap.
+        Lengths of the segments that are measured together; () for a record without a gap.
     strides : tuple of int
         Of each level, at every how many samples a coefficient was taken; () where all were.
     pooled : (J,) int array or None
-        Of one stretch among several: how many coefficients they all have together.
+        Of one segment among several: how many coefficients they all have together.
 
     Examples
     --------
-    >>> Setting(np.arange(1, 4), samples=100, rate=1.0).counts
+    >>> Design(np.arange(1, 4), samples=100, rate=1.0).counts
     array([99, 97, 93])
     """
 
@@ -58,25 +58,32 @@ class Setting:
         object.__setattr__(self, "levels", freeze(np.array(self.levels, dtype=np.int64)))
 
     @classmethod
-    def of(cls, wv: WaveletVariance) -> Setting:
-        """The setting in which `wv` was measured."""
+    def of(cls, wv: WaveletVariance) -> Design:
+        """The design of `wv`."""
         return cls(
-            wv.levels, wv.samples, wv.rate, find_filter(wv.filter), wv.transform, wv.efficiency, wv.segments, wv.strides
+            levels=wv.levels,
+            samples=wv.samples,
+            rate=wv.rate,
+            filter=find_filter(wv.filter),
+            transform=wv.transform,
+            efficiency=wv.efficiency,
+            segments=wv.segments,
+            strides=wv.strides,
         )
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Length of each stretch without a gap."""
+        """Length of each segment without a gap."""
         return self.segments or (self.samples,)
 
     @property
     def longest(self) -> int:
-        """Length of the longest stretch without a gap: how far back one coefficient can look."""
+        """Length of the longest segment without a gap: how far back one coefficient can look."""
         return max(self.lengths)
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Number M_j of coefficients of each level (J,), of all stretches, taken or not."""
+        """Number M_j of coefficients of each level (J,), of all segments, taken or not."""
         return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
 
     @property
@@ -86,16 +93,16 @@ class Setting:
 
     @property
     def few(self) -> NDArray[np.bool_]:
-        """At which levels there are too few coefficients, all stretches together, to tell an outlier (J,)."""
+        """At which levels there are too few coefficients, all segments together, to tell an outlier (J,)."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
 
-    def only(self, which: NDArray[np.bool_]) -> Setting:
-        """That of some of the levels."""
+    def only(self, which: NDArray[np.bool_]) -> Design:
+        """The design with some of the levels only."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
         return replace(self, levels=self.levels[which], strides=strides)
 
-    def stretch(self, length: int, counts: NDArray[np.int64]) -> Setting | None:
-        """That of one stretch by itself, with the levels it has and the `counts` of all; None if it has no level."""
+    def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
+        """The design of one segment alone, with its own levels and the `counts` of all; None without a level."""
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
         reach = int(np.count_nonzero(own > 0))
         if reach == 0:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import covariance
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import drawn, mixture
 from gmwm.errors import DataError
 from gmwm.filters import WaveletFilter
@@ -104,14 +104,14 @@ def empirical_covariance(
             f"the wavelet variance is zero at level {zero}: a constant or coarsely quantised signal, whose covariance "
             "cannot be had from the data; take it from a model, wavelet_covariance(model, samples, rate)"
         )
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     # By a power of two, which changes no digit, so that fourth powers stay in range.
     unit = 2.0 ** np.floor(0.5 * np.log2(wv.variance.max()))
     variance = wv.variance / unit**2
     values = (x.values if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
-    curve, model = mixture(variance, wv.degrees_of_freedom, setting)
-    theory = covariance(model, setting)
-    variance_share, correlation, tapers = _measured(values, variance, setting)
+    curve, model = mixture(variance, wv.degrees_of_freedom, design)
+    theory = covariance(model, design)
+    variance_share, correlation, tapers = _measured(values, variance, design)
 
     own = np.diag(theory)
     prior = theory / np.sqrt(np.outer(own, own))
@@ -137,21 +137,21 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 # --- from the data ------------------------------------------------------------------------------------
 
 
-def _measured(values: Vector, variance: Vector, setting: Setting) -> tuple[Vector, Matrix, Vector]:
+def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
     """Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), which may be 0."""
-    size, cell = setting.levels.size, -(-setting.samples // _CELLS)
-    count = -(-setting.samples // cell)
-    apart = np.ones(size) if setting.transform == "dwt" else np.ldexp(1.0, setting.levels)
-    tapers = np.minimum(np.floor(2 * BANDWIDTH * setting.counts / apart), MOST_TAPERS)
+    size, cell = design.levels.size, -(-design.samples // _CELLS)
+    count = -(-design.samples // cell)
+    apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
+    tapers = np.minimum(np.floor(2 * BANDWIDTH * design.counts / apart), MOST_TAPERS)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
     # Of a coefficient, a sum of as many products as the filter is long: its square by twice the root times that.
-    rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * setting.filter.length
-    for a, (places, squares) in enumerate(_squares(values, setting)):
+    rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * design.filter.length
+    for a, (places, squares) in enumerate(_squares(values, design)):
         sums[a] = np.bincount(places // cell, squares, count)
         numbers[a] = np.bincount(places // cell, minlength=count)
         moving[a] = tapers[a] == 0 or np.ptp(squares) > 2 * rounding * np.sqrt(squares.max())
-    if still := [str(j) for j, moved in zip(setting.levels, moving, strict=True) if not moved]:
+    if still := [str(j) for j, moved in zip(design.levels, moving, strict=True) if not moved]:
         raise DataError(
             f"the wavelet coefficients of level {', '.join(still)} do not vary: a ramp or an alternating signal "
             "without noise, whose covariance cannot be had from the data; take it from a model, "
@@ -172,33 +172,33 @@ def _measured(values: Vector, variance: Vector, setting: Setting) -> tuple[Vecto
     return share, correlation, tapers
 
 
-def _squares(values: Vector, setting: Setting) -> Iterator[tuple[NDArray[np.int64], Vector]]:
+def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
     """Times and squares of the coefficients that no boundary reaches, level by level; times count gaps for nothing."""
-    stretches, first = [], 0
-    for length in setting.lengths:
-        stretch = setting.stretch(length, setting.counts)
-        if stretch is not None:
-            stretches.append((first, _squares_of(values[first : first + length], stretch)))
+    segments, first = [], 0
+    for length in design.lengths:
+        segment = design.segment(length, design.counts)
+        if segment is not None:
+            segments.append((first, _squares_of(values[first : first + length], segment)))
         first += length
-    for _ in setting.levels:
-        here = [(first, *found) for first, squares in stretches if (found := next(squares, None)) is not None]
+    for _ in design.levels:
+        here = [(first, *found) for first, squares in segments if (found := next(squares, None)) is not None]
         yield np.concatenate([first + places for first, places, _ in here]), np.concatenate([w for _, _, w in here])
 
 
-def _squares_of(values: Vector, setting: Setting) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """The same of one stretch."""
-    filter, wanted = setting.filter, setting.levels.tolist()
-    if setting.transform == "dwt":
+def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
+    """The same of one segment."""
+    filter, wanted = design.filter, design.levels.tolist()
+    if design.transform == "dwt":
         inner = inner_coefficients(values, filter, "dwt", wanted[-1])
         for j in wanted:
-            last = setting.samples >> j
+            last = design.samples >> j
             yield (np.arange(last - inner[j - 1].size, last) + 1 << j) - 1, inner[j - 1] ** 2
         return
     smooth, root = values - _core.mean(values), np.sqrt(2.0)
     for j in wanted:
         smooth, detail = _core.pyramid_step(smooth, filter.scaling / root, filter.wavelet / root, 1 << (j - 1))
         begin = filter.width(j) - 1
-        yield np.arange(begin, setting.samples), detail[begin:] ** 2
+        yield np.arange(begin, design.samples), detail[begin:] ** 2
 
 
 def _sine_tapers(size: int, count: int) -> Matrix:

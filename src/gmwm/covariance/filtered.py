@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
 from gmwm.errors import MissingTheoryError
 from gmwm.filters import WaveletFilter
@@ -45,50 +45,50 @@ _FELT = 1e-6
 """Squared correlation up to which a robust estimate is as a classical one: the next term is of the square of it."""
 
 
-def covariance(model: Model, setting: Setting) -> Matrix:
+def covariance(model: Model, design: Design) -> Matrix:
     """V (J, J), in u⁴, to 2e-5 of its diagonal or better; exact for N < 32768 and of the decimated transform."""
-    lags = Lags(model, setting)
-    v = np.zeros((setting.levels.size, setting.levels.size))
-    for a in range(setting.levels.size):
-        v[a, a:] = v[a:, a] = lags.row(a, lags.stage(a), setting.levels.size)
+    lags = Lags(model, design)
+    v = np.zeros((design.levels.size, design.levels.size))
+    for a in range(design.levels.size):
+        v[a, a:] = v[a:, a] = lags.row(a, lags.stage(a), design.levels.size)
     return v
 
 
-def variances(model: Model, setting: Setting) -> Vector:
+def variances(model: Model, design: Design) -> Vector:
     """The diagonal of V (J,), in u⁴."""
-    lags = Lags(model, setting)
-    return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
+    lags = Lags(model, design)
+    return np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
 
 
-def ratio_variances(model: Model, setting: Setting) -> Vector:
+def ratio_variances(model: Model, design: Design) -> Vector:
     """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: what V_jj of the robust one has beyond that of the other."""
-    lags = Lags(model, setting, beyond=True)
-    excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(setting.levels.size)])
+    lags = Lags(model, design, beyond=True)
+    excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
     return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
 
 
 class Lags:
-    """The sums over lags of a model in a setting; `beyond`: of what a robust estimate has beyond the classical one."""
+    """The sums over lags of a model in a design; `beyond`: of what a robust estimate has beyond the classical one."""
 
-    def __init__(self, model: Model, setting: Setting, *, beyond: bool = False) -> None:
-        self.setting, self.beyond, self.few = setting, beyond, setting.few
-        self.known = [_signal_covariance(model, setting)]
+    def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
+        self.design, self.beyond, self.few = design, beyond, design.few
+        self.known = [_signal_covariance(model, design)]
         self.smooth: dict[int, tuple[int, Vector]] = {}
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
-        self.mean = means(model, setting)
-        self.own = _own_variances(self.known[0], setting)
+        self.mean = means(model, design)
+        self.own = _own_variances(self.known[0], design)
         # A robust estimate hardly feels that uniform errors have no tails: it is left as it is.
-        present = [] if setting.efficiency is not None else [p for p in model.processes if p.scale > 0]
+        present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
-        deepest = int(setting.levels[-1]) if self.cumulant else 0
-        self.error_filters = filtered.error_filters(setting.filter, deepest, _TAPS)
+        deepest = int(design.levels[-1]) if self.cumulant else 0
+        self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
 
     def stage(self, a: int) -> int:
         """The coarsest sequence of lags, 2^stage apart, that will do for the level at place a and those above."""
-        level = int(self.setting.levels[a])
-        if self.setting.transform == "dwt":
+        level = int(self.design.levels[a])
+        if self.design.transform == "dwt":
             return level - 1
-        stage = max(0, min(level - OVERSAMPLED, (self.setting.samples // FEWEST).bit_length() - 1))
+        stage = max(0, min(level - OVERSAMPLED, (self.design.samples // FEWEST).bit_length() - 1))
         value = self.row(a, stage, a + 1)[0] if stage else 0.0
         while stage > 0:
             finer = self.row(a, stage - 1, a + 1)[0]
@@ -99,20 +99,20 @@ class Lags:
 
     def row(self, a: int, stage: int, end: int) -> Vector:
         """V_jk of the level j at place a with those from there up to `end`, from lags 2^stage apart."""
-        setting = self.setting
+        design = self.design
         sums = [
-            weighed(self._terms(values, a, b), first, stage, setting, a, b)
+            weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
             for b, first, values in self.covariances(a, stage, end)
         ]
         total = np.array(sums) + self._excess(a, end)
-        return np.asarray(total / setting.counts[a] / setting.counts[a:end])
+        return np.asarray(total / design.counts[a] / design.counts[a:end])
 
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
         """Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: the place of k, the first lag over 2^stage, the values."""
         while len(self.known) <= stage:
-            self.known.append(_halved(self.known[-1], self.setting.filter))
-        below = (self.setting.levels[a:end] - stage).tolist()
-        pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.setting.filter, below)
+            self.known.append(_halved(self.known[-1], self.design.filter))
+        below = (self.design.levels[a:end] - stage).tolist()
+        pairs = _against(self._with_signal(stage, below[0]), self.known[stage].size, self.design.filter, below)
         for b, (first, values) in enumerate(pairs, a):
             yield b, first, values
 
@@ -121,7 +121,7 @@ class Lags:
 
         All lags at which the record has a pair, but for those at either end where it is next to nothing.
         """
-        filter, known = self.setting.filter, self.known[stage]
+        filter, known = self.design.filter, self.known[stage]
         done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
         while done < level:
             done += 1
@@ -134,10 +134,10 @@ class Lags:
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
         """Covariance of the squares of two coefficients, or of what a robust estimate has in place of squares."""
         terms = values * values
-        if self.setting.efficiency is None or self.few[a] or self.few[b]:
+        if self.design.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
         else:
-            terms = _robust(terms, float(self.own[a] * self.own[b]), self.setting.efficiency)
+            terms = _robust(terms, float(self.own[a] * self.own[b]), self.design.efficiency)
         if self.beyond:
             return np.asarray(terms - 2.0 * values * values)
         if self.mean[a] * self.mean[b] != 0:
@@ -147,24 +147,24 @@ class Lags:
     def _excess(self, a: int, end: int) -> Vector:
         """κ₄ Σ_l Σ_m d_{j,l}² d_{k,m}² n(m − l) of errors e_t that are not Gaussian, W_{j,t} = Σ_l d_{j,l} e_{t−l}."""
         total = np.zeros(end - a)
-        fine, filters = int(self.setting.levels[a]), self.error_filters
+        fine, filters = int(self.design.levels[a]), self.error_filters
         for b in range(a, end):
-            coarse = int(self.setting.levels[b])
+            coarse = int(self.design.levels[b])
             if coarse > len(filters):
                 break
             (early, first), (late, second) = filters[fine - 1], filters[coarse - 1]
-            pairs = _pairs(self.setting, a, b, late - early[:, None])
+            pairs = _pairs(self.design, a, b, late - early[:, None])
             total[b - a] = self.cumulant * float(first**2 @ pairs @ second**2)
         return total
 
 
-def _pairs(setting: Setting, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
+def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
     """n(u) at any lags."""
-    if setting.transform == "dwt":
-        apart = 1 << int(setting.levels[a])
-        return np.where(lags % apart == 0, _decimated_pairs(setting, a, b, lags // apart), 0.0)
-    fine, coarse = (setting.filter.width(int(setting.levels[place])) for place in (a, b))
-    size = setting.samples
+    if design.transform == "dwt":
+        apart = 1 << int(design.levels[a])
+        return np.where(lags % apart == 0, _decimated_pairs(design, a, b, lags // apart), 0.0)
+    fine, coarse = (design.filter.width(int(design.levels[place])) for place in (a, b))
+    size = design.samples
     n = np.minimum(np.minimum(lags - (coarse - size - 1), (size - fine + 1) - lags), size - coarse + 1)
     return np.asarray(np.maximum(n, 0), dtype=np.float64)
 
@@ -182,19 +182,19 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
 # --- covariances of coefficients ----------------------------------------------------------------------
 
 
-def _signal_covariance(model: Model, setting: Setting) -> Vector:
+def _signal_covariance(model: Model, design: Design) -> Vector:
     """A(m) of the signal at all lags 0 … N − 1, up to a constant."""
-    if setting.samples > LONGEST:
+    if design.samples > LONGEST:
         slow = next(p for p in model.processes if p.scale > 0 and not p.has("coefficient_covariance"))
         raise MissingTheoryError(
             f"the covariance of {slow.name} is a sum over all lags, which is taken of up to {LONGEST} samples, got "
-            f"{setting.samples}; take a shorter record"
+            f"{design.samples}; take a shorter record"
         )
-    lags = np.arange(setting.samples)
-    total = np.zeros(setting.samples)
+    lags = np.arange(design.samples)
+    total = np.zeros(design.samples)
     for process in model.processes:
         if process.scale > 0:
-            total += process.generalised_covariance(lags, setting.rate)
+            total += process.generalised_covariance(lags, design.rate)
     return total
 
 
@@ -240,32 +240,32 @@ def _step(values: Vector, filter: WaveletFilter, level: int) -> tuple[Vector, Ve
     return _core.pyramid_step(values, filter.scaling / root, filter.wavelet / root, 1 << (level - 1))
 
 
-def _own_variances(known: Vector, setting: Setting) -> Vector:
+def _own_variances(known: Vector, design: Design) -> Vector:
     """Variances of the coefficients (J,), which only a robust estimate asks for."""
-    if setting.efficiency is None:
-        return np.ones(setting.levels.size)
-    return filtered.autocovariance_variance(known, setting.filter, setting.levels)
+    if design.efficiency is None:
+        return np.ones(design.levels.size)
+    return filtered.autocovariance_variance(known, design.filter, design.levels)
 
 
-def means(model: Model, setting: Setting) -> Vector:
+def means(model: Model, design: Design) -> Vector:
     """Means of the coefficients (J,): of a drift, under a filter that does not remove it."""
-    if setting.filter.vanishing_moments > 1:
-        return np.zeros(setting.levels.size)
+    if design.filter.vanishing_moments > 1:
+        return np.zeros(design.levels.size)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
-    return slope * np.sqrt(filtered.drift_shape(setting.filter, setting.levels))
+    return slope * np.sqrt(filtered.drift_shape(design.filter, design.levels))
 
 
 # --- sums over lags -----------------------------------------------------------------------------------
 
 
-def weighed(terms: Vector, first: int, stage: int, setting: Setting, a: int, b: int) -> float:
+def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: int) -> float:
     """Σ_u n(u) f(u) from f at the lags 2^stage (first, first + 1, …), n(u) the number of pairs of coefficients."""
-    if setting.transform == "dwt":
+    if design.transform == "dwt":
         ahead = first % 2
         terms = terms[ahead::2]
-        return float(_decimated_pairs(setting, a, b, (first + ahead) // 2 + np.arange(terms.size)) @ terms)
-    step, size = 1 << stage, setting.samples
-    fine, coarse = (setting.filter.width(int(setting.levels[place])) for place in (a, b))
+        return float(_decimated_pairs(design, a, b, (first + ahead) // 2 + np.arange(terms.size)) @ terms)
+    step, size = 1 << stage, design.samples
+    fine, coarse = (design.filter.width(int(design.levels[place])) for place in (a, b))
     # n(u) rises from 0 at the first bend to the last number of pairs, stays, and falls to 0 at the last bend.
     rise, fall = coarse - size - 1, size - fine + 1
     start, end = (min(max(place - first, 0), terms.size) for place in (0, (coarse - fine) // step + 1))
@@ -284,15 +284,15 @@ def weighed(terms: Vector, first: int, stage: int, setting: Setting, a: int, b: 
     return total
 
 
-def _decimated_pairs(setting: Setting, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
+def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
     """Number of pairs of inner decimated coefficients whose last samples lie 2^j lags apart, j the finer level.
 
     Coefficient n of level j ends at sample 2^j (n + 1) − 1; those of the coarser level with n + 1 from `low` to `high`
     have one of the finer level at the other end of the lag.
     """
-    fine, coarse = int(setting.levels[a]), int(setting.levels[b])
-    ratio, ends = 1 << (coarse - fine), (setting.samples >> fine, setting.samples >> coarse)
-    starts = ends[0] - int(setting.counts[a]), ends[1] - int(setting.counts[b])
+    fine, coarse = int(design.levels[a]), int(design.levels[b])
+    ratio, ends = 1 << (coarse - fine), (design.samples >> fine, design.samples >> coarse)
+    starts = ends[0] - int(design.counts[a]), ends[1] - int(design.counts[b])
     low = np.maximum(-(-(starts[0] + 1 + lags) // ratio), starts[1] + 1)
     high = np.minimum((ends[0] + lags) // ratio, ends[1])
     return np.asarray(np.maximum(high - low + 1, 0), dtype=np.float64)

@@ -13,44 +13,44 @@ from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
 from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
 
-def knows(model: Model, setting: Setting) -> bool:
+def knows(model: Model, design: Design) -> bool:
     """Whether this module has the covariance: Haar MODWT, and a closed form of every process."""
-    return setting.running_sum and model.has("coefficient_covariance")
+    return design.running_sum and model.has("coefficient_covariance")
 
 
-def covariance(model: Model, setting: Setting) -> Matrix:
+def covariance(model: Model, design: Design) -> Matrix:
     """V (J, J), in u⁴."""
-    size = setting.levels.size
+    size = design.levels.size
     coarser, finer = np.tril_indices(size)
     v = np.empty((size, size))
-    v[finer, coarser] = v[coarser, finer] = _entries(model, setting, diagonal=False)
+    v[finer, coarser] = v[coarser, finer] = _entries(model, design, diagonal=False)
     return v
 
 
-def variances(model: Model, setting: Setting) -> Vector:
+def variances(model: Model, design: Design) -> Vector:
     """The diagonal of V (J,), in u⁴."""
-    return _entries(model, setting, diagonal=True)
+    return _entries(model, design, diagonal=True)
 
 
-def ratio_variances(model: Model, setting: Setting) -> Vector:
+def ratio_variances(model: Model, design: Design) -> Vector:
     """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²."""
-    assert setting.efficiency is not None
+    assert design.efficiency is not None
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = _lags(present, setting, diagonal=True)
-    half = np.ldexp(1.0, setting.levels - 1)
-    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), setting.rate)
+    at, weight, starts = _lags(present, design, diagonal=True)
+    half = np.ldexp(1.0, design.levels - 1)
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     # A model without noise has no correlations.
     unit = np.repeat(np.where(own > 0, own, 1.0), np.diff(starts, append=weight.size))
-    squares = (_coefficient_covariance(present, at, setting.rate) / unit) ** 2
-    terms = weight * squares**2 * np.polyval(hermite_weights(setting.efficiency)[:0:-1], squares)
-    return np.asarray(np.add.reduceat(terms, starts) / setting.counts.astype(np.float64) ** 2)
+    squares = (_coefficient_covariance(present, at, design.rate) / unit) ** 2
+    terms = weight * squares**2 * np.polyval(hermite_weights(design.efficiency)[:0:-1], squares)
+    return np.asarray(np.add.reduceat(terms, starts) / design.counts.astype(np.float64) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,21 +67,21 @@ class _Pairs:
         return np.asarray(values[self.finer] * values[self.coarser])
 
 
-def _entries(model: Model, setting: Setting, *, diagonal: bool) -> Vector:
+def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     """V_jk of all pairs, or of each level with itself."""
-    size, half = setting.levels.size, np.ldexp(1.0, setting.levels - 1)
+    size, half = design.levels.size, np.ldexp(1.0, design.levels - 1)
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
-    pairs = _Pairs(finer, coarser, half, setting.counts.astype(np.float64))
+    pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
-    out = _over_lags(model, setting, pairs, *_lags(present, setting, diagonal=diagonal))
-    for place, stride in enumerate(setting.strides):
+    out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
+    for place, stride in enumerate(design.strides):
         if stride > 1:
             mine = (finer == place) & (coarser == place if diagonal else True)
-            out[mine] = _strided(model, setting, place, stride)[: np.count_nonzero(mine)]
+            out[mine] = _strided(model, design, place, stride)[: np.count_nonzero(mine)]
     return out
 
 
-def _strided(model: Model, setting: Setting, place: int, stride: int) -> Vector:
+def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     """V_jk of a level of which every s-th coefficient is taken, with itself and all coarser ones.
 
     A coarser level takes every 2^d-th of these places. Seen from sample to s-th sample both are levels of a record of
@@ -89,32 +89,32 @@ def _strided(model: Model, setting: Setting, place: int, stride: int) -> Vector:
     record with all of its coefficients. A level whose coefficients are all taken has with a strided one what it has
     with all coefficients: the lags between them take every value alike.
     """
-    levels = setting.levels[place:]
+    levels = design.levels[place:]
     within = replace(
-        setting, levels=levels - int(np.log2(stride)), samples=setting.samples // stride,
-        rate=setting.rate / stride, strides=(), segments=(),
+        design, levels=levels - int(np.log2(stride)), samples=design.samples // stride,
+        rate=design.rate / stride, strides=(), segments=(),
     )  # fmt: skip
     count = levels.size
     coarser, finer = np.tril_indices(count)
     first = np.flatnonzero(finer == 0)
     present = [process for process in model.processes if process.scale > 0]
-    at, weight, starts = _lags(present, within, diagonal=False, decays_of=setting.rate, stride=stride)
+    at, weight, starts = _lags(present, within, diagonal=False, decays_of=design.rate, stride=stride)
     ends = np.append(starts[1:], weight.size)
     kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
     sizes = (ends - starts)[first]
     # At multiples of an even number of samples nothing alternates.
-    odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, setting.rate) else None
+    odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, design.rate) else None
     grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
-    counts = setting.counts.astype(np.float64)
+    counts = design.counts.astype(np.float64)
     counts[place:] = within.counts
-    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, setting.levels - 1), counts)
+    pairs = _Pairs(finer[first] + place, coarser[first] + place, np.ldexp(1.0, design.levels - 1), counts)
     begins = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    return _over_lags(model, setting, pairs, grid, weight[kept], begins, stride)
+    return _over_lags(model, design, pairs=pairs, at=grid, weight=weight[kept], starts=begins, stride=stride)
 
 
 def _over_lags(
     model: Model,
-    setting: Setting,
+    design: Design,
     pairs: _Pairs,
     at: LagGrid,
     weight: Vector,
@@ -123,33 +123,33 @@ def _over_lags(
 ) -> Vector:
     """V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride` samples."""
     present = [process for process in model.processes if process.scale > 0]
-    covariance = _coefficient_covariance(present, at, setting.rate)
+    covariance = _coefficient_covariance(present, at, design.rate)
     scale = 4 * pairs.outer(pairs.half)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
     total = np.zeros(pairs.finer.size)
     if slope:
         total += slope**2 * pairs.outer(pairs.half) / scale * np.add.reduceat(weight * covariance, starts)
     squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
-    if setting.efficiency is not None:
-        robust = _robust_sum(present, pairs, setting, covariance, weight, starts)
-        squares = np.where(setting.few[pairs.finer] | setting.few[pairs.coarser], squares, robust)
+    if design.efficiency is not None:
+        robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
+        squares = np.where(design.few[pairs.finer] | design.few[pairs.coarser], squares, robust)
     elif cumulant := sum(process.error_cumulant for process in present):
         # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.
-        squares += cumulant * _excess(pairs, setting.samples) / stride / scale**2
+        squares += cumulant * _excess(pairs, design.samples) / stride / scale**2
     total += squares
     return np.asarray(total / pairs.outer(pairs.counts))
 
 
 def _lags(
-    present: list[Process], setting: Setting, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
+    present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
     """Nodes of all pairs, their weights, and where each pair starts; decays per `stride` samples at a rate."""
-    rate = setting.rate if decays_of is None else decays_of
+    rate = design.rate if decays_of is None else decays_of
     # Steps of several samples do not alternate: strides are even.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
     starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
-        setting.levels, setting.samples, min(sizes, default=0.0), max(sizes, default=0.0),
+        design.levels, design.samples, min(sizes, default=0.0), max(sizes, default=0.0),
         any(decay < 0 for decay in decays), diagonal,
     )  # fmt: skip
     return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
@@ -177,20 +177,20 @@ def _power_sum(covariance: Vector, weight: Vector, starts: NDArray[np.int64]) ->
 def _robust_sum(
     present: list[Process],
     pairs: _Pairs,
-    setting: Setting,
+    design: Design,
     covariance: Vector,
     weight: Vector,
     starts: NDArray[np.int64],
 ) -> Vector:
     """ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ^q of each pair."""
-    assert setting.efficiency is not None
+    assert design.efficiency is not None
     half = pairs.half
-    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), setting.rate)
+    own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
     size = pairs.outer(own)
     # A zero model has no correlations, and no covariance.
     unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
     squares = covariance * covariance / unit
-    terms = weight * squares * np.polyval(hermite_weights(setting.efficiency)[::-1], squares)
+    terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
     return np.asarray(size / (4 * pairs.outer(half)) ** 2 * np.add.reduceat(terms, starts))
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix
 from gmwm.covariance import filtered
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.errors import MissingTheoryError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
@@ -38,7 +38,7 @@ _TURN = 32
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A sinusoid as the wavelet filters of a setting see it.
+    """A sinusoid as the wavelet filters of a design see it.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Line:
     gain: NDArray[np.complex128]
 
 
-def apart(model: Model, setting: Setting) -> tuple[Model | None, tuple[Line, ...]]:
+def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
     """The noise of a model, itself if it has no sinusoids and None if it has nothing else, and its lines.
 
     Raises
@@ -63,67 +63,67 @@ def apart(model: Model, setting: Setting) -> tuple[Model | None, tuple[Line, ...
     MissingTheoryError
         If there are lines, and the estimate is a robust one.
     """
-    seen = [process.line(setting.rate) for process in model.processes]
+    seen = [process.line(design.rate) for process in model.processes]
     if not any(seen):
         return model, ()
     felt = [(process, at) for process, at in zip(model.processes, seen, strict=True) if at and all(at)]
-    if felt and setting.efficiency is not None:
+    if felt and design.efficiency is not None:
         raise MissingTheoryError(
             f"{felt[0][0].name} has a fixed amplitude: its wavelet coefficients are not Gaussian, which a robust "
             "estimate takes for granted. It is biased where they are felt, and its covariance is not known; measure "
             "the wavelet variance with robust=False"
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
-    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], setting)) for _, at in felt)
+    return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
 
 
-def excess(noise: Model | None, lines: tuple[Line, ...], setting: Setting, *, diagonal: bool) -> Matrix:
+def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
     """What the lines add to V (J, J) of the noise, or to its diagonal (J,), in u⁴."""
-    total = _of_phases(noise, lines, setting)
+    total = _of_phases(noise, lines, design)
     if noise is not None:
         for line in lines:
-            total += _with_noise(noise, line, setting, diagonal=diagonal)
+            total += _with_noise(noise, line, design, diagonal=diagonal)
     return np.asarray(np.diag(total).copy() if diagonal else total)
 
 
-def _gains(cycles: float, setting: Setting) -> NDArray[np.complex128]:
+def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
     """H_j = Σ_l h_{j,l} e^(−iωl) (J,)."""
-    smooth, wavelet = setting.filter.scaling / np.sqrt(2.0), setting.filter.wavelet / np.sqrt(2.0)
-    gain, found = 1.0 + 0.0j, np.empty(int(setting.levels[-1]), dtype=np.complex128)
+    smooth, wavelet = design.filter.scaling / np.sqrt(2.0), design.filter.wavelet / np.sqrt(2.0)
+    gain, found = 1.0 + 0.0j, np.empty(int(design.levels[-1]), dtype=np.complex128)
     for j in range(found.size):
         z = np.exp(-2j * np.pi * np.fmod(np.ldexp(cycles, j), 1.0))
         found[j] = gain * np.polyval(wavelet[::-1], z)
         gain *= complex(np.polyval(smooth[::-1], z))
-    return found[setting.levels - 1]
+    return found[design.levels - 1]
 
 
 # --- the phases ---------------------------------------------------------------------------------------
 
 
-def _of_phases(noise: Model | None, lines: tuple[Line, ...], setting: Setting) -> Matrix:
+def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
     """½ Re Σ c_j c_k* (J, J) over all that turns with a phase of its own."""
-    mean = np.zeros(setting.levels.size) if noise is None else filtered.means(noise, setting)
+    mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
     for k, line in enumerate(lines):
-        turning.append(line.power * line.gain**2 * _mean_turn(2.0 * line.cycles, setting))
-        turning.append(2.0 * mean * math.sqrt(2.0 * line.power) * line.gain * _mean_turn(line.cycles, setting))
+        turning.append(line.power * line.gain**2 * _mean_turn(2.0 * line.cycles, design))
+        turning.append(2.0 * mean * math.sqrt(2.0 * line.power) * line.gain * _mean_turn(line.cycles, design))
         for other in lines[:k]:
             size = 2.0 * math.sqrt(line.power * other.power)
             both = (line.gain * other.gain, line.cycles + other.cycles)
             beat = (line.gain * np.conj(other.gain), line.cycles - other.cycles)
-            turning += [size * gain * _mean_turn(cycles, setting) for gain, cycles in (both, beat)]
-    c = np.array(turning).reshape(-1, setting.levels.size)
+            turning += [size * gain * _mean_turn(cycles, design) for gain, cycles in (both, beat)]
+    c = np.array(turning).reshape(-1, design.levels.size)
     return np.asarray(0.5 * np.real(c.T @ np.conj(c)))
 
 
-def _mean_turn(cycles: float, setting: Setting) -> NDArray[np.complex128]:
+def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
     """Mean of e^(2πi t cycles) over the places t of the coefficients of each level (J,)."""
-    count = setting.counts.astype(np.float64)
-    if setting.transform == "dwt":
-        step = np.ldexp(1.0, setting.levels)
-        last = step * (setting.samples >> setting.levels) - 1.0
+    count = design.counts.astype(np.float64)
+    if design.transform == "dwt":
+        step = np.ldexp(1.0, design.levels)
+        last = step * (design.samples >> design.levels) - 1.0
     else:
-        step, last = np.ones_like(count), np.full_like(count, setting.samples - 1.0)
+        step, last = np.ones_like(count), np.full_like(count, design.samples - 1.0)
     # Half the angle of a step and of all of them; a whole number of turns a step is none.
     half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
     still = np.abs(np.sin(half)) < 1e-12
@@ -135,55 +135,59 @@ def _mean_turn(cycles: float, setting: Setting) -> NDArray[np.complex128]:
 # --- line and noise -----------------------------------------------------------------------------------
 
 
-def _with_noise(noise: Model, line: Line, setting: Setting, *, diagonal: bool) -> Matrix:
+def _with_noise(noise: Model, line: Line, design: Design, *, diagonal: bool) -> Matrix:
     """4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) (J, J)."""
-    size, counts = setting.levels.size, setting.counts.astype(np.float64)
-    stages = _stages(line, setting)
+    size, counts = design.levels.size, design.counts.astype(np.float64)
+    stages = _stages(line, design)
     total = np.zeros((size, size))
     if np.any(stages < 0):
         square = np.abs(line.gain) ** 2
-        density = _density(noise, line.cycles, setting)
+        density = _density(noise, line.cycles, design)
         total += 4.0 * line.power * density * np.outer(square, square) / np.maximum.outer(counts, counts)
     if np.any(stages >= 0):
-        lags = filtered.Lags(noise, setting)
+        lags = filtered.Lags(noise, design)
     for a in np.flatnonzero(stages >= 0).tolist():
         stage = int(stages[a])
         for b, first, values in lags.covariances(a, stage, a + 1 if diagonal else size):
             u = np.arange(first, first + values.size)
             turn = np.exp(2j * np.pi * np.fmod(math.ldexp(line.cycles, stage) * u, 1.0))
             shared = line.power * np.real(np.conj(line.gain[a]) * line.gain[b] * turn)
-            total[a, b] = 4.0 * filtered.weighed(values * shared, first, stage, setting, a, b) / (counts[a] * counts[b])
+            total[a, b] = (
+                4.0
+                * filtered.weighed(values * shared, first, stage=stage, design=design, a=a, b=b)
+                / (counts[a] * counts[b])
+            )
             total[b, a] = total[a, b]
     return total
 
 
-def _stages(line: Line, setting: Setting) -> NDArray[np.int64]:
+def _stages(line: Line, design: Design) -> NDArray[np.int64]:
     """How far apart, 2^stage, the lags are for each level with those above (J,); −1 where the spectrum is taken."""
-    if setting.transform == "dwt":
-        return setting.levels - 1
-    stage = max(-(-setting.samples // FEW_LAGS) - 1, 0).bit_length()
+    if design.transform == "dwt":
+        return design.levels - 1
+    stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
     if stage and abs(line.cycles) * (_TURN << stage) > 1:
-        return np.full(setting.levels.size, -1)
-    enough = setting.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(setting.levels.size, dtype=np.bool_)
+        return np.full(design.levels.size, -1)
+    enough = design.levels >= stage + filtered.OVERSAMPLED if stage else np.ones(design.levels.size, dtype=np.bool_)
     return np.where(enough, stage, -1)
 
 
-def _density(noise: Model, cycles: float, setting: Setting) -> float:
+def _density(noise: Model, cycles: float, design: Design) -> float:
     """Spectral density S (u² per cycle per sample) of the noise at a frequency that is not 0."""
     total = 0.0
     for process in noise.processes:
         if process.scale > 0:
             total += (
-                setting.rate * float(process.psd([abs(cycles) * setting.rate], setting.rate)[0])
+                design.rate * float(process.psd([abs(cycles) * design.rate], design.rate)[0])
                 if process.has("psd")
-                else _summed_density(process, cycles, setting)
+                else _summed_density(process, cycles, design)
             )
     return total
 
 
-def _summed_density(process: Process, cycles: float, setting: Setting) -> float:
+def _summed_density(process: Process, cycles: float, design: Design) -> float:
     """S = Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1) that of the differences."""
-    known = process.generalised_covariance(np.arange(-1, setting.samples + 1), setting.rate)
+    known = process.generalised_covariance(np.arange(-1, design.samples + 1), design.rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))
     return float(2.0 * terms.sum() - terms[0]) / (4.0 * math.sin(math.pi * cycles) ** 2)

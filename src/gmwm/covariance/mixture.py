@@ -13,7 +13,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.filters import WaveletFilter
 from gmwm.processes.base import Process, registry
 from gmwm.processes.model import Model
@@ -35,8 +35,8 @@ def smoothed(wv: WaveletVariance) -> Vector:
         return wv.variance
     unit = 2.0 ** np.floor(np.log2(wv.variance.max()))
     observed, freedom = wv.variance / unit, wv.degrees_of_freedom
-    setting = Setting.of(wv)
-    _, shapes = _candidates(tuple(wv.levels.tolist()), setting.longest, wv.rate, setting.filter)
+    design = Design.of(wv)
+    _, shapes = _candidates(tuple(wv.levels.tolist()), design.longest, wv.rate, design.filter)
     curve, _ = _likeliest(observed, freedom, shapes)
     return drawn(unit * observed, freedom, unit * curve)
 
@@ -46,12 +46,12 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
-def mixture(variance: Vector, freedom: Vector, setting: Setting) -> tuple[Vector, Model]:
+def mixture(variance: Vector, freedom: Vector, design: Design) -> tuple[Vector, Model]:
     """The smooth curve (J,) of positive variances (J,) with these degrees of freedom (J,), and the model behind it.
 
     Of processes whose covariance is known alone.
     """
-    processes, shapes = _candidates(tuple(setting.levels.tolist()), setting.longest, setting.rate, setting.filter)
+    processes, shapes = _candidates(tuple(design.levels.tolist()), design.longest, design.rate, design.filter)
     known = [k for k, process in enumerate(processes) if process.has("generalised_covariance")]
     curve, weights = _likeliest(variance, freedom, shapes[known])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
@@ -83,11 +83,11 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Every process at unit scale, one of each family, those with a search at many places; their wavelet variances."""
+    """Every process at unit scale, in one parametrisation, with a search at many places; their wavelet variances."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():
-        kinds.setdefault(kind.family or kind.name, kind)
+        kinds.setdefault(kind.parametrises or kind.name, kind)
     processes: list[Process] = []
     rows = []
     for kind in kinds.values():

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.covariance import ratio_variances
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
 from gmwm.covariance.robust import ratio_skewness
 from gmwm.processes.model import ModelLike, as_model
@@ -36,13 +36,13 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
     """
     if not np.any(tested):
         return np.empty(0)
-    whole = Setting.of(robust)
+    whole = Design.of(robust)
     if model is None:
         there = robust.variance > 0
         # By a power of two, which changes no digit, so that fourth powers stay in range.
         unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
-        setting = whole.only(there)
-        _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], setting)
+        design = whole.only(there)
+        _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], design)
     else:
         noise = as_model(model)
     square = ratio_variances(noise, whole.only(tested))

@@ -1,4 +1,4 @@
-"""The covariance of a wavelet variance of several stretches between gaps, from those of the stretches by themselves."""
+"""The covariance of a wavelet variance of several segments between gaps, from those of the segments by themselves."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 
 EXACT = 64
 """So many different lengths are taken one by one; of more, some stand for all."""
@@ -16,20 +16,20 @@ _OCTAVE = 8
 """Lengths in an octave that stand for those between."""
 
 
-def pooled(setting: Setting, alone: Callable[[Setting], Matrix]) -> Matrix:
-    """Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s of stretches by themselves (J, J), or of its diagonal (J,).
+def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
+    """Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s of segments by themselves (J, J), or of its diagonal (J,).
 
-    Stretches are taken for independent, and those of one length have one V_s.
+    Segments are taken for independent, and those of one length have one V_s.
     """
-    counts, total = setting.counts, None
-    for length, times in _lengths(setting.lengths):
-        stretch = setting.stretch(length, counts)
-        if stretch is None:
+    counts, total = design.counts, None
+    for length, times in _lengths(design.lengths):
+        segment = design.segment(length, counts)
+        if segment is None:
             continue
-        part = alone(stretch)
+        part = alone(segment)
         if total is None:
             total = np.zeros((counts.size,) * part.ndim)
-        own = stretch.counts.astype(np.float64)
+        own = segment.counts.astype(np.float64)
         total[tuple(slice(n) for n in part.shape)] += times * part * _outer(own, part.ndim)
     assert total is not None
     return np.asarray(total / _outer(counts.astype(np.float64), total.ndim))
@@ -40,10 +40,10 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def _lengths(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Lengths, and how many stretches each stands for.
+    """Lengths, and how many segments each stands for.
 
     M² V is a convex function of the length, nearly a straight line from a few scales on: between two lengths near each
-    other a stretch counts as part of each.
+    other a segment counts as part of each.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:

@@ -17,7 +17,8 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.sheet import Datasheet as Datasheet
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import Interval, as_level, confidence_intervals, free_shape, is_weak
+from gmwm.inference.intervals import Interval, confidence_intervals, free_shape, is_weak
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
 from gmwm.remarks import Remark
@@ -109,7 +110,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     >>> found["N"].in_units("datasheet")[3]
     'deg/√h'
     """
-    level = as_level(level)
+    level = as_confidence(level, "level")
     written, labels = translated(fit)
     left = {label for term, label in zip(written.model.terms, labels, strict=True) if _acts(written, term)}
     counted = {term: name for term, name in fit.diagnostics.acts_as.items() if term not in left}
@@ -159,7 +160,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
     if not numbers:
         return [], Remark.of("no-numbers", wv.axis, term=label, because="none", process="")
     weak = judged.weak(term, process)
-    return [_entry(judged, term, label, process, number, weak) for number in numbers], None
+    return [_entry(judged, term, label=label, process=process, number=number, weak=weak) for number in numbers], None
 
 
 def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
@@ -185,7 +186,15 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
         low, high = _interval(judged, process, number, slopes)
     low, high = (None if end is None else factor * end for end in (low, high))
     return Entry(
-        number.symbol + bracket + place, number.title, factor * value, low, high, unit, label, upper_only, held
+        symbol=number.symbol + bracket + place,
+        title=number.title,
+        value=factor * value,
+        low=low,
+        high=high,
+        unit=unit,
+        term=label,
+        upper_only=upper_only,
+        held=held,
     )
 
 
@@ -237,6 +246,14 @@ def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Re
     # Twice the Haar wavelet variance, whatever the filter of the fit.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
-        entries, wv.axis, unit, fit.model.structure, wv.samples, wv.rate, level,
-        np.ldexp(1.0, wv.levels - 1) / wv.rate, deviation, remarks,
-    )  # fmt: skip
+        entries=entries,
+        axis=wv.axis,
+        unit=unit,
+        model=fit.model.structure,
+        samples=wv.samples,
+        rate=wv.rate,
+        level=level,
+        averaging_time=np.ldexp(1.0, wv.levels - 1) / wv.rate,
+        allan_deviation=deviation,
+        remarks=remarks,
+    )

@@ -70,12 +70,22 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
     if least == 0:
         return None, Remark.of("no-bias-instability", wv.axis, reason="the model is zero")
     curve = None if z is None else Curve.of(fit).without_lines()
-    bounded = _bounded(model, n, last, wv.rate, curve, z)
+    bounded = _bounded(model, n, last=last, rate=wv.rate, curve=curve, z=z)
     reached = {"tau": Quantity((1 if bounded == "rises" else last) / wv.rate, "s")}
     remark = None if bounded is None else Remark.of("b-limit", wv.axis, because=bounded, source="model", **reached)
     value = factor * math.sqrt(least)
-    entry = Entry(SYMBOL, LAWS[SYMBOL].name, value, None, None, unit, None, remark is not None, tau=n / wv.rate)
-    if set(model.parameters) <= model.fixed:
+    entry = Entry(
+        symbol=SYMBOL,
+        title=LAWS[SYMBOL].name,
+        value=value,
+        low=None,
+        high=None,
+        unit=unit,
+        term=None,
+        upper_only=remark is not None,
+        tau=n / wv.rate,
+    )
+    if set(model.parameters) <= model.fixed_names:
         return replace(entry, low=value, high=value, held=True), remark
     if z is None or curve is None:
         return entry, remark
@@ -127,8 +137,9 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
     """Why the minimum is only a bound: "falls" to the end, "rises" from the start, or "unsure"; None if it is none."""
-    ends = model.allan_variance([1, last], rate)
-    if abs(ends[1] - ends[0]) <= _LEVEL * ends[0] and n in (1, last):
+    ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
+    # Of a flat curve n is wherever rounding has its least value.
+    if ends.max() <= (1 + _LEVEL) * least:
         return None
     if n == last:
         return "falls"
@@ -137,7 +148,7 @@ def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, 
     if z is None or curve is None:
         return None
     later = [2**k for k in range(n.bit_length(), last.bit_length())]
-    rises = model.allan_variance(later, rate) - model.allan_variance([n], rate)
+    rises = model.allan_variance(later, rate) - least
     here = curve.slopes(n)
     if not any(rise > z * curve.error(curve.slopes(m) - here) for m, rise in zip(later, rises, strict=True)):
         return "unsure"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.estimation.result import Fit
 from gmwm.estimation.weighting import square_root
 from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
@@ -41,7 +41,7 @@ class Curve:
     @classmethod
     def of(cls, fit: Fit) -> Curve:
         """The curve of a fit without terms that act as others."""
-        setting, model = Setting.of(fit.wavelet_variance), fit.model
+        design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
         names, _ = columns_of(model, {})
         unseen = [
@@ -49,9 +49,9 @@ class Curve:
             for p in model.processes
             if p.scale == 0 and not p.is_fixed(p.scale_parameter().name) and not free_shape(p)
         ]
-        columns = [p.wavelet_variance(setting.levels, setting.rate, setting.filter) for p in unseen]
+        columns = [p.wavelet_variance(design.levels, design.rate, design.filter) for p in unseen]
         root = square_root(fit.weighting_matrix)
-        weighted = root @ np.column_stack([relative_jacobian(model, setting, names), *columns])
+        weighted = root @ np.column_stack([relative_jacobian(model, design, names), *columns])
         length = np.linalg.norm(weighted, axis=0)
         length[length == 0] = 1.0
         # Directions that do not move the curve are left out: they do not matter to it.
@@ -59,7 +59,7 @@ class Curve:
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
         moving += [(process, None) for process in unseen]
-        return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, setting.rate)
+        return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> Curve:
         """That of the noise alone."""

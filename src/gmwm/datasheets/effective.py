@@ -14,7 +14,7 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError, OptionError
 from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import as_level
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
@@ -103,7 +103,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
             f"fit must be a Fit, got {type(fit).__name__}; the numbers come with limits, which take data: "
             "gmwm.fit(model, data), or calibration[axis]"
         )
-    level = as_level(level)
+    level = as_confidence(level, "level")
     entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
     return {symbol: entry if entry.value > 0 else _at_most(fit, entry, level) for symbol, entry in entries.items()}
 
@@ -138,8 +138,8 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         ("N_eff", "white noise density", WHITE),
         ("K_eff", "random walk", WALK),
     ):
-        square = sum(_square(p, None, power, use, curve.rate)[0] for p in written.model.processes)
-        slopes = np.array([_square(p, name, power, use, curve.rate)[1] for p, name in curve.moving])
+        square = sum(_square(p, None, power=power, use=use, rate=curve.rate)[0] for p in written.model.processes)
+        slopes = np.array([_square(p, name, power=power, use=use, rate=curve.rate)[1] for p, name in curve.moving])
         name, factor = noise_unit(power, unit)
         # As in the datasheet, a term is told from zero by its scale, however little its time is known.
         scales = np.array([_is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
@@ -148,10 +148,25 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         value = factor * math.sqrt(square)
         if not seen:
             high = factor * math.sqrt(square + reach)
-            found[symbol] = Entry(symbol, f"{title} for {use.horizon:g} s", value, 0.0, high, name, upper_only=high > 0)
+            found[symbol] = Entry(
+                symbol=symbol,
+                title=f"{title} for {use.horizon:g} s",
+                value=value,
+                low=0.0,
+                high=high,
+                unit=name,
+                upper_only=high > 0,
+            )
         else:
             by = math.exp(min(0.5 * reach / square, ENDLESS))
-            found[symbol] = Entry(symbol, f"{title} for {use.horizon:g} s", value, value / by, value * by, name)
+            found[symbol] = Entry(
+                symbol=symbol,
+                title=f"{title} for {use.horizon:g} s",
+                value=value,
+                low=value / by,
+                high=value * by,
+                unit=name,
+            )
     return found
 
 

@@ -15,7 +15,7 @@ _DIGITS = 2
 _MOST_DIGITS = 6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """One number of a sensor's noise, in the terms of datasheets.
 

@@ -21,7 +21,7 @@ def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
     """
     wv = fit.wavelet_variance
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
-    like = {term: likeness(processes[term], name, wv.levels, wv.rate, find_filter(wv.filter))
+    like = {term: likeness(processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter))
             for term, name in fit.diagnostics.acts_as.items()}  # fmt: skip
     acting = {term: other for term, other in like.items() if other is not None}
     if not acting:

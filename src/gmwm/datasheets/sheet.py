@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Vector, freeze
+from gmwm._tables import aligned
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.remarks import Dialect, Remark, texts
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Datasheet(Mapping[str, Entry]):
     """The noise of one axis in the terms of datasheets: a mapping of symbol to `Entry`, in SI with other units to hand.
 
@@ -98,10 +99,8 @@ class Datasheet(Mapping[str, Entry]):
             See `Entry.in_units`.
         """
         rows = [(entry.symbol, _title(entry), entry.text(units), _also(entry, units)) for entry in self.entries]
-        widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
-        lines = ["  ".join([row[k].ljust(widths[k]) for k in range(3)] + [row[3]]).rstrip() for row in rows]
         about = (remark.about("") for remark in self.remarks)
-        return "\n".join([self._head(), *(f"  {line}" for line in lines), *texts(about)])
+        return "\n".join([self._head(), *aligned(rows), *texts(about)])
 
     def _head(self) -> str:
         axis = f"{self.axis}: " if self.axis else ""

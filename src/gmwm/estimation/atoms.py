@@ -1,4 +1,4 @@
-"""A family of wavelet variances with one nonlinear parameter, tabulated as a curve of unit vectors.
+"""The wavelet variances of a process with one nonlinear parameter, tabulated as a curve of unit vectors.
 
 The solver knows no process: it sees the fixed vectors of the processes that are linear in their parameters, and one
 curve for the repeatable process whose nonlinear parameter is to be found (the correlation time of a Gauss-Markov
@@ -29,7 +29,7 @@ NEIGHBOURS = 12
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where a family is tabulated, and its wavelet variances there; independent of data and weights.
+    """Where a process is tabulated, and its wavelet variances there; independent of data and weights.
 
     `nodes` and `middles` hold the search coordinate branch after branch; `spacing` is that of each cell between
     neighbouring nodes, zero for the cell that joins two branches.
@@ -66,7 +66,7 @@ class Table:
 
 
 Place = tuple[Branch, float]
-"""A point of a family: a branch and the search coordinate u on it."""
+"""A point of the tabulated curve: a branch and the search coordinate u on it."""
 
 
 def shapes(
@@ -96,14 +96,19 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
         slopes.append(slope)
         middles += [value[1::2], value[:1]]
     return Grid(
-        branches, np.concatenate(owner), np.concatenate(nodes), np.concatenate(spacing[:-1]),
-        np.concatenate(values), np.concatenate(slopes), np.concatenate(middles[:-1]),
-    )  # fmt: skip
+        branches=branches,
+        owner=np.concatenate(owner),
+        nodes=np.concatenate(nodes),
+        spacing=np.concatenate(spacing[:-1]),
+        values=np.concatenate(values),
+        slopes=np.concatenate(slopes),
+        middle_values=np.concatenate(middles[:-1]),
+    )
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """The family of `process` tabulated over the domain that a record of `samples` can tell apart; remembered."""
-    return _grid(process, tuple(int(j) for j in levels), samples, rate, filter)
+    """Tabulate `process` over the domain that a record of `samples` can tell apart; the table is cached."""
+    return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:

@@ -62,10 +62,12 @@ class Optimum:
 class Search:
     """The search for the places of the curved processes of one problem."""
 
-    def __init__(self, problem: Problem, family: type[Process]) -> None:
+    def __init__(self, problem: Problem, curved_class: type[Process]) -> None:
         self.problem = problem
-        self.family = family
-        self.grid = grid(family, problem.levels, problem.samples, problem.rate, problem.filter)
+        self.curved_class = curved_class
+        self.grid = grid(
+            curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
+        )
         self.fixed = problem.fixed
         self.positive = problem.positive
 
@@ -79,7 +81,7 @@ class Search:
 
     def _starts(self) -> Vector:
         """Positions of the starting values the user gave, if every curved process has one."""
-        name = self.family.nonlinear_parameters()[0].name
+        name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
             value = self.problem.model.processes[place].values[name]
@@ -103,7 +105,13 @@ class Search:
                 if not places:
                     break
                 piece, ends = close_up(
-                    self.family, places, width, problem.levels, problem.rate, problem.filter, problem.root
+                    self.curved_class,
+                    places,
+                    width=width,
+                    levels=problem.levels,
+                    rate=problem.rate,
+                    filter=problem.filter,
+                    root=problem.root,
                 )
                 share = np.array([(u - low) / width for (_, u), (low, _) in zip(places, ends, strict=True)])
                 moved, objective = _core.cone_refine(
@@ -121,11 +129,13 @@ class Search:
 
     def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
         """The same optimum to all digits, where Newton's method leads to one that is as good."""
-        places = sharpened(self.problem, self.family, best.places, best.weights, steps, reach)
+        places = sharpened(
+            self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
+        )
         if places is None:
             return best
         sharp = self.at(places)
-        return sharp if sharp.objective <= (1 + SETTLED) * best.objective else best
+        return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place]) -> Optimum:
         """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
@@ -134,7 +144,9 @@ class Search:
         return self.polished(places) if there is start and places else there
 
     def _rows(self, places: list[Place]) -> Matrix:
-        curved = shapes(self.family, places, self.problem.levels, self.problem.rate, self.problem.filter)
+        curved = shapes(
+            self.curved_class, places, levels=self.problem.levels, rate=self.problem.rate, filter=self.problem.filter
+        )
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
@@ -147,7 +159,7 @@ class Search:
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
-                if there.objective <= (1 + FLAT) * best.objective:
+                if self.problem.as_low(there.objective, best.objective, FLAT):
                     best = there
                     break
         return best
@@ -155,7 +167,7 @@ class Search:
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
         """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
         problem, places = self.problem, best.places
-        curved = shapes(self.family, places, problem.levels, problem.rate, problem.filter)
+        curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
         terms = [
             Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
@@ -172,7 +184,7 @@ class Search:
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
         for end, name in sorted(ends, key=lambda end: end[0] != u):  # first the end that it stands at
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
-            if name and (u == end or self.at(there).objective <= (1 + ACTS_AS) * best.objective):
+            if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
                 return name
         return None
 

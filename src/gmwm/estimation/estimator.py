@@ -119,7 +119,7 @@ def fit(
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
     found = _fitted(wanted, wv, chosen, certify=certify, first=first)
-    for remark in found.remarks:
+    for remark in found.diagnostics.remarks:
         warnings.warn(FitWarning(remark), stacklevel=2)
     return found
 
@@ -204,12 +204,18 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
         acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
     )
     return Fit(
-        wv, model, {name: v for name, v in model.parameters.items() if v is not None},
-        solution.objective, solution.lower_bound, solution.relaxed_bound,
-        model.wavelet_variance(wv.levels, wv.rate, wv.filter),
-        model.decomposition(wv.levels, wv.rate, wv.filter),
-        weighting, problem.matrix, diagnostics,
-    )  # fmt: skip
+        wavelet_variance=wv,
+        model=model,
+        parameters={name: v for name, v in model.parameters.items() if v is not None},
+        objective=solution.objective,
+        lower_bound=solution.lower_bound,
+        relaxed_bound=solution.relaxed_bound,
+        implied=model.wavelet_variance(wv.levels, wv.rate, wv.filter),
+        decomposition=model.decomposition(wv.levels, wv.rate, wv.filter),
+        weighting=weighting,
+        weighting_matrix=problem.matrix,
+        diagnostics=diagnostics,
+    )
 
 
 def _of_terms(
@@ -218,7 +224,9 @@ def _of_terms(
     """What to know about each term: what it acts as, whether the data support it, and what its process says."""
     processes = dict(zip(model.terms, model.processes, strict=True))
     for term, name in acts_as.items():
-        like = likeness(processes[term], name, wv.levels, wv.rate, find_filter(wv.filter), matrix)
+        like = likeness(
+            processes[term], name, levels=wv.levels, rate=wv.rate, filter=find_filter(wv.filter), matrix=matrix
+        )
         if like is None:
             yield Remark.of("acts-as", wv.axis, term=term, process=name, known="no")
         else:

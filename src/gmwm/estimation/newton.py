@@ -19,7 +19,7 @@ CURVATURE_STEP = 1e-3
 
 
 def sharpened(
-    problem: Problem, family: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
+    problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
     """The places to which at most so many steps lead from a local optimum; None where they lead away.
 
@@ -34,11 +34,11 @@ def sharpened(
     x = np.concatenate([weights[:linear][weights[:linear] > 0], weights[linear:]])
     length: Matrix | None = None
     for _ in range(steps):
-        value, slope, bend = _curved(problem, family, places)
+        value, slope, bend = _curved(problem, curved_class, places)
         if length is None:
             length = np.linalg.norm(value, axis=1, keepdims=True)
         value, slope, bend = value / length, slope / length, bend / length
-        step = _step(problem.target, fixed, value, slope, bend, x, moving)
+        step = _step(problem.target, fixed, value=value, slope=slope, bend=bend, x=x, moving=moving)
         if step is None:
             return None
         x = x + step[: x.size]
@@ -72,14 +72,14 @@ def _step(
         return None
 
 
-def _curved(problem: Problem, family: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
+def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
     """The curved processes at exact places, weighted by Ω, with both derivatives by the search coordinate (n, J)."""
     count, d = len(places), CURVATURE_STEP
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])
     by_u = np.concatenate([b.slope(u) for b, u in points])
-    values = family.shape(parameters[:count], problem.levels, problem.rate, problem.filter)
-    slopes = family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+    values = curved_class.shape(parameters[:count], problem.levels, problem.rate, problem.filter)
+    slopes = curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
     bends = (slopes[count : 2 * count] - slopes[2 * count :]) / (2 * d)
     root = problem.root.T
     return values @ root, slopes[:count] @ root, bends @ root

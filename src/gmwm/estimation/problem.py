@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,9 @@ from gmwm.filters import WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
+
+ROUNDING = 8 * float(np.finfo(np.float64).eps)
+"""Relative error of each product L_jk ν_k² in the residual: up to 2 ε on exact curves, under either weighting."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,7 @@ class Problem:
         return (*self.curved, *self.free)
 
     @property
-    def family(self) -> type[Process] | None:
+    def curved_class(self) -> type[Process] | None:
         """The class of the curved processes."""
         return type(self.model.processes[self.curved[0]]) if self.curved else None
 
@@ -73,6 +78,20 @@ class Problem:
     def positive(self) -> Vector:
         """z whose inner product with every weighted wavelet variance is positive: L⁻ᵀ √diag Ω."""
         return np.ascontiguousarray(np.linalg.solve(self.root.T, np.sqrt(np.diag(self.matrix))))
+
+    @cached_property
+    def rounding(self) -> float:
+        """Length of the rounding error of the residual, in units of `target`."""
+        size = np.linalg.norm(np.abs(self.root) @ np.abs(self.observed))
+        return ROUNDING * float(size) / self.unit
+
+    def as_low(self, objective: float, least: float, share: float) -> bool:
+        """Whether an objective exceeds `least` by no more than this share and the rounding error of the residual.
+
+        Objectives of data that follow the model exactly are rounding errors squared: a share alone would let the
+        processor's order of summation decide.
+        """
+        return objective <= (1 + share) * (sqrt(least) + self.rounding) ** 2
 
     def under(self, matrix: Matrix) -> Problem:
         """The same problem under another weighting matrix Ω."""
@@ -121,9 +140,21 @@ def pose(model: Model, wv: WaveletVariance, matrix: Matrix) -> Problem:
     observed = wv.variance - known
     root, unit, target = _weighed(observed, matrix)
     return Problem(
-        model, levels, rate, filter, wv.longest, observed, matrix, root, unit, target,
-        linear, curved, free, np.array(shapes).reshape(len(shapes), len(wv)),
-    )  # fmt: skip
+        model=model,
+        levels=levels,
+        rate=rate,
+        filter=filter,
+        samples=wv.longest,
+        observed=observed,
+        matrix=matrix,
+        root=root,
+        unit=unit,
+        target=target,
+        linear=linear,
+        curved=curved,
+        free=free,
+        shapes=np.array(shapes).reshape(len(shapes), len(wv)),
+    )
 
 
 def _weighed(observed: Vector, matrix: Matrix) -> tuple[Matrix, float, Vector]:

@@ -4,33 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm._late import LateMethod, LateProperty
 from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
+from gmwm.estimation.inference_methods import InferenceMethods
 from gmwm.estimation.starts import Start
+from gmwm.processes.kalman_methods import KalmanMethods
 from gmwm.processes.model import Model
 from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-    from gmwm.datasheets.sheet import Datasheet
-    from gmwm.inference.asymptotic import Sandwich
-    from gmwm.inference.bootstrap import Bootstrap
-    from gmwm.inference.criterion import Criterion
-    from gmwm.inference.goodness import GoodnessOfFit
-    from gmwm.inference.intervals import Interval
-    from gmwm.likelihood.innovations import Residuals
-    from gmwm.likelihood.tracks import Tracks
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Diagnostics:
     """What to know before using a fit.
 
@@ -77,8 +66,8 @@ class Diagnostics:
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Fit:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Fit(InferenceMethods, KalmanMethods):
     """A model fitted to a wavelet variance.
 
     Attributes
@@ -120,65 +109,6 @@ class Fit:
     weighting: str
     weighting_matrix: Matrix
     diagnostics: Diagnostics
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.fit:plot_fit",
-        "Draw the observed and the implied curve with every process; view='allan' shows the Allan deviation.",
-    )
-    sandwich: ClassVar[LateProperty[Sandwich]] = LateProperty(
-        "gmwm.inference.asymptotic:sandwich",
-        "Covariance of the estimates: the parameters it is of, relative errors, and V of the wavelet variance.",
-    )
-    covariance: ClassVar[LateProperty[Matrix]] = LateProperty(
-        "gmwm.inference.asymptotic:parameter_covariance",
-        "Cov θ̂ = B V Bᵀ (p, p), B = (DᵀΩD)⁻¹DᵀΩ; its rows are the parameters of `standard_errors`, in order.",
-    )
-    standard_errors: ClassVar[LateProperty[dict[str, float]]] = LateProperty(
-        "gmwm.inference.asymptotic:standard_errors",
-        "Standard error of each parameter that is neither held, nor zero, nor at an end of its domain.",
-    )
-    confidence_intervals: ClassVar[LateMethod[..., dict[str, Interval]]] = LateMethod(
-        "gmwm.inference.intervals:confidence_intervals",
-        "Interval (low, high) of each estimated parameter, by name: level=0.95, method='asymptotic' or 'bootstrap'.",
-    )
-    goodness_of_fit: ClassVar[LateMethod[..., GoodnessOfFit]] = LateMethod(
-        "gmwm.inference.goodness:goodness_of_fit",
-        "Test whether the data could come from the fitted model: method='asymptotic' or 'bootstrap'.",
-    )
-    wic: ClassVar[LateMethod[..., Criterion]] = LateMethod(
-        "gmwm.inference.criterion:wic",
-        "Wavelet information criterion: the expected loss on another record; method='asymptotic' or 'bootstrap'.",
-    )
-    bootstrap: ClassVar[LateMethod[..., Bootstrap]] = LateMethod(
-        "gmwm.inference.bootstrap:bootstrap",
-        "Estimates from records simulated from the fitted model: draws=500, seed=0.",
-    )
-    datasheet: ClassVar[LateMethod[..., Datasheet]] = LateMethod(
-        "gmwm.datasheets:datasheet",
-        "N, Q, B, K, R, T_c and q_c with intervals, in SI and in the units of datasheets: level=0.95.",
-    )
-    summary: ClassVar[LateMethod[..., str]] = LateMethod(
-        "gmwm.inference.summary:summary",
-        "Model, data, criterion with its bounds, estimates with intervals and units, test, and what to be warned of.",
-    )
-
-    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:filter_tracks",
-        "The hidden processes in a record, each sample from those up to it: filter(x).",
-    )
-    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:smooth_tracks", "The hidden processes in a record, from all its samples: smooth(x)."
-    )
-    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
-    )
-    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.innovations:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
-    )
-
-    _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(
-        "gmwm.inference.summary:as_html", "The summary with its parameters as a table, for notebooks."
-    )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
@@ -275,10 +205,18 @@ class Fit:
             raise ModelError(f"the weighting matrix is of shape {matrix.shape}, the data have {len(wv)} levels")
         lower = values["lower_bound"]
         return cls(
-            wv, model, parameters, float(values["objective"]), None if lower is None else float(lower),
-            float(values["relaxed_bound"]), _curve(values["implied"], len(wv)), decomposition,
-            str(values["weighting"]), matrix, Diagnostics.from_dict(values),
-        )  # fmt: skip
+            wavelet_variance=wv,
+            model=model,
+            parameters=parameters,
+            objective=float(values["objective"]),
+            lower_bound=None if lower is None else float(lower),
+            relaxed_bound=float(values["relaxed_bound"]),
+            implied=_curve(values["implied"], len(wv)),
+            decomposition=decomposition,
+            weighting=str(values["weighting"]),
+            weighting_matrix=matrix,
+            diagnostics=Diagnostics.from_dict(values),
+        )
 
     def __repr__(self) -> str:
         return f"Fit({self.model.structure}, objective {self.objective:.6g})"

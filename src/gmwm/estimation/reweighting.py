@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import Setting, covariance, variances
+from gmwm.covariance import Design, covariance, variances
 from gmwm.covariance.mixture import mixture
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.problem import Problem, pose
@@ -99,11 +99,11 @@ def settle(
     def finish(problem: Problem, solution: Solution) -> Solution:
         return final(problem, solution, certify=certify) if search else resume(problem, solution)
 
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     if start is None:
         problem = pose(model, wv, weighting_matrix("diagonal", wv))
     else:
-        problem = pose(model, wv, implied_weights(weighting, start, setting, wv.variance))
+        problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
     solution = solve(problem, certify=False) if first is None else first(problem)
     implied = _implied(problem, solution, wv)
     ahead = _Ahead()
@@ -111,7 +111,7 @@ def settle(
         history: list[float] = []
         for _ in range(ROUNDS):
             try:
-                matrix = implied_weights(weighting, ahead.of(problem, solution, wv), setting, wv.variance)
+                matrix = implied_weights(weighting, ahead.of(problem, solution, wv), design, wv.variance)
             except (MissingTheoryError, ModelError) as error:
                 if weighting == "optimal":
                     raise
@@ -132,18 +132,18 @@ def settle(
     if change <= max(1e-6, fixed) and moved <= max(1e-6, fixed):
         return Settled(problem, solution)
     # Each of two answers may make weights that lead to the other. A curve that no model of the user's shapes decides.
-    problem = problem.under(_weights_of_the_data(weighting, wv, setting))
+    problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
     """An estimate under weights that it nearly implies, and V (J, J), of which they are made; for comparing models."""
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False)
     for _ in range(NEARLY):
         at = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        wavelet = drawn_covariance(at, setting, wv.variance)
+        wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
             raise ModelError(f"{model.structure} as estimated has no noise at some level; give it more terms, as WN()")
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
@@ -151,10 +151,10 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
     return Settled(problem, solve(problem, certify=False)), wavelet
 
 
-def _weights_of_the_data(weighting: str, wv: WaveletVariance, setting: Setting) -> Matrix:
+def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
     """Ω of the likeliest mixture of all processes: no model is asked for."""
-    _, model = mixture(wv.variance, wv.degrees_of_freedom, setting)
-    return implied_weights(weighting, model, setting, wv.variance)
+    _, model = mixture(wv.variance, wv.degrees_of_freedom, design)
+    return implied_weights(weighting, model, design, wv.variance)
 
 
 class _Ahead:
@@ -168,7 +168,9 @@ class _Ahead:
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
         model = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed}
+        values = {
+            name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names
+        }
         self.logs.append({name: math.log(value) for name, value in values.items() if 0 < value < math.inf})
         if len(self.logs) < 3:
             return model
@@ -188,7 +190,7 @@ class _Ahead:
             return model
 
 
-def implied_weights(weighting: str, model: Model, setting: Setting, observed: Vector | None = None) -> Matrix:
+def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
     """Ω = V⁻¹ ("optimal"), or 1 / V_jj, of a model.
 
     Where there are data ν̂² (J,), V is scaled from the model's curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000): equal to it
@@ -202,9 +204,9 @@ def implied_weights(weighting: str, model: Model, setting: Setting, observed: Ve
         If the covariance of a process is not known.
     """
     if weighting == "optimal":
-        return precision(drawn_covariance(model, setting, observed))
-    scale = _drawn_scale(model, setting, observed)
-    variance = variances(model, setting) * scale**2
+        return precision(drawn_covariance(model, design, observed))
+    scale = _drawn_scale(model, design, observed)
+    variance = variances(model, design) * scale**2
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
@@ -212,20 +214,20 @@ def implied_weights(weighting: str, model: Model, setting: Setting, observed: Ve
     return np.diag(weights)
 
 
-def drawn_covariance(model: Model, setting: Setting, observed: Vector | None = None) -> Matrix:
+def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
     """V (J, J) of a model, scaled to ν̄² where there are data (see `implied_weights`)."""
-    scale = _drawn_scale(model, setting, observed)
-    return covariance(model, setting) * np.outer(scale, scale)
+    scale = _drawn_scale(model, design, observed)
+    return covariance(model, design) * np.outer(scale, scale)
 
 
-def _drawn_scale(model: Model, setting: Setting, observed: Vector | None) -> Vector:
+def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:
     """ν̄² / ν²."""
     if observed is not None:
-        curve = model.wavelet_variance(setting.levels, setting.rate, setting.filter)
-        freedom = setting.degrees_of_freedom
+        curve = model.wavelet_variance(design.levels, design.rate, design.filter)
+        freedom = design.degrees_of_freedom
         if np.all(curve > 0):
             return np.asarray((freedom * observed / curve + PRIOR) / (freedom + PRIOR))
-    return np.ones(setting.levels.size)
+    return np.ones(design.levels.size)
 
 
 def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vector:

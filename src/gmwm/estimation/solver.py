@@ -28,7 +28,7 @@ from gmwm.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.estimation.variable_projection import NOISE, Found, Point, Surface
+from gmwm.estimation.variable_projection import NOISE, Point, Projection, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -61,26 +61,35 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
     if problem.free:
         return _scanned(problem)
     square = problem.unit**2
-    if problem.family is None:
+    if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
         # Without a curve the problem is convex: the optimum is its own certificate.
         value = objective * square
         scales = problem.scales(problem.shapes, weights)
-        return Solution(value, value if certify else None, value, scales, (), (), 0, Start("convex", 1, float(value)))
-    search = Search(problem, problem.family)
+        return Solution(
+            objective=value,
+            lower_bound=value if certify else None,
+            relaxed_bound=value,
+            scales=scales,
+            terms=(),
+            places=(),
+            nodes=0,
+            start=Start(how="convex", tried=1, objective=float(value)),
+        )
+    search = Search(problem, problem.curved_class)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
     near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
     best = search.settled(min((search.polished(search.located(p)) for p in near), key=lambda found: found.objective))
     return Solution(
-        best.objective * square,
-        min(bound, best.objective) * square if certify else None,
-        min(relaxed, best.objective) * square,
-        problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
-        search.terms(best),
-        tuple(best.places),
-        nodes,
-        Start("convex", nodes or 1, float(candidates[0][0] * square)),
+        objective=best.objective * square,
+        lower_bound=min(bound, best.objective) * square if certify else None,
+        relaxed_bound=min(relaxed, best.objective) * square,
+        scales=problem.scales(problem.shapes, best.weights[: len(problem.linear)]),
+        terms=search.terms(best),
+        places=tuple(best.places),
+        nodes=nodes,
+        start=Start(how="convex", tried=nodes or 1, objective=float(candidates[0][0] * square)),
     )
 
 
@@ -93,7 +102,12 @@ def solve_near(problem: Problem) -> Solution:
     found = None if point is None else surface.downhill(point)
     if point is None or found is None:
         return solve(problem, certify=False)
-    return _solution(problem, surface, surface.sharpened(found), Start("given", 1, _value(surface.at(point), problem)))
+    return _solution(
+        problem,
+        surface,
+        surface.sharpened(found),
+        Start(how="given", tried=1, objective=_value(surface.at(point), problem)),
+    )
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
@@ -103,9 +117,9 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
     """
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
-    if problem.family is None:
+    if problem.curved_class is None:
         return solve(problem, certify=False)
-    search = Search(problem, problem.family)
+    search = Search(problem, problem.curved_class)
     best = search.followed(list(solution.places))
     scales = problem.scales(problem.shapes, best.weights[: len(problem.linear)])
     return replace(
@@ -121,7 +135,7 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
     before, found = surface.at(point), surface.downhill(point)
     if before is None or found is None:
         raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
-    start = Start("sampled", sampled.draws, _value(before, problem))
+    start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
     return _solution(problem, surface, surface.sharpened(found), start)
 
 
@@ -143,7 +157,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     )  # fmt: skip
 
 
-def _value(found: Found | None, problem: Problem) -> float:
+def _value(found: Projection | None, problem: Problem) -> float:
     """The criterion, in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
@@ -154,14 +168,14 @@ def _scanned(problem: Problem) -> Solution:
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone)
-    best: Found | None = None
-    start = Start("scan", tried, np.inf)
+    best: Projection | None = None
+    start = Start(how="scan", tried=tried, objective=np.inf)
     for how, point in points:
         before, found = surface.at(point), surface.downhill(point)
         if before is None or found is None:
             continue
-        if best is None or found.objective < (1 - NOISE) * best.objective:
-            best, start = found, Start(how, tried, _value(before, problem))
+        if best is None or not problem.as_low(best.objective, found.objective, NOISE):
+            best, start = found, Start(how=how, tried=tried, objective=_value(before, problem))
     if best is None:
         raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
     if alone is not None:
@@ -169,27 +183,27 @@ def _scanned(problem: Problem) -> Solution:
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
 
 
-def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Found) -> Found:
+def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """The optimum, after seeing of several free processes whether one is better elsewhere."""
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
         better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
-        if not better.objective < (1 - NOISE) * best.objective:
+        if problem.as_low(best.objective, better.objective, NOISE):
             break
         best = better
     return best
 
 
-def _elsewhere(problem: Problem, surface: Surface, best: Found) -> Found:
+def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
     """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
-    for _ in range(RETURNS if problem.family is not None else 0):
+    for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
         places = search.located(candidates[0][1])
         there = Point(tuple(b for b, _ in places), np.concatenate([np.array([u for _, u in places]), *z]))
         found = surface.downhill(there)
-        if found is None or not found.objective < (1 - NOISE) * best.objective:
+        if found is None or problem.as_low(best.objective, found.objective, NOISE):
             break
         best = found
     return best
@@ -207,7 +221,7 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     return _solution(problem, surface, found, solution.start, ends=ends)
 
 
-def _at_rest(surface: Surface, found: Found) -> bool:
+def _at_rest(surface: Surface, found: Projection) -> bool:
     """Whether the gradient is nothing beside the objective."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
@@ -216,13 +230,13 @@ def _at_rest(surface: Surface, found: Found) -> bool:
     return bool(np.all(np.abs(gradient[able]) <= 1e-10 * size[able]))
 
 
-def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *, ends: bool = True) -> Solution:
+def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
     """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
-    if problem.family is not None:
+    if problem.curved_class is not None:
         search = surface.curved_alone(z)
         # A process that leaves no trace is not among the linear ones of that search.
         terms = search.terms(search.at(list(places)), ends=ends)
@@ -233,7 +247,17 @@ def _solution(problem: Problem, surface: Surface, found: Found, start: Start, *,
         terms = (*terms, Term(values, float(scale)))
     linear_scales = problem.scales(problem.shapes, found.weights[:linear])
     value = float(found.objective * problem.unit**2)
-    return Solution(value, None, 0.0, linear_scales, terms, places, 0, start, found.point)
+    return Solution(
+        objective=value,
+        lower_bound=None,
+        relaxed_bound=0.0,
+        scales=linear_scales,
+        terms=terms,
+        places=places,
+        nodes=0,
+        start=start,
+        point=found.point,
+    )
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:

@@ -77,7 +77,7 @@ class Sampled:
             object.__setattr__(self, name, int(value))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Start:
     """Where a fit started, and what the way from there to the optimum gained.
 
@@ -117,7 +117,12 @@ class Start:
         """The start whose `to_dict` gave `values`."""
         default = values["default"]
         how = next(how for how in get_args(How) if how == values["how"])
-        return cls(how, int(values["tried"]), float(values["objective"]), None if default is None else float(default))
+        return cls(
+            how=how,
+            tried=int(values["tried"]),
+            objective=float(values["objective"]),
+            default=None if default is None else float(default),
+        )
 
 
 # --- a scan, for processes with several parameters of their shape -----------------------------------------
@@ -259,9 +264,11 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matr
 
 def _dictionary(problem: Problem) -> Matrix:
     """Unit vectors of the linear processes, and of the curved ones all over their domain."""
-    if problem.family is None:
+    if problem.curved_class is None:
         return problem.fixed
-    values = grid(problem.family, problem.levels, problem.samples, problem.rate, problem.filter).values
+    values = grid(
+        problem.curved_class, problem.levels, samples=problem.samples, rate=problem.rate, filter=problem.filter
+    ).values
     places = np.unique(np.linspace(0, len(values) - 1, DICTIONARY).astype(np.int64))
     return np.concatenate([problem.fixed, problem.weighted(values[places])])
 
@@ -269,7 +276,7 @@ def _dictionary(problem: Problem) -> Matrix:
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
     """A point with the curved processes at their best places for these coordinates of the free ones."""
     branches, u = [], []
-    if problem.family is not None:
+    if problem.curved_class is not None:
         search = surface.curved_alone(z)
         candidates, _, _, _ = search.branch_and_bound(certify=False)
         for branch, place in search.located(candidates[0][1]):
@@ -322,10 +329,10 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
         distance = np.sum((1.0 - total / wv.variance) ** 2, axis=1)
     best = int(np.nanargmin(distance))
     branches, u = [], []
-    if problem.family is not None:
+    if problem.curved_class is not None:
         for place in problem.curved:
             value = float(drawn[place][best, 1])
-            for branch in problem.family.search(problem.samples, problem.rate):
+            for branch in problem.curved_class.search(problem.samples, problem.rate):
                 at = branch.coordinate(value)
                 if at is not None:
                     branches.append(branch)
@@ -344,8 +351,15 @@ def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Gen
     elif dominant == "white":
         first[:] = 2
     return Occasion(
-        float(wv.variance.sum()), spread, dominant, first, wv.levels, wv.samples, wv.rate, find_filter(wv.filter)
-    )  # fmt: skip
+        total=float(wv.variance.sum()),
+        spread=spread,
+        dominant=dominant,
+        first=first,
+        levels=wv.levels,
+        samples=wv.samples,
+        rate=wv.rate,
+        filter=find_filter(wv.filter),
+    )
 
 
 def _dominant(wv: WaveletVariance) -> Dominant:

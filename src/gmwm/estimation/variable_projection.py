@@ -118,8 +118,8 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """The least objective for given shapes, with the weights of all unit vectors: linear, curved, free."""
+class Projection:
+    """The least objective at fixed shapes, with the nonnegative weights of all unit vectors: linear, curved, free."""
 
     objective: float
     point: Point
@@ -145,7 +145,7 @@ class Surface:
         ends = count + np.cumsum([0, *(free.size for free in self.frees)])
         return point.x[:count], [point.x[a:b] for a, b in pairwise(ends.tolist())]
 
-    def at(self, point: Point) -> Found | None:
+    def at(self, point: Point) -> Projection | None:
         """The best weights there; None where there is no such process."""
         u, z = self.split(point)
         for free, part in zip(self.frees, z, strict=True):
@@ -162,7 +162,14 @@ class Surface:
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
-        return Found(objective, point, weights, every, lengths, self.problem.target - weights @ every)
+        return Projection(
+            objective=objective,
+            point=point,
+            weights=weights,
+            units=every,
+            lengths=lengths,
+            residual=self.problem.target - weights @ every,
+        )
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Wavelet variances (n, J) of the free processes at unit scale."""
@@ -176,19 +183,19 @@ class Surface:
     def curved_alone(self, z: list[Vector]) -> Search:
         """The search for the curved processes with the free ones held there, but for those that leave no trace."""
         problem, found = self.problem, self.free_shapes(z)
-        assert problem.family is not None
+        assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
         held = tuple(place for place, there in zip(problem.free, seen, strict=True) if there)
         rows = np.concatenate([problem.shapes, found[seen]])
-        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.family)
+        return Search(replace(problem, linear=(*problem.linear, *held), free=(), shapes=rows), problem.curved_class)
 
     def _curved(self, branches: tuple[Branch, ...], u: Vector) -> Matrix:
-        family, problem = self.problem.family, self.problem
-        assert family is not None
+        curved_class, problem = self.problem.curved_class, self.problem
+        assert curved_class is not None
         places = list(zip(branches, u.tolist(), strict=True))
-        return shapes(family, places, problem.levels, problem.rate, problem.filter)
+        return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
-    def slopes(self, found: Found) -> Matrix:
+    def slopes(self, found: Projection) -> Matrix:
         """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
@@ -196,12 +203,14 @@ class Surface:
         # None where no process has a shape.
         rows = [np.empty((0, np.size(problem.levels)))]
         if branches:
-            family = problem.family
-            assert family is not None
+            curved_class = problem.curved_class
+            assert curved_class is not None
             pairs = list(zip(branches, u, strict=True))
             parameters = np.concatenate([b.values(np.array([v])) for b, v in pairs])
             by_u = np.concatenate([b.slope(np.array([v])) for b, v in pairs])
-            rows.append(family.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u)
+            rows.append(
+                curved_class.shape_jacobian(parameters, problem.levels, problem.rate, problem.filter)[:, :, 0] * by_u
+            )
         owner = list(range(len(branches)))
         for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
             values = free.values(part.reshape(1, -1))
@@ -212,7 +221,7 @@ class Surface:
         share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
-    def moving(self, found: Found, gradient: Vector) -> NDArray[np.bool_]:
+    def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
         """Which coordinates can move: their process has a weight, and they are not held by an end of their branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
@@ -232,7 +241,7 @@ class Surface:
 
     # --- downhill ---------------------------------------------------------------------------------------
 
-    def downhill(self, start: Point) -> Found | None:
+    def downhill(self, start: Point) -> Projection | None:
         """The local optimum that Levenberg-Marquardt steps lead to from a point, to some digits."""
         best = self.at(start)
         if best is None:
@@ -265,13 +274,13 @@ class Surface:
                 break
         return best
 
-    def _projected(self, found: Found, slopes: Matrix) -> Matrix:
+    def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
         """Slopes without what the scales can make up for."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
-    def sharpened(self, best: Found, steps: int = NEWTON_STEPS) -> Found:
+    def sharpened(self, best: Projection, steps: int = NEWTON_STEPS) -> Projection:
         """The same optimum to all digits, where Newton's method leads to one that is as good."""
         for _ in range(steps):
             gradient = -self.slopes(best) @ best.residual
@@ -288,14 +297,14 @@ class Surface:
             if not np.all(np.abs(step) < NEAR):
                 break
             there = self.at(self.moved(best.point, step))
-            if there is None or not there.objective <= (1 + NOISE) * best.objective:
+            if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
                 break
             best = there
             if np.all(np.abs(step) < SHARP):
                 break
         return best
 
-    def _hessian(self, best: Found, able: NDArray[np.bool_]) -> Matrix | None:
+    def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
         """Derivatives of the gradient by the coordinates that can move, by differences; None where it is no minimum."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gmwm._files import write_text
 from gmwm.datasheets.effective import checked_horizon
 from gmwm.errors import DataError, MissingTheoryError, OptionError
-from gmwm.exporters.base import HORIZON, Exporter, Settings, find_exporter, registered
+from gmwm.exporters.base import HORIZON, Exporter, ExportOptions, find_exporter, registered
 from gmwm.exporters.reduction import RULES, Rule
 
 if TYPE_CHECKING:
@@ -81,12 +81,12 @@ def export(
     """
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
-    settings = _settings(exporter, given)
+    options = _options(exporter, given)
     for name, value in given.items():
         if name not in exporter.takes and value != _DEFAULTS[name]:
             used = ", ".join(sorted(exporter.takes)) or "none of these options"
             raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
-    text = exporter.export(calibration, settings)
+    text = exporter.export(calibration, options)
     if path is not None:
         write_text(path, text)
     return text
@@ -122,9 +122,9 @@ def export_all(
         given = {name: value if name in exporter.takes else _DEFAULTS[name] for name, value in given.items()}
         if axes == "each" and not exporter.per_axis:
             given["axes"] = None
-        settings = _settings(exporter, given)
+        options = _options(exporter, given)
         try:
-            text = exporter.export(calibration, settings)
+            text = exporter.export(calibration, options)
         except (DataError, MissingTheoryError) as error:
             reasons[exporter.name] = str(error)
             continue
@@ -146,11 +146,11 @@ def export_formats() -> dict[str, str]:
 _DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None}
 
 
-def _settings(exporter: Exporter, given: Mapping[str, Any]) -> Settings:
+def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
     axes, inflation, rate = given["axes"], given["inflation"], given["rate"]
     if axes is not None and axes not in RULES:
         raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
-    return Settings(
+    return ExportOptions(
         exporter.default_axes if axes is None else axes,
         _positive("inflation", inflation),
         checked_horizon(given["horizon"]),

@@ -38,7 +38,7 @@ HORIZON = 1.0
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExportOptions:
     """Options of a file.
 
     Parameters
@@ -72,7 +72,7 @@ class Exporter(ABC):
         Extension of the file, with the dot.
     default_axes : "worst", "mean" or "each"
     takes : frozenset of str
-        The settings that the format uses: "axes", "inflation", "horizon", "rate".
+        The options that the format uses: "axes", "inflation", "horizon", "rate".
     both : bool
         Whether the format needs gyroscopes and accelerometers.
     per_axis : bool
@@ -88,7 +88,7 @@ class Exporter(ABC):
     per_axis: ClassVar[bool] = False
 
     @abstractmethod
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Return the text of the file.
 
         Raises
@@ -97,7 +97,7 @@ class Exporter(ABC):
             If a sensor that the consumer needs was not calibrated, or the data do not determine an upper limit.
         """
 
-    def remarks(self, calibration: Calibration, settings: Settings) -> tuple[Remark, ...]:
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """The remarks in the file: doubts about the numbers of the calibration, and what this format leaves out."""
         return tuple(cautions(calibration))
 
@@ -140,11 +140,11 @@ def title_line(exporter: Exporter) -> str:
 
 @dataclass(frozen=True)
 class Noise:
-    """The numbers of a unit under the settings of one file."""
+    """The numbers of a unit under the options of one file."""
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
-    settings: Settings
+    options: ExportOptions
 
     @property
     def sensors(self) -> tuple[SensorNoise, ...]:
@@ -154,7 +154,7 @@ class Noise:
     @property
     def rate(self) -> float:
         """Sampling rate (Hz) of the consumer; if the sensors have different rates, that of the gyroscopes."""
-        return self.sensors[0].rate if self.settings.rate is None else self.settings.rate
+        return self.sensors[0].rate if self.options.rate is None else self.options.rate
 
     @property
     def written_rate(self) -> str:
@@ -197,33 +197,33 @@ class TwoNumbers(Exporter):
     def body(self, noise: Noise) -> Sequence[str]:
         """The lines below the head, in ASCII."""
 
-    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float | None:
+    def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float | None:
         """Correlation time (s) of the Gauss-Markov bias driven by K, from those of all axes; None for a random walk."""
         return None
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Head and body."""
-        noise = self._noise(calibration, settings)
+        noise = self._noise(calibration, options)
         head = [self.first] if self.first else []
         head += commented(self.head(calibration, noise), self.comment)
         return "\n".join([*head, "", *self.body(noise)]) + "\n"
 
-    def remarks(self, calibration: Calibration, settings: Settings) -> tuple[Remark, ...]:
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """The doubts about the calibration, upper limits, and the terms that two numbers do not describe."""
-        return self._remarks(calibration, self._noise(calibration, settings))
+        return self._remarks(calibration, self._noise(calibration, options))
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
         """The paragraphs of the head."""
-        settings = noise.settings
+        options = noise.options
         first, last = paragraphs(self._remarks(calibration, noise))
         head = [title_line(self), recording(calibration), *first, *self.meaning]
         for sensor in noise.sensors:
             axes = ", ".join(one.axis for one in sensor.axes)
-            head.append(f"{NAMES[sensor.quantity].capitalize()}: {RULES[settings.axes]} {axes}.")
-        at_rest = " Measured at rest; in the field, filters usually need more." if settings.inflation == 1 else ""
+            head.append(f"{NAMES[sensor.quantity].capitalize()}: {RULES[options.axes]} {axes}.")
+        at_rest = " Measured at rest; in the field, filters usually need more." if options.inflation == 1 else ""
         head += [
-            f"Inflation factor: {settings.inflation:g}.{at_rest}",
-            f"Horizon: {settings.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
+            f"Inflation factor: {options.inflation:g}.{at_rest}",
+            f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
             *_models(noise), *last,
         ]  # fmt: skip
         return [*head, *self.usage]
@@ -231,17 +231,18 @@ class TwoNumbers(Exporter):
     def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
         return (*cautions(calibration), *remarks_of(noise, calibration.settings.confidence))
 
-    def _noise(self, calibration: Calibration, settings: Settings) -> Noise:
-        if settings.axes == "each" and not self.per_axis:
+    def _noise(self, calibration: Calibration, options: ExportOptions) -> Noise:
+        if options.axes == "each" and not self.per_axis:
             raise OptionError(
                 argument="axes", expected=f"'worst' or 'mean', because {self.name} has one number for all axes",
-                got=settings.axes,
+                got=options.axes,
             )  # fmt: skip
         axes = [axis for quantity in QUANTITIES for axis in axes_of(calibration, quantity)]
-        times = {axis: walk_time(calibration[axis], settings.horizon) for axis in axes}
-        uses = {axis: Use(settings.horizon, self.time_of(axis, times, settings), self.flicker) for axis in axes}
+        times = {axis: walk_time(calibration[axis], options.horizon) for axis in axes}
+        uses = {axis: Use(options.horizon, self.time_of(axis, times, options), self.flicker) for axis in axes}
         gyro, accel = (
-            sensor_noise(calibration, quantity, settings.axes, settings.inflation, uses) for quantity in QUANTITIES
+            sensor_noise(calibration, quantity, rule=options.axes, inflation=options.inflation, uses=uses)
+            for quantity in QUANTITIES
         )
         missing = [NAMES[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):
@@ -250,7 +251,7 @@ class TwoNumbers(Exporter):
                 f"only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             )
-        return Noise(gyro, accel, settings)
+        return Noise(gyro, accel, options)
 
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")

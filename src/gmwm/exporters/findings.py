@@ -35,9 +35,9 @@ def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
     """
     yield from _upper_limits(noise, confidence)
     rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
-    if len({rate.value for rate in rates.values()}) > 1 and noise.settings.rate is None:
+    if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
         yield Remark.of("rates-differ", gyro=rates["gyro"], accel=rates["accel"])
-    horizon = noise.settings.horizon
+    horizon = noise.options.horizon
     for sensor in noise.sensors:
         for one in sensor.axes:
             if left := counted_as(one.fit, one.use)[""]:
@@ -78,7 +78,7 @@ def _replaced(axis: str, terms: tuple[str, ...], time: float | None, horizon: fl
 
 def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
     """Which numbers of a file are upper limits instead of measured values."""
-    rule, level = noise.settings.axes, Quantity(50 + 50 * confidence, "%")
+    rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
     for sensor in noise.sensors:
         for symbol, power in _TIME_POWER.items():
             if symbol == "B" and not sensor.axes[0].use.flicker:

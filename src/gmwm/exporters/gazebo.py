@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.tables import sensor_of
-from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
+from gmwm.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
 from gmwm.exporters.text import unended, written
+from gmwm.signals import letter_of, sensor_of
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -39,16 +39,16 @@ class Gazebo(TwoNumbers):
     )
     usage = ("Put this element into <sensor type='imu'>. Its update_rate must be the rate of stddev.",)
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Write the head as one XML comment."""
-        text = super().export(calibration, settings)
+        text = super().export(calibration, options)
         head, _, body = text.partition("\n\n")
         lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
         return f"<!--\n{lines}\n-->\n{body}"
 
-    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float:
+    def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
         """The correlation time of the axis, or the longest of its sensor if one number is for all axes."""
-        if settings.axes == "each":
+        if options.axes == "each":
             return times[axis]
         return max(time for other, time in times.items() if sensor_of(other) == sensor_of(axis))
 
@@ -65,8 +65,8 @@ class Gazebo(TwoNumbers):
 
 
 def _axis(sensor: SensorNoise, k: int, letter: str, noise: Noise) -> list[str]:
-    times = {one.axis.rpartition("_")[2]: one.time for one in sensor.axes}
-    time = times[letter] if noise.settings.axes == "each" else sensor.axes[0].time
+    times = {letter_of(one.axis): one.time for one in sensor.axes}
+    time = times[letter] if noise.options.axes == "each" else sensor.axes[0].time
     stddev = sensor.N[k].scaled(math.sqrt(noise.rate))
     upper = [s for s, number in (("stddev", stddev), ("dynamic_bias_stddev", sensor.K[k])) if number.upper]
     return [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from gmwm.exporters.base import Noise, Settings, TwoNumbers, register
+from gmwm.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.exporters.reduction import Number
 from gmwm.exporters.text import written
 
@@ -37,7 +37,7 @@ class KfGins(TwoNumbers):
     )
     usage = ("Keep gsstd and asstd of your file: a recording at rest does not show scale factors.",)
 
-    def time_of(self, axis: str, times: Mapping[str, float], settings: Settings) -> float:
+    def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
         """The longest correlation time, for all axes."""
         return max(times.values())
 

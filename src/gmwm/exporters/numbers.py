@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm.datasheets.effective import Use
 from gmwm.errors import DataError
-from gmwm.exporters.base import Exporter, Settings, register
+from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.matrices import has_matrices
 from gmwm.exporters.reduction import axis_noise
 from gmwm.exporters.statespace import axis_matrices
@@ -31,7 +31,7 @@ class JsonNumbers(Exporter):
     extension = ".json"
     takes = frozenset({"horizon"})
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A JSON document."""
         content = {
             "format": FORMAT,
@@ -41,16 +41,16 @@ class JsonNumbers(Exporter):
             "about": "SI units. Continuous time, except the parameters (per sample, beta in 1/s) and the matrices F, "
             "Q, H, R, P0 (steps of one sample). Each axis by itself, without inflation. filter: N and K for the "
             "horizon; if upper_limit is true, the number is an upper limit.",
-            "horizon": settings.horizon,
+            "horizon": options.horizon,
             "confidence": calibration.settings.confidence,
-            "axes": {axis: _axis(axis, calibration, settings) for axis in calibration},
+            "axes": {axis: _axis(axis, calibration, options) for axis in calibration},
             "failed": dict(calibration.failed),
-            "remarks": [remark.to_dict() for remark in self.remarks(calibration, settings)],
+            "remarks": [remark.to_dict() for remark in self.remarks(calibration, options)],
         }
         return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
 
-def _axis(axis: str, calibration: Calibration, settings: Settings) -> dict[str, Any]:
+def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any]:
     found = calibration.axes[axis]
     fit, wv = found.fit, found.fit.wavelet_variance
     units = fit.model.units(wv.unit or "u")
@@ -64,20 +64,20 @@ def _axis(axis: str, calibration: Calibration, settings: Settings) -> dict[str, 
             for name, value in fit.parameters.items()
         },
         "datasheet": [entry.to_dict() for entry in found.datasheet.entries],
-        "filter": _filter(axis, calibration, settings),
+        "filter": _filter(axis, calibration, options),
         "matrices": axis_matrices(axis, calibration) if has_matrices(fit.model) else None,
     }
 
 
-def _filter(axis: str, calibration: Calibration, settings: Settings) -> dict[str, Any] | None:
+def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any] | None:
     """N and K with their units, or the reason why there are none."""
     fit = calibration[axis]
     unit = find_unit(fit.wavelet_variance.unit)
     if unit is None:
         return {"none_because": "the unit of the signal is unknown"}
     try:
-        use, level = Use(settings.horizon), calibration.settings.confidence
-        noise = axis_noise(axis, calibration.axes[axis], unit.quantity, use, level)
+        use, level = Use(options.horizon), calibration.settings.confidence
+        noise = axis_noise(axis, calibration.axes[axis], quantity=unit.quantity, use=use, level=level)
     except DataError as error:
         return {"none_because": str(error)}
     return {

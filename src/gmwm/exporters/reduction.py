@@ -14,6 +14,7 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
+from gmwm.signals import letter_of, sensor_of
 from gmwm.units import SI_UNIT, Quantity
 
 if TYPE_CHECKING:
@@ -100,19 +101,21 @@ def sensor_noise(
     if not names:
         return None
     level = calibration.settings.confidence
-    axes = tuple(axis_noise(axis, calibration.axes[axis], quantity, uses[axis], level) for axis in names)
+    axes = tuple(
+        axis_noise(axis, calibration.axes[axis], quantity=quantity, use=uses[axis], level=level) for axis in names
+    )
     return SensorNoise(
         quantity,
         axes,
-        ruled([(one.axis, one.N) for one in axes], rule, inflation),
-        ruled([(one.axis, one.K) for one in axes], rule, inflation),
-        ruled([(one.axis, one.B) for one in axes], rule, inflation),
+        N=ruled([(one.axis, one.N) for one in axes], rule, inflation),
+        K=ruled([(one.axis, one.K) for one in axes], rule, inflation),
+        B=ruled([(one.axis, one.B) for one in axes], rule, inflation),
     )
 
 
 def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
     """The calibrated axes of a sensor, in alphabetical order."""
-    return sorted(axis for axis in calibration if axis.rpartition("_")[0] == quantity)
+    return sorted(axis for axis in calibration if sensor_of(axis) == quantity)
 
 
 def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
@@ -141,7 +144,7 @@ def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, 
                                                      for p in translated(fit)[0].model.processes):  # fmt: skip
         # The flicker term describes the slow changes; an upper limit of a random walk is not added to it.
         walk = Number(0.0, False)
-    return AxisNoise(axis, fit, white, walk, flicker, use)
+    return AxisNoise(axis=axis, fit=fit, N=white, K=walk, B=flicker, use=use)
 
 
 def _flicker(found: AxisCalibration) -> Number:
@@ -157,9 +160,9 @@ def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> 
     """Combine the numbers of the axes by the rule, multiplied by the inflation factor."""
     numbers = [number for _, number in given]
     if rule == "each":
-        by_letter = {axis.rpartition("_")[2]: number for axis, number in given}
+        by_letter = {letter_of(axis): number for axis, number in given}
         if missing := [letter for letter in "xyz" if letter not in by_letter]:
-            sensor = given[0][0].rpartition("_")[0]
+            sensor = sensor_of(given[0][0])
             raise DataError(
                 f"{sensor}_{missing[0]} is not calibrated, so there is no number for each axis",
                 advice="Combine the other axes with the rule 'worst' or 'mean'.",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
-from gmwm.exporters.base import QUANTITIES, Exporter, Settings, register, title_line
+from gmwm.exporters.base import QUANTITIES, Exporter, ExportOptions, register, title_line
 from gmwm.exporters.findings import of_lines
 from gmwm.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
 from gmwm.exporters.text import cautions, commented, paragraphs, recording, written
@@ -35,25 +35,25 @@ class Ros(Exporter):
     takes = frozenset({"axes", "inflation"})
     per_axis = True
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A list of nine numbers for each calibrated sensor."""
-        first, last = paragraphs(self.remarks(calibration, settings))
+        first, last = paragraphs(self.remarks(calibration, options))
         head = [
             title_line(self), recording(calibration), *first,
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
-            f"Inflation factor: {settings.inflation:g}, squared. Horizon: none.",
+            f"Inflation factor: {options.inflation:g}, squared. Horizon: none.",
         ]  # fmt: skip
         lines = []
         for quantity in QUANTITIES:
             if not (names := axes_of(calibration, quantity)):
                 continue
-            head.append(f"{_KEYS[quantity]}: {RULES[settings.axes]} {', '.join(names)}.")
+            head.append(f"{_KEYS[quantity]}: {RULES[options.axes]} {', '.join(names)}.")
             for axis in names:
                 require_unit(axis, calibration[axis], quantity)
                 head.append(f"Model of {axis}: {calibration[axis].model.structure}.")
             deviations = [(axis, Number(math.sqrt(sample_variance(calibration[axis])), False)) for axis in names]
-            three = [number.value**2 for number in ruled(deviations, settings.axes, settings.inflation)]
+            three = [number.value**2 for number in ruled(deviations, options.axes, options.inflation)]
             nine = ", ".join(written(three[k // 4]) if k % 4 == 0 else "0.0" for k in range(9))
             lines.append(f"{_KEYS[quantity]}: [{nine}]")
         if not lines:
@@ -68,7 +68,7 @@ class Ros(Exporter):
         ]
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
 
-    def remarks(self, calibration: Calibration, settings: Settings) -> tuple[Remark, ...]:
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """The doubts about the calibration, terms without a variance, and lines."""
         found = cautions(calibration)
         for axis, fit in calibration.items():

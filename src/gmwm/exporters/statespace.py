@@ -5,7 +5,7 @@ from __future__ import annotations
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
-from gmwm.exporters.base import Exporter, Settings, register, title_line
+from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
 from gmwm.exporters.findings import of_ramps
 from gmwm.exporters.matrices import require_matrices, rows
 from gmwm.exporters.text import cautions, commented, paragraphs, plain, recording
@@ -85,15 +85,15 @@ class StateSpaceFile(Exporter):
     title = "NumPy (state-space matrices of the full model, as a Python file)"
     extension = ".py"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A Python file."""
-        first, last = paragraphs(self.remarks(calibration, settings))
+        first, last = paragraphs(self.remarks(calibration, options))
         head = commented([title_line(self), recording(calibration), *first, *_MEANING, *last], "#")
         axes = {plain(axis): axis_matrices(axis, calibration) for axis in calibration}
         table = pformat(axes, indent=1, width=110, sort_dicts=False)
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
 
-    def remarks(self, calibration: Calibration, settings: Settings) -> tuple[Remark, ...]:
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
         """The doubts about the calibration, and its rate ramps."""
         return (*cautions(calibration), *of_ramps(calibration))
 

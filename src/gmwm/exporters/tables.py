@@ -8,9 +8,10 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from gmwm.calibration.tables import SENSORS, by_sensor, in_order, number
-from gmwm.exporters.base import Exporter, Settings, register, title_line
+from gmwm.calibration.tables import SENSORS, in_order, number
+from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
 from gmwm.exporters.text import commented, paragraphs, recording
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -27,10 +28,10 @@ class CsvTable(Exporter):
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """Comment lines, a header and the rows."""
         level = calibration.settings.confidence
-        first, last = paragraphs(self.remarks(calibration, settings))
+        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
                 title_line(self),
@@ -65,10 +66,10 @@ class LatexTable(Exporter):
     title = "papers (LaTeX)"
     extension = ".tex"
 
-    def export(self, calibration: Calibration, settings: Settings) -> str:
+    def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """LaTeX that needs no package."""
         level = calibration.settings.confidence
-        first, last = paragraphs(self.remarks(calibration, settings))
+        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
                 title_line(self),

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.calibration.tables import sensor_of
 from gmwm.fleets.statistics_result import SIGNED, AxisDifference
+from gmwm.signals import sensor_of
 
 LEAST = 6
 """Number of units with a number on all axes that the test needs, so that three axes leave 4 degrees of freedom."""
@@ -53,7 +53,18 @@ def differences(
         off = np.mean(whole - whole.mean(axis=0), axis=1)
         signed = symbol == SIGNED
         relative = {numbers[k][0]: float(d if signed else np.exp(d)) for k, d in zip(places, off, strict=True)}
-        made.append(AxisDifference(sensor, symbol, numbers[places[0]][2], whole.shape[1], relative, pvalue, 1.0, False))
+        made.append(
+            AxisDifference(
+                sensor=sensor,
+                symbol=symbol,
+                unit=numbers[places[0]][2],
+                units=whole.shape[1],
+                relative=relative,
+                pvalue=pvalue,
+                adjusted=1.0,
+                differs=False,
+            )
+        )
     return _adjusted(made, size)
 
 

@@ -20,14 +20,14 @@ Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping
 
 
 @dataclass(frozen=True)
-class Found:
+class FleetUnits:
     """The recordings of a fleet by unit, and the other files of the folder."""
 
     paths: Mapping[str, Path]
     left_out: tuple[str, ...] = ()
 
 
-def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Found:
+def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:
     """Find the units of a fleet; `pattern` selects files of a folder."""
     if isinstance(recordings, str | os.PathLike):
         return _in_folder(Path(recordings).absolute(), output.absolute(), pattern)
@@ -38,15 +38,16 @@ def find_units(recordings: Recordings, output: Path, pattern: str | None) -> Fou
     elif isinstance(recordings, Sequence):
         paths = _named([Path(path).absolute() for path in recordings])
     else:
-        expected = "a folder, a sequence of paths or a mapping of unit to path"
-        raise OptionError(argument="recordings", expected=expected, got=recordings)
+        raise OptionError(
+            argument="recordings", expected="a folder, a sequence of paths or a mapping of unit to path", got=recordings
+        )
     if not paths:
         raise OptionError(argument="recordings", expected="at least one recording", got=recordings)
     _check_names(paths)
-    return Found(paths)
+    return FleetUnits(paths)
 
 
-def _in_folder(folder: Path, output: Path, pattern: str | None) -> Found:
+def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     if not folder.is_dir():
         advice = "Pass a single file as a list." if folder.exists() else ""
         raise OptionError(argument="recordings", expected="an existing folder", got=str(folder), advice=advice)
@@ -70,7 +71,7 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> Found:
             advice="Choose the files with {--pattern}.",
         )  # fmt: skip
     _check_names(paths)
-    return Found(dict(sorted(paths.items())), tuple(sorted(left_out)))
+    return FleetUnits(dict(sorted(paths.items())), tuple(sorted(left_out)))
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:

@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import fields
 from importlib.util import find_spec
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gmwm._arrays import as_rate
 from gmwm._threads import processors
-from gmwm.calibration.api import WITHIN, check_settings
-from gmwm.calibration.result import Settings
+from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
-from gmwm.fleets.discovery import Found, Recordings, find_units
+from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
-from gmwm.fleets.storage import TABLE, UNITS, drop, foreign_units, keep, kept_rows, write_facts
+from gmwm.fleets.storage import TABLE, UNITS, finished_rows, foreign_units, remove_unit, write_facts, write_unit
 from gmwm.fleets.table import RUN_AGAIN, as_table, write_table
-from gmwm.fleets.unit_job import Asked, Job, Outcome
-from gmwm.fleets.workers import here, patient, spread
-from gmwm.processes.model import ModelLike, as_model
-from gmwm.readers import find_reader, read
-from gmwm.readers.axis_units import checked_units
-from gmwm.readers.scale_factors import checked_increments, checked_scale
+from gmwm.fleets.unit_job import Job, Outcome, UnitOptions
+from gmwm.fleets.workers import allowing_lost_workers, in_process, on_cluster
+from gmwm.options import ReadOptions
+from gmwm.processes.model import ModelLike
+from gmwm.readers import find_reader
 from gmwm.remarks import Remark
 from gmwm.signals import AXES
+from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -51,7 +48,7 @@ def fleet(
     draws: int = 1000,
     seed: int = 0,
     axes: str | Sequence[str] | None = None,
-    reading: Mapping[str, Any] | None = None,
+    reading: Mapping[str, Any] | ReadOptions | None = None,
     pattern: str | None = None,
     scheduler: str | Client | None = None,
     workers: int | None = None,
@@ -73,7 +70,7 @@ def fleet(
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
     within, robust, weighting, criterion, confidence, efficiency, draws, seed, axes
         As for `calibrate`, for every unit.
-    reading : mapping, optional
+    reading : mapping or ReadOptions, optional
         Arguments of `read` for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
     pattern : str, optional
         Files of the folder to use instead: "*.csv" is matched with the names, "lot 7/*.csv" with the paths.
@@ -119,18 +116,40 @@ def fleet(
     ('unit0.parquet', 'gyro_x', 'WN')
     >>> folder.cleanup()
     """
-    general = as_model(within, "within")
-    settings = Settings(str(general), robust, weighting, criterion, confidence, efficiency, draws, seed)
-    check_settings(settings)
-    arguments, plain = _checked_reading(reading)
-    asked = Asked(general, settings, _checked_axes(axes), arguments, plain)
+    options = CalibrationOptions(
+        within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
+        efficiency=efficiency, draws=draws, seed=seed, axes=axes,
+    )  # fmt: skip
+    return calibrate_fleet(
+        recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,
+        retries=retries, progress=progress,
+    )  # fmt: skip
+
+
+def calibrate_fleet(
+    recordings: Recordings,
+    output: str | os.PathLike[str],
+    options: CalibrationOptions,
+    reading: ReadOptions,
+    *,
+    pattern: str | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    retries: int = 2,
+    progress: Progress | None = None,
+) -> Fleet:
+    """The calibrations of a fleet, as `fleet` gives them, by options that are checked."""
+    _check_axes(options.wanted)
+    if reading.format is not None:
+        find_reader(Path(), reading.format)
+    unit_options = UnitOptions(options, reading)
     _check_places(scheduler, workers, retries)
     folder = Path(output).absolute()
     found = find_units(recordings, folder, pattern)
     if folder.exists() and not folder.is_dir():
         raise OptionError(argument="output", expected="a folder", got=str(folder))
     run = _Run(folder, found, progress)
-    jobs = run.jobs(asked)
+    jobs = run.jobs(unit_options)
     # Nothing is written before the scheduler answers.
     with _outcomes(jobs, scheduler, workers, retries) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
@@ -138,29 +157,38 @@ def fleet(
             where = str(folder / UNITS)
             remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
             warnings.warn(GmwmWarning(remark), stacklevel=2)
-        write_facts(folder, found, asked)
+        write_facts(folder, found, unit_options)
         with run.telling():
             for outcome in outcomes:
                 run.take(outcome)
     paths = {unit: str(path) for unit, path in found.paths.items()}
-    return Fleet(folder, paths, run.table(), settings, found.left_out, run.kept, run.done, plain)
+    return Fleet(
+        folder=folder,
+        paths=paths,
+        table=run.table(),
+        settings=options,
+        left_out=found.left_out,
+        kept=run.kept,
+        done=run.done,
+        reading=reading.to_dict(),
+    )
 
 
 class _Run:
     """One run of a fleet: the rows kept from earlier runs, and the new ones."""
 
-    def __init__(self, folder: Path, found: Found, progress: Progress | None) -> None:
+    def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
         self.folder, self.paths, self.progress = folder, found.paths, progress
         self.rows: dict[str, list[Row]] = {}
         self.kept = self.done = 0
 
-    def jobs(self, asked: Asked) -> list[Job]:
+    def jobs(self, options: UnitOptions) -> list[Job]:
         """The jobs of units that are not finished."""
         jobs = []
         for unit, path in self.paths.items():
-            rows = kept_rows(self.folder, unit, path, asked)
+            rows = finished_rows(self.folder, unit, path, options)
             if rows is None:
-                jobs.append(Job(unit, str(path), asked))
+                jobs.append(Job(unit, str(path), options))
             else:
                 self.rows[unit] = rows
                 self.kept += 1
@@ -171,10 +199,10 @@ class _Run:
         """Store the outcome of a unit."""
         unit = outcome.unit
         if outcome.document is None:
-            drop(self.folder, unit)
+            remove_unit(self.folder, unit)
             self.rows[unit] = [failed_row(unit, str(self.paths[unit]), outcome.reason)]
         else:
-            keep(self.folder, unit, outcome.document)
+            write_unit(self.folder, unit, outcome.document)
             self.rows[unit] = list(outcome.rows)
             self.done += 1
         self._tell(unit if outcome.document is not None else f"{unit}: failed")
@@ -210,62 +238,39 @@ def _outcomes(
         scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
     )
     if not jobs or workers == 0 or alone:
-        yield here(jobs, retries)
+        yield in_process(jobs, retries)
         return
     from gmwm.streaming.scheduling import connected, library
 
     library()
     with ExitStack() as stack:
-        stack.enter_context(patient(retries))
+        stack.enter_context(allowing_lost_workers(retries))
         client = stack.enter_context(connected(scheduler, workers))
         # A worker runs one job for each of its threads, so the axes of a unit are calibrated one after the other.
-        outcomes = spread([Job(job.unit, job.path, job.asked, threads=1) for job in jobs], client, retries)
+        outcomes = on_cluster([Job(job.unit, job.path, job.options, threads=1) for job in jobs], client, retries)
         # Closed before the client, so that jobs that have not started are cancelled.
         stack.callback(outcomes.close)
         yield outcomes
 
 
-def _checked_reading(reading: Mapping[str, Any] | None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The arguments of `read` that differ from its defaults, and the same after a round trip through JSON."""
+def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
+    """The options of `read` in a mapping; None means the default."""
+    if isinstance(reading, ReadOptions):
+        return reading
     if reading is not None and not isinstance(reading, Mapping):
         raise OptionError(argument="reading", expected="a mapping of arguments of gmwm.read to values", got=reading)
-    defaults = {name: one.default for name, one in signature(read).parameters.items() if name != "path"}
-    given = dict(reading or {})
-    if unknown := [name for name in given if name not in defaults]:
-        expected = f"a mapping with the keys {', '.join(defaults)}"
+    known = [field.name for field in fields(ReadOptions)]
+    if unknown := [name for name in reading or {} if name not in known]:
+        expected = f"a mapping with the keys {', '.join(known)}"
         raise OptionError(argument="reading", expected=expected, got=unknown[0])
-    given = {name: value for name, value in given.items() if not _is_default(value, defaults[name])}
-    if given.get("gaps", "keep") not in ("keep", "longest"):
-        raise OptionError(argument="gaps", expected="'keep' or 'longest'", got=given["gaps"])
-    if "rate" in given:
-        as_rate(given["rate"])
-    if "format" in given:
-        find_reader(Path(), given["format"])
-    checked_units(given.get("units"))
-    checked_scale(given.get("scale"))
-    checked_increments(given.get("increments", ()))
-    try:
-        plain = json.loads(json.dumps(given, allow_nan=False, default=lambda value: value.tolist()))
-    except (TypeError, ValueError, AttributeError) as error:
-        expected = "a mapping to finite numbers, strings, lists and mappings of them"
-        raise OptionError(argument="reading", expected=expected, got=given) from error
-    return given, plain
+    return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
 
 
-def _is_default(value: Any, default: Any) -> bool:
-    return value is None or value is False or value in (default, [], {})
-
-
-def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
+def _check_axes(names: tuple[str, ...] | None) -> None:
     """Check the names of axes and sensors."""
-    if axes is None:
-        return None
-    names = (axes,) if isinstance(axes, str) else tuple(axes)
-    known = (*AXES, *dict.fromkeys(axis.rpartition("_")[0] for axis in AXES))
-    unknown = [name for name in names if name not in known]
-    if unknown or not names:
-        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=axes)
-    return names
+    known = (*AXES, *SI_UNIT)
+    if unknown := [name for name in names or () if name not in known]:
+        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
 
 
 def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:

@@ -95,7 +95,14 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
         mean = np.sum(w * np.where(there, x, 0.0), axis=-1) / total
         share = np.sum(w * w, axis=-1) / total**2
         variance = np.where(count > 1, 2 * (count - 1) / (total * (1 - share)) ** 2, np.inf)
-        return Effects(mean, 1 / np.sqrt(total), known, variance, share, count)
+        return Effects(
+            mean=mean,
+            error=1 / np.sqrt(total),
+            spread2=known,
+            spread2_variance=variance,
+            error2_slope=share,
+            count=count,
+        )
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:

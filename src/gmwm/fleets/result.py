@@ -7,24 +7,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
-from gmwm.calibration.result import Calibration, Settings
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.result import Calibration
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.fleets.storage import TABLE, read_facts, unit_file
 from gmwm.fleets.table import RUN_AGAIN, read_table
 from gmwm.remarks import Remark, sorted_remarks
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
 
     from gmwm.fleets.statistics_result import FleetStatistics
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fleet(Summarised):
     """Many calibrated units; `fleet["unit"]` reads the Calibration of one unit.
 
@@ -40,7 +40,7 @@ class Fleet(Summarised):
         `cautions` (their number); and for each number of the datasheets N, N_low, N_high, N_unit in SI units. A number
         with only an upper limit has no value, the low end 0 and the limit as high end, infinite if there is none. A
         unit that failed completely has one row without an axis.
-    settings : Settings
+    settings : CalibrationOptions
         The options of the calibrations.
     left_out : tuple of str
         Files in the folder of recordings that are no recordings.
@@ -53,15 +53,11 @@ class Fleet(Summarised):
     folder: Path
     paths: Mapping[str, str]
     table: DataFrame
-    settings: Settings
+    settings: CalibrationOptions
     left_out: tuple[str, ...] = ()
     kept: int = 0
     done: int = 0
     reading: Mapping[str, Any] = field(default_factory=dict)
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.fleet:plot_fleet", "Draw every unit's numbers with their spread, and the outliers: plot(path=…)."
-    )
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -117,6 +113,32 @@ class Fleet(Summarised):
 
         return summary(self)
 
+    def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the datasheet numbers of all units, axis by axis, in ascending order.
+
+        Up to 40 units are dots with their confidence intervals; more units are a curve. The shaded region holds the
+        true number of a further unit, and the line across it is the typical unit. Outlying units are stars with their
+        names. Upper limits are triangles.
+
+        Parameters
+        ----------
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If there is nothing to draw, or the picture cannot be written to `path`.
+        """
+        from gmwm.plots.fleet import plot_fleet
+
+        return plot_fleet(self, path=path)
+
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
         """Load the fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
@@ -130,13 +152,20 @@ class Fleet(Summarised):
         facts = read_facts(where)
         table = read_table(where / TABLE)
         try:
-            settings = Settings(**facts["settings"])
-        except TypeError as error:
+            settings = CalibrationOptions.from_dict(facts["settings"])
+        except (ReadError, TypeError) as error:
             raise ReadError(f"{where} has unknown settings: {error}") from error
         paths, listed = facts["units"], set(table["unit"])
         if any(unit not in listed for unit in paths):
             raise ReadError(f"{where}: the last run ended before it wrote the table", advice=RUN_AGAIN)
-        found = cls(where, paths, table, settings, tuple(facts["left_out"]), reading=facts.get("reading", {}))
+        found = cls(
+            folder=where,
+            paths=paths,
+            table=table,
+            settings=settings,
+            left_out=tuple(facts["left_out"]),
+            reading=facts.get("reading", {}),
+        )
         return replace(found, kept=len(found))
 
     def __repr__(self) -> str:

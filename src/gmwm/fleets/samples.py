@@ -89,7 +89,11 @@ class Reading:
             unit = self._texts(f"{symbol}_unit")
             for k, axis in enumerate(self.axes):
                 if any(name is not None for name in unit[k]):
-                    by_axis[axis].append(self._sample(axis, symbol, unit[k], self.models[k], value[k], low[k], high[k]))
+                    by_axis[axis].append(
+                        self._sample(
+                            axis, symbol, units=unit[k], models=self.models[k], value=value[k], low=low[k], high=high[k]
+                        )
+                    )
         return [sample for found in by_axis.values() for sample in found]
 
     def _sample(
@@ -119,7 +123,19 @@ class Reading:
             x[usable] = np.log(value[usable])
             s[usable] = np.log(high[usable] / low[usable]) / (2 * self.z)
         left_out = int(np.sum(given & ~usable & ~limited))
-        return Sample(axis, symbol, unit, model, x, s * s, value, low, high, limited, left_out)
+        return Sample(
+            axis=axis,
+            symbol=symbol,
+            unit=unit,
+            model=model,
+            x=x,
+            s2=s * s,
+            value=value,
+            low=low,
+            high=high,
+            limited=limited,
+            left_out=left_out,
+        )
 
 
 def _commonest(names: NDArray[Any]) -> str:

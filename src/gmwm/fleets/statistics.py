@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.calibration.tables import in_order, sensor_of
+from gmwm.calibration.tables import in_order
 from gmwm.errors import OptionError
 from gmwm.fleets.axes import differences
 from gmwm.fleets.findings import LEAST
@@ -18,6 +18,8 @@ from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
+from gmwm.options import as_confidence
+from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     import polars
@@ -61,7 +63,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     Raises
     ------
     OptionError
-        If `confidence` or `size` is not between 0 and 1.
+        If `confidence` is not from 0.5 to below 1, or `size` not between 0 and 1.
     DataError
         If a column is missing, or an axis of a unit has two rows.
 
@@ -86,19 +88,21 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     >>> row.predicted_low < row.typical < row.predicted_high, row.spread_low < 0.1 < row.spread_high
     (True, True)
     """
-    for name, value in (("confidence", confidence), ("size", size)):
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1:
-            raise OptionError(argument=name, expected="a number between 0 and 1, such as 0.05", got=value)
-    read = Reading(table, float(confidence))
+    confidence = as_confidence(confidence)
+    if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
+        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
+    read = Reading(table, confidence)
     samples = read.samples()
     units = len(read.units)
     if not samples:
-        return FleetStatistics((), (), (), float(confidence), float(size), units)
+        return FleetStatistics(
+            rows=(), outliers=(), differences=(), confidence=confidence, size=float(size), units=units
+        )
     x, s2 = np.array([sample.x for sample in samples]), np.array([sample.s2 for sample in samples])
     kept = x.copy()
-    outliers, searched = _outliers(read, samples, x, s2, kept, size)
-    rows = _rows(read, samples, x, kept, s2, searched)
-    together = _together(read, samples, x, kept, s2)
+    outliers, searched = _outliers(read, samples, x=x, s2=s2, kept=kept, size=size)
+    rows = _rows(read, samples, x=x, kept=kept, s2=s2, searched=searched)
+    together = _together(read, samples, x=x, kept=kept, s2=s2)
     axes = [(sample.axis, sample.symbol, sample.unit, sample.model) for sample in samples]
     found = differences(axes, kept, size)
     order = {row.symbol: k for k, row in enumerate(rows)}
@@ -109,7 +113,14 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
         key=lambda row: (sensors.index(row.axis if row.axis in sensors else sensor_of(row.axis)),
                          symbols.index(row.symbol), row.axis not in sensors),
     )  # fmt: skip
-    return FleetStatistics(tuple(whole), outliers, found, float(confidence), float(size), units)
+    return FleetStatistics(
+        rows=tuple(whole),
+        outliers=outliers,
+        differences=found,
+        confidence=float(confidence),
+        size=float(size),
+        units=units,
+    )
 
 
 # --- outliers ---------------------------------------------------------------------------------------
@@ -140,9 +151,20 @@ def _outliers(
         typical = sample.back(float(centre[row])) or 0.0
         times = None if sample.symbol == SIGNED else value / typical
         outliers.append(
-            OutlierUnit(read.units[place], sample.axis, sample.symbol, value, low, high, typical, sample.unit, times,
-                        distance, p)
-        )  # fmt: skip
+            OutlierUnit(
+                unit=read.units[place],
+                axis=sample.axis,
+                symbol=sample.symbol,
+                value=value,
+                low=low,
+                high=high,
+                typical=typical,
+                si=sample.unit,
+                times=times,
+                distance=distance,
+                pvalue=p,
+            )
+        )
     return tuple(sorted(outliers, key=lambda one: (one.pvalue, -abs(one.distance)))), searched
 
 
@@ -153,7 +175,7 @@ def _rows(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, searched: NDArray[np.bool_]
 ) -> list[FleetNumber]:
     """A row for each number of each axis."""
-    rows = _described(read, samples, x, kept, s2)
+    rows = _described(read, samples, x=x, kept=kept, s2=s2)
     made = []
     for k, (sample, row) in enumerate(zip(samples, rows, strict=True)):
         below: tuple[str, ...] = ()
@@ -203,7 +225,7 @@ def _described(
     with np.errstate(invalid="ignore", divide="ignore"):
         widened = np.where(at.count > 0, (error / at.error) ** 2, 1.0)
     limits = spread_limits(kept, s2, read.confidence, freedom)
-    ahead = predicted(kept, s2, read.confidence, freedom, widened)
+    ahead = predicted(kept, s2, confidence=read.confidence, freedom=freedom, widened=widened)
     reach = t.ppf((1 + read.confidence) / 2, np.maximum(freedom, 1.0)) * error
     made = []
     for k, sample in enumerate(samples):
@@ -216,12 +238,28 @@ def _described(
         low, high, soon, late = (sample.back(end) if enough else None for end in ends)
         made.append(
             FleetNumber(
-                sample.axis, sample.symbol, sample.unit, int(all_.size), int(np.sum(sample.limited)), sample.left_out,
-                sample.model, back[1], back[0], back[2], sample.back(float(at.mean[k])), low, high, tau,
-                float(np.sqrt(limits[0][k])) if enough else None, float(np.sqrt(limits[1][k])) if enough else None, s,
-                None if tau is None or s is None else s * s / (tau * tau + s * s), soon, late,
+                axis=sample.axis,
+                symbol=sample.symbol,
+                unit=sample.unit,
+                units=int(all_.size),
+                limited=int(np.sum(sample.limited)),
+                left_out=sample.left_out,
+                model=sample.model,
+                median=back[1],
+                quantile_05=back[0],
+                quantile_95=back[2],
+                typical=sample.back(float(at.mean[k])),
+                typical_low=low,
+                typical_high=high,
+                spread=tau,
+                spread_low=float(np.sqrt(limits[0][k])) if enough else None,
+                spread_high=float(np.sqrt(limits[1][k])) if enough else None,
+                error=s,
+                error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
+                predicted_low=soon,
+                predicted_high=late,
             )
-        )  # fmt: skip
+        )
     return made
 
 

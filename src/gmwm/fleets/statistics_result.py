@@ -18,7 +18,7 @@ SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and is compared directly; all other numbers are compared as logarithms."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FleetNumber:
     """The statistics of one number of an axis, or of all axes of a sensor, over the units of a fleet.
 
@@ -93,7 +93,7 @@ class FleetNumber:
         return self.symbol == SIGNED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OutlierUnit:
     """A number of a unit that differs from those of the others by more than chance.
 
@@ -126,7 +126,7 @@ class OutlierUnit:
     pvalue: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AxisDifference:
     """Whether the axes of a sensor differ in one number, unit by unit.
 
@@ -154,7 +154,7 @@ class AxisDifference:
     differs: bool
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FleetStatistics(Summarised):
     """The statistics of a fleet of units.
 

@@ -13,9 +13,9 @@ from gmwm.calibration.document import FORMAT as CALIBRATION
 from gmwm.calibration.document import VERSION as CALIBRATION_VERSION
 from gmwm.calibration.recording_info import Recording
 from gmwm.errors import ReadError
-from gmwm.fleets.discovery import FILE, Found
+from gmwm.fleets.discovery import FILE, FleetUnits
 from gmwm.fleets.rows import Row, from_plain
-from gmwm.fleets.unit_job import PART, Asked, stamp_of
+from gmwm.fleets.unit_job import PART, UnitOptions, stamp_of
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
@@ -29,14 +29,14 @@ def unit_file(folder: Path, unit: str) -> Path:
     return folder / UNITS / f"{unit}.json"
 
 
-def keep(folder: Path, unit: str, document: str) -> None:
+def write_unit(folder: Path, unit: str, document: str) -> None:
     """Write the calibration of a unit; an error leaves an existing file unchanged."""
     file = unit_file(folder, unit)
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text(file, document)
 
 
-def drop(folder: Path, unit: str) -> None:
+def remove_unit(folder: Path, unit: str) -> None:
     """Remove the calibration of an earlier run if the unit fails now, because it is that of another recording."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
@@ -48,7 +48,7 @@ def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
     return sorted(unit for unit in found if unit not in units)
 
 
-def kept_rows(folder: Path, unit: str, path: Path, asked: Asked) -> list[Row] | None:
+def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
     """The rows of a finished unit; None if the unit must be calibrated.
 
     A unit is finished if it was calibrated with the same options from the same recording.
@@ -58,7 +58,7 @@ def kept_rows(folder: Path, unit: str, path: Path, asked: Asked) -> list[Row] | 
         if content["format"] != CALIBRATION or content["version"] > CALIBRATION_VERSION:
             return None
         made = content[PART]
-        if any(made[name] != value for name, value in asked.to_dict().items()):
+        if any(made[name] != value for name, value in options.to_dict().items()):
             return None
         if not _is_same(path, made, content["recording"]):
             return None
@@ -78,13 +78,13 @@ def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) 
     return digest is not None and Recording.from_dict(recording).of_file(path).sha256 == digest
 
 
-def write_facts(folder: Path, found: Found, asked: Asked) -> None:
+def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
     """Write the units and the options of the fleet."""
     content = {
         "format": FORMAT,
         "version": VERSION,
         "gmwm": metadata.version("gmwm"),
-        **asked.to_dict(),
+        **options.to_dict(),
         "units": {unit: str(path) for unit, path in found.paths.items()},
         "left_out": list(found.left_out),
     }

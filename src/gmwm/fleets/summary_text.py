@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from gmwm._tables import headed
 from gmwm._text import counted
-from gmwm.calibration.tables import SENSORS, WIDTH, aligned, bulleted, sensor_of, wrapped
+from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
 from gmwm.datasheets.entry import significant
 from gmwm.remarks import Dialect, Remark, texts
+from gmwm.signals import letter_of, sensor_of
 from gmwm.units import datasheet_units
 from gmwm.variance.slope_line import LAWS
 
@@ -23,7 +25,7 @@ LISTED = 10
 """Number of failed units and of outliers in a summary."""
 
 
-class Told(Protocol):
+class FleetLike(Protocol):
     """What the summary needs of a fleet."""
 
     @property
@@ -57,7 +59,7 @@ class Told(Protocol):
         ...
 
 
-def summary(fleet: Told, dialect: Dialect = Dialect.PYTHON) -> str:
+def summary(fleet: FleetLike, dialect: Dialect = Dialect.PYTHON) -> str:
     """Counts, failures, tables, outliers and remarks, at most 80 columns wide."""
     parts = [wrapped(_head(fleet))]
     if fleet.failed:
@@ -73,7 +75,7 @@ def statistics_text(found: FleetStatistics, dialect: Dialect = Dialect.PYTHON) -
     return "\n\n".join("\n".join(lines) for lines in parts if lines)
 
 
-def _head(fleet: Told) -> str:
+def _head(fleet: FleetLike) -> str:
     good = len(fleet.units) - len(fleet.failed)
     how = f" ({fleet.done} now, {fleet.kept} before)" if fleet.kept and fleet.done else ""
     failed = f", {len(fleet.failed)} failed" if fleet.failed else ""
@@ -127,14 +129,14 @@ def _table(rows: Sequence[FleetNumber]) -> list[str]:
             cells.append([f"{row.symbol} ({unit})", *[""] * (len(heads) - 1)])
             last = row.symbol
         whole = any(sensor_of(other.axis) == row.axis for other in rows)
-        letter = "all axes" if whole else row.axis.rpartition("_")[2]
+        letter = "all axes" if whole else letter_of(row.axis)
         cells.append([
             f"  {letter}", _units(row), _value(row.typical, factor), _spread(row, factor),
             _span(row.quantile_05, row.quantile_95, factor), _span(row.predicted_low, row.predicted_high, factor),
         ])  # fmt: skip
-    lines = aligned(cells)
+    lines = headed(cells)
     if max(map(len, lines)) > WIDTH:
-        lines = aligned([[*row[:4], row[5]] for row in cells])
+        lines = headed([[*row[:4], row[5]] for row in cells])
     return lines
 
 

@@ -6,19 +6,19 @@ import errno
 import gzip
 import threading
 import warnings
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from gmwm.calibration import Calibration, calibrate
+from gmwm.calibration import Calibration
+from gmwm.calibration.api import calibrate_recording
 from gmwm.calibration.document import as_text
-from gmwm.calibration.result import Settings
+from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import GmwmError, GmwmWarning
 from gmwm.fleets.rows import Row, plain, rows_of
-from gmwm.processes.model import Model
-from gmwm.readers import read, stream
-from gmwm.readers.streams import Stream, is_large
+from gmwm.options import ReadOptions
+from gmwm.readers.api import read_file
+from gmwm.readers.streams import Stream, is_large, stream_file
 from gmwm.remarks import Remark
 from gmwm.signals import Imu
 
@@ -31,20 +31,16 @@ _WARNINGS = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Asked:
+class UnitOptions:
     """The options for every unit: how its recording is read and calibrated."""
 
-    within: Model
-    settings: Settings
-    axes: tuple[str, ...] | None
-    reading: Mapping[str, Any]
-    plain_reading: Mapping[str, Any]
-    """`reading` after a round trip through JSON."""
+    options: CalibrationOptions
+    reading: ReadOptions
 
     def to_dict(self) -> dict[str, Any]:
         """The options as numbers, lists and strings, after a round trip through JSON."""
-        axes = None if self.axes is None else list(self.axes)
-        return {"settings": asdict(self.settings), "axes": axes, "reading": dict(self.plain_reading)}
+        axes = None if self.options.wanted is None else list(self.options.wanted)
+        return {"settings": self.options.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ class Job:
 
     unit: str
     path: str
-    asked: Asked
+    options: UnitOptions
     threads: int | None = None
 
 
@@ -88,26 +84,21 @@ def calibrate_unit(job: Job) -> Outcome:
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
     """The calibration, and the recording and the options that it was made from."""
-    path, asked, settings = Path(job.path), job.asked, job.asked.settings
+    path, options = Path(job.path), job.options
     stamp = stamp_of(path)  # before reading, so that the next run sees a later change
-    recording, warned = _read(path, asked.reading)
-    found = calibrate(
-        recording, asked.within, robust=settings.robust, weighting=settings.weighting, criterion=settings.criterion,
-        confidence=settings.confidence, efficiency=settings.efficiency, draws=settings.draws, seed=settings.seed,
-        axes=asked.axes, threads=job.threads,
-    ).of_file(path)  # fmt: skip
+    recording, warned = _read(path, options.reading)
+    found = calibrate_recording(recording, options.options, threads=job.threads).of_file(path)
     new = tuple(remark for remark in warned if remark not in found.recording_remarks)
     found = replace(found, recording_remarks=(*found.recording_remarks, *new))
-    return found, {**stamp, **asked.to_dict()}
+    return found, {**stamp, **options.to_dict()}
 
 
-def _read(path: Path, reading: Mapping[str, Any]) -> tuple[Imu | Stream, list[Remark]]:
+def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
     """The recording, as a stream if it is large, and the remarks from reading it."""
-    arguments = {name: value for name, value in reading.items() if name != "gaps"}
-    in_pieces = is_large(path) and reading.get("gaps", "keep") == "keep"
+    chunked = is_large(path) and options.gaps == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
-        recording = stream(path, **arguments) if in_pieces else read(path, **reading)
+        recording = stream_file(path, options) if chunked else read_file(path, options)
     found = [one.message.remark for one in caught if isinstance(one.message, GmwmWarning)]
     return recording, list(dict.fromkeys(found))
 

@@ -20,7 +20,7 @@ _GONE = "the scheduler no longer answers"
 _AGAIN = "Run the fleet again: finished units are kept."
 
 
-def here(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
+def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
     """Run the jobs in this process, one after the other; retries come last."""
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
@@ -34,7 +34,7 @@ def here(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
             yield outcome
 
 
-def spread(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
+def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
     """Run the jobs on the workers of a cluster; outcomes come in the order of completion.
 
     Dask repeats the jobs of a lost worker on another worker, and gives a job up after several lost workers. It does not
@@ -46,8 +46,10 @@ def spread(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome,
         suspects.append(job)
         return None
 
-    yield from _through(client, jobs, retries, on_lost, lambda: WINDOW * sum(client.nthreads().values()))
-    yield from _through(client, suspects, retries, _lost, lambda: 1)
+    yield from _through(
+        client, jobs, retries=retries, on_lost=on_lost, window=lambda: WINDOW * sum(client.nthreads().values())
+    )
+    yield from _through(client, suspects, retries=retries, on_lost=_lost, window=lambda: 1)
 
 
 def _lost(job: Job, error: Exception) -> Outcome:
@@ -117,7 +119,7 @@ def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], 
 
 
 @contextmanager
-def patient(retries: int) -> Iterator[None]:
+def allowing_lost_workers(retries: int) -> Iterator[None]:
     """Let a scheduler that starts in the block give a job up after more than `retries` lost workers."""
     import dask
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm._text import Named
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError
 from gmwm.estimation.weighting import square_root
 from gmwm.processes.model import Model
@@ -29,7 +29,7 @@ NO_COEFFICIENT = 1e-8
 """What stands for a coefficient φ = 0, a pure number, where errors are relative to values."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sandwich:
     """Covariance of the estimates that are neither held, nor zero, nor at an end of their domain.
 
@@ -70,20 +70,12 @@ class Sandwich:
 
 
 def sandwich(fit: Fit) -> Sandwich:
-    """The covariance of a fit's estimates.
-
-    Raises
-    ------
-    ModelError
-        If the model has no noise at some level: its estimates would be exact, which those of no recording are.
-    MissingTheoryError
-        If the covariance of a process is not known.
-    """
-    setting = Setting.of(fit.wavelet_variance)
-    wavelet = covariance(fit.model, setting)
+    """Covariance of the estimates: see `Fit.sandwich`."""
+    design = Design.of(fit.wavelet_variance)
+    wavelet = covariance(fit.model, design)
     if not np.all(np.diag(wavelet) > 0):
         raise no_noise(fit.model)
-    return sandwich_of(fit.model, setting, fit.weighting_matrix, wavelet, fit.diagnostics.acts_as)
+    return sandwich_of(fit.model, design, matrix=fit.weighting_matrix, wavelet=wavelet, acts_as=fit.diagnostics.acts_as)
 
 
 def no_noise(model: Model) -> ModelError:
@@ -95,7 +87,7 @@ def no_noise(model: Model) -> ModelError:
 
 
 def sandwich_of(
-    model: Model, setting: Setting, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
+    model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
     """The covariance of estimates with the weighting matrix Ω (J, J) where ν̂² has the covariance V (J, J).
 
@@ -105,16 +97,21 @@ def sandwich_of(
     """
     columns, reported = columns_of(model, acts_as or {})
     values = _sizes(model, columns)
-    slopes = np.column_stack([relative_jacobian(model, setting, columns), *_unseen(model, setting)])
+    slopes = np.column_stack([relative_jacobian(model, design, columns), *_unseen(model, design)])
     relative = relative_covariance(slopes, matrix, wavelet)[: len(columns), : len(columns)]
     kept = [k for k, name in enumerate(columns) if name in reported]
-    return Sandwich(tuple(columns[k] for k in kept), values[kept], relative[np.ix_(kept, kept)], wavelet)
+    return Sandwich(
+        names=tuple(columns[k] for k in kept),
+        values=values[kept],
+        relative=relative[np.ix_(kept, kept)],
+        wavelet=wavelet,
+    )
 
 
-def _unseen(model: Model, setting: Setting) -> list[Vector]:
+def _unseen(model: Model, design: Design) -> list[Vector]:
     """Wavelet variances (J,), at unit scale, of terms that are zero and have no shape to find."""
     return [
-        process.shape(process.nonlinear.reshape(1, -1), setting.levels, setting.rate, setting.filter)[0]
+        process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
         if process.scale == 0
         and not process.is_fixed(process.scale_parameter().name)
@@ -138,9 +135,9 @@ def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set
     return columns, reported
 
 
-def relative_jacobian(model: Model, setting: Setting, names: list[str] | tuple[str, ...]) -> Matrix:
+def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str, ...]) -> Matrix:
     """θ ∂ν_j²/∂θ (J, p) for the parameters `names`."""
-    jacobian = model.jacobian(setting.levels, setting.rate, setting.filter)
+    jacobian = model.jacobian(design.levels, design.rate, design.filter)
     place = {name: k for k, name in enumerate(model.names)}
     values = _sizes(model, names)
     return np.asarray(jacobian[:, [place[name] for name in names]] * values)
@@ -173,13 +170,8 @@ def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matr
     return (result + result.T) / 2
 
 
-def parameter_covariance(fit: Fit) -> Matrix:
-    """Cov θ̂ of a fit (p, p)."""
-    return fit.sandwich.covariance
-
-
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard error of each parameter of a fit."""
+    """Standard errors by name: see `Fit.standard_errors`."""
     errors = fit.sandwich.errors
     return Named(errors, "standard error of", why_no_error(fit.model, errors, fit.diagnostics.acts_as))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.solver import estimated, solve_near
@@ -27,7 +27,7 @@ LEAST_FOR_TEST = 19
 """Records of a test that can reject at 5 %: p is at least 1 / (draws + 1)."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Bootstrap:
     """Estimates from records that were simulated from a fitted model.
 
@@ -74,35 +74,7 @@ class Bootstrap:
 def bootstrap(
     fit: Fit, draws: int = DRAWS, seed: int = 0, *, progress: Callable[[int], None] | None = None
 ) -> Bootstrap:
-    """Estimates from `draws` records simulated from the fit's model, as long as its own.
-
-    Gauss-Markov and autoregressive terms start from their stationary law. Each record is fitted with the weights of
-    the fit, and a robust fit robustly.
-
-    Parameters
-    ----------
-    draws : int
-        How many records, at least 2.
-    seed : int
-        The same seed gives the same result.
-    progress : callable, optional
-        Called with the number of records done.
-
-    Raises
-    ------
-    OptionError
-        If `draws` or `seed` is not such a number.
-    MissingTheoryError
-        If a process cannot be simulated.
-
-    Examples
-    --------
-    >>> from gmwm import WN, fit
-    >>> found = fit(WN(), WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
-    >>> again = found.bootstrap(draws=100, seed=1)
-    >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
-    True
-    """
+    """Refit the model to recordings simulated from the fit: see `Fit.bootstrap`."""
     draws = as_draws(draws, LEAST_DRAWS, "a standard deviation")
     kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
     if (draws, seed) not in kept:
@@ -129,10 +101,10 @@ def least_draws(level: float) -> int:
 
 def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] | None) -> Bootstrap:
     wv = fit.wavelet_variance
-    variances = simulated_variances(fit.model, Setting.of(wv), draws, seed, progress=progress)
+    variances = simulated_variances(fit.model, Design.of(wv), draws, seed, progress=progress)
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
-    free = [name for name in fit.parameters if name not in fit.model.fixed]
+    free = [name for name in fit.parameters if name not in fit.model.fixed_names]
     # The wavelet variance has no sign of a scale, as of a slope; that of a coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])
@@ -148,4 +120,6 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
             implied[k] = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
             estimates[k] = sign * np.array([parameters[name] for name in free], dtype=np.float64)
             objectives[k] = solution.objective
-    return Bootstrap(tuple(free), estimates, objectives, variances, implied, seed)
+    return Bootstrap(
+        names=tuple(free), estimates=estimates, objectives=objectives, variances=variances, implied=implied, seed=seed
+    )

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import OptionError
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
@@ -32,7 +32,7 @@ BEND = 1e-4
 """Relative step of the nonlinear parameters whose slopes give second derivatives."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Criterion:
     """Expected loss of a fitted model on another record of the same kind, WIC = loss + optimism.
 
@@ -60,59 +60,23 @@ class Criterion:
 
 
 def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> Criterion:
-    """Wavelet information criterion of a fit, with its own weights Ω.
-
-    Values compare between models under one Ω only; `gmwm.rank` and `gmwm.select` see to that.
-
-    Parameters
-    ----------
-    method : "asymptotic" or "bootstrap"
-        2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, or twice the covariance of ν̂* and
-        ν(θ̂*) over `draws` records simulated from the fit.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    Criterion
-
-    Raises
-    ------
-    OptionError
-        If `method` is neither, or `draws` or `seed` is no such number.
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is not known ("asymptotic"), or it cannot be simulated ("bootstrap").
-
-    References
-    ----------
-    Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
-    and Yang.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
-    >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
-    4
-    """
+    """Wavelet information criterion: see `Fit.wic`."""
     if method not in get_args(Method):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, seed)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
-        return Criterion(float(fit.objective), share, method)
-    return Criterion(float(fit.objective), optimism(fit, fit.sandwich.wavelet), method)
+        return Criterion(loss=float(fit.objective), optimism=share, method=method)
+    return Criterion(loss=float(fit.objective), optimism=optimism(fit, fit.sandwich.wavelet), method=method)
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:
     """2 tr[ΩDH⁻¹DᵀΩV], by first-order theory, where ν̂² has the covariance V (J, J)."""
     wv = fit.wavelet_variance
     root = square_root(fit.weighting_matrix)
-    setting = Setting.of(wv)
+    design = Design.of(wv)
     pull = fit.weighting_matrix @ (wv.variance - fit.implied)
-    slopes, bends = _derivatives(fit, setting.levels, setting.rate, setting.filter, pull)
+    slopes, bends = _derivatives(fit, design.levels, rate=design.rate, filter=design.filter, pull=pull)
     if slopes.shape[1] == 0:
         return 0.0
     weighted = root @ slopes
@@ -147,7 +111,7 @@ def _derivatives(
         free = [
             not process.is_fixed(p.name) and term not in fit.diagnostics.acts_as for p in process.nonlinear_parameters()
         ]
-        slope, bend = _of_process(process, levels, rate, filter, pull, np.flatnonzero(free))
+        slope, bend = _of_process(process, levels, rate=rate, filter=filter, pull=pull, free=np.flatnonzero(free))
         if process.is_fixed(process.scale_parameter().name):
             slope, bend = slope[:, 1:], bend[1:, 1:]
         columns += list(slope.T)

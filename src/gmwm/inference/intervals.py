@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
@@ -43,54 +44,8 @@ def confidence_intervals(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> dict[str, Interval]:
-    """Confidence interval (low, high) of every parameter that was estimated, by name.
-
-    Variances and correlation times have θ̂ exp(±z SE/θ̂), on the scale of their logarithm, so that they stay positive;
-    φ the same on the scale of artanh φ; a drift, which may have either sign, ω̂ ± z SE. A white noise, walk or drift
-    that is zero, or so weak that zero cannot be excluded, has the interval from 0 to an upper limit, a drift from −
-    limit to limit: as nothing lies below zero, the limit of an interval of 95 % holds at 97.5 %. What these data do not
-    determine has (0, inf): the correlation time and scale of a repeated term that is estimated as zero, or acts as
-    another process.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level, 0.95 by default.
-    method : "asymptotic" or "bootstrap"
-        From the exact covariance of the wavelet variance, or quantiles of estimates from `draws` simulated records.
-    covariance : (J, J) array, optional
-        V to be used instead of the fitted model's, as from `empirical_covariance`; method="asymptotic" only. It must
-        be that of the wavelet variance that was fitted: the empirical covariance of data with outliers is that of
-        the classical estimate, and does not belong to a robust fit.
-    draws, seed : int
-        Of the bootstrap; at least 2 / (1 − level) − 1 records, 39 at 95 %, have quantiles so far out.
-
-    Returns
-    -------
-    mapping of name to (low, high)
-
-    Raises
-    ------
-    OptionError
-        If an option is not one of those it may be, or `covariance` is none.
-    ModelError
-        If the model has no noise at some level.
-    MissingTheoryError
-        If the covariance of a process is not known.
-
-    References
-    ----------
-    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, theorem 2.
-
-    Examples
-    --------
-    >>> from gmwm import WN, RW, fit
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
-    >>> low, high = fit(WN() + RW(), x, rate=100.0).confidence_intervals()["WN.sigma2"]
-    >>> low < 4.0 < high
-    True
-    """
-    level = as_level(level)
+    """Confidence interval of every estimated parameter: see `Fit.confidence_intervals`."""
+    level = as_confidence(level, "level")
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if covariance is None:
@@ -98,9 +53,9 @@ def confidence_intervals(
         kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
         if key not in kept:
-            kept[key] = _intervals(fit, level, method, None, draws, seed)
+            kept[key] = _intervals(fit, level, method=method, covariance=None, draws=draws, seed=seed)
         return dict(kept[key])
-    return _intervals(fit, level, method, covariance, draws, seed)
+    return _intervals(fit, level, method=method, covariance=covariance, draws=draws, seed=seed)
 
 
 def _intervals(
@@ -146,20 +101,16 @@ def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
     return z * power * math.sqrt(found.relative[place, place]) >= 1
 
 
-def as_level(level: float) -> float:
-    """A confidence level: a number between 0 and 1."""
-    if not isinstance(level, int | float | np.floating) or not 0 < level < 1:
-        raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-    return float(level)
-
-
 def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, Interval]:
     found = fit.sandwich
     if covariance is not None:
         found = sandwich_of(
-            fit.model, Setting.of(fit.wavelet_variance), fit.weighting_matrix, _as_covariance(fit, covariance),
-            fit.diagnostics.acts_as,
-        )  # fmt: skip
+            fit.model,
+            Design.of(fit.wavelet_variance),
+            matrix=fit.weighting_matrix,
+            wavelet=_as_covariance(fit, covariance),
+            acts_as=fit.diagnostics.acts_as,
+        )
     z = NormalDist().inv_cdf((1 + level) / 2)
     parameters = parameters_by_name(fit.model)
     return {
@@ -263,8 +214,10 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
     """Relative standard error of a parameter if `model` were true."""
-    setting = Setting.of(fit.wavelet_variance)
-    matrix = implied_weights(fit.weighting, model, setting) if fit.weighting in REWEIGHTED else fit.weighting_matrix
-    found = sandwich_of(model, setting, matrix, covariance_of(model, setting), fit.diagnostics.acts_as)
+    design = Design.of(fit.wavelet_variance)
+    matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
+    found = sandwich_of(
+        model, design, matrix=matrix, wavelet=covariance_of(model, design), acts_as=fit.diagnostics.acts_as
+    )
     place = found.names.index(name)
     return math.sqrt(found.relative[place, place])

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, as_rate, freeze
-from gmwm._late import LateMethod
+from gmwm._tables import aligned
 from gmwm._text import Named, Summarised, counted, duration_text
-from gmwm.covariance import Setting, covariance
+from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.weighting import precision, usual_weighting
 from gmwm.inference.asymptotic import sandwich_of
+from gmwm.options import one_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
 """Above this relative standard error a parameter is not seen: the error says no more than that it may be anything."""
@@ -44,7 +47,7 @@ _LEAST, _MOST = 1e-295, 1e295
 """Products of two variances that double precision holds with room to work."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Plan(Summarised):
     """Relative standard errors of the estimates of a model, by length of the recording.
 
@@ -80,10 +83,6 @@ class Plan(Summarised):
     errors: Mapping[str, Vector]
     unit: str = ""
 
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.plan:plot_plan", "Draw the errors over the length of the recording."
-    )
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "errors", MappingProxyType(Named(self.errors, "parameter")))
         for array in (self.durations, *self.errors.values()):
@@ -91,7 +90,46 @@ class Plan(Summarised):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict, and is read-only as well.
-        return Plan, (self.model, self.rate, self.weighting, self.durations, dict(self.errors), self.unit)
+        made = partial(
+            Plan,
+            model=self.model,
+            rate=self.rate,
+            weighting=self.weighting,
+            durations=self.durations,
+            errors=dict(self.errors),
+            unit=self.unit,
+        )
+        return made, ()
+
+    def plot(
+        self, *, accuracy: float = 0.1, ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the relative standard error of each parameter over the length of the recording.
+
+        The curves continue beyond the planned duration, which is marked.
+
+        Parameters
+        ----------
+        accuracy : float
+            Wanted relative standard error: a horizontal line, with a ring where each parameter reaches it.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn on `ax` or written to `path`.
+        """
+        from gmwm.plots.plan import plot_plan
+
+        return plot_plan(self, accuracy=accuracy, ax=ax, path=path)
 
     @property
     def duration(self) -> float:
@@ -151,17 +189,12 @@ class Plan(Summarised):
             value = self.model.parameters[name]
             need = duration_text(seconds) if math.isfinite(seconds) else f"> {duration_text(self.horizon)}"
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
-        width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
         lines = [
             f"Relative standard errors of {self.model.structure} by length of the recording",
             f"{self.rate:g} Hz, weighting {self.weighting}; last column: the length that gives {100 * accuracy:g} %",
             "",
         ]
-        for row in rows:
-            cells = [
-                text.ljust(w) if k < 2 else text.rjust(w) for k, (text, w) in enumerate(zip(row, width, strict=True))
-            ]
-            lines.append("  ".join(["", *cells]).rstrip())
+        lines += aligned(rows, right=range(2, len(rows[0])))
         remarks = texts(self.remarks)
         return "\n".join([*lines, "", *remarks] if remarks else lines)
 
@@ -282,8 +315,7 @@ def plan(
     """
     whole, rate = as_model(model), as_rate(rate)
     weighting = usual_weighting(whole) if weighting is None else weighting
-    if weighting not in ("diagonal", "optimal"):
-        raise OptionError(f"weighting must be 'diagonal' or 'optimal', got {weighting!r}")
+    one_of(weighting, "weighting", ("diagonal", "optimal"))
     free = _free(whole, rate)
     longest = samples_of(duration, rate, free)
     _require_range(whole, min(int(BEYOND * longest), LONGEST), rate)
@@ -295,16 +327,16 @@ def plan(
     found = [relative_errors(whole, n, rate, weighting) for n in samples.tolist()]
     curves = np.column_stack([errors for _, errors in found])
     errors = {name: curve.copy() for name, curve in zip(found[-1][0], curves, strict=True)}
-    return Plan(whole, rate, weighting, samples / rate, errors, unit)
+    return Plan(model=whole, rate=rate, weighting=weighting, durations=samples / rate, errors=errors, unit=unit)
 
 
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
 ) -> tuple[tuple[str, ...], Vector]:
     """Names of the free parameters, and the standard error of each over its value, for a record of `samples`."""
-    setting = Setting(np.arange(1, samples.bit_length()), samples, rate)
-    wavelet = covariance(model, setting)
-    found = sandwich_of(model, setting, _weights(wavelet, weighting), wavelet)
+    design = Design(np.arange(1, samples.bit_length()), samples, rate)
+    wavelet = covariance(model, design)
+    found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
     return found.names, np.sqrt(np.diag(found.relative))
 
 
@@ -340,7 +372,7 @@ def _free(model: Model, rate: float) -> int:
     ]
     if zero:
         raise ModelError(f"{', '.join(zero)} is zero in {model}: an error relative to it means nothing; leave it out")
-    return len(model.names) - len(model.fixed)
+    return len(model.names) - len(model.fixed_names)
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:

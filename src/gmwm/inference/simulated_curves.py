@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm.covariance.design import Setting
+from gmwm.covariance.design import Design
 from gmwm.errors import ModelError, OptionError
 from gmwm.processes.model import Model
 from gmwm.variance.api import variances_alone
@@ -25,24 +25,24 @@ A number of its own for every machine would draw other paths on each.
 
 def simulated_variances(
     model: Model,
-    setting: Setting,
+    design: Design,
     draws: int,
     seed: int,
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Matrix:
-    """Wavelet variances ν̂*² of independent sample paths of a model, each measured as `setting` says.
+    """Wavelet variances ν̂*² of independent sample paths of a model, each measured as `design` says.
 
     Paths are drawn in batches, batch b from a stream of its own, child b of the seed: the numbers depend on neither
     `threads` nor `draws`, and the first rows of a longer run are those of a shorter one. Stationary processes start
-    stationary, and quantization noise is uniform. Stretches between gaps are independent paths, measured together.
+    stationary, and quantization noise is uniform. Segments between gaps are independent paths, measured together.
 
     Parameters
     ----------
     model : Model
         With all its values.
-    setting : Setting
+    design : Design
         Levels, samples, rate, filter, transform and estimator.
     draws : int
         Number of paths B.
@@ -68,22 +68,22 @@ def simulated_variances(
     Examples
     --------
     >>> from gmwm.processes import WN
-    >>> setting = Setting(np.arange(1, 4), samples=1000, rate=100.0)
-    >>> simulated_variances(Model((WN(sigma2=2.0),)), setting, draws=1000, seed=1).mean(axis=0).round(2)
+    >>> design = Design(np.arange(1, 4), samples=1000, rate=100.0)
+    >>> simulated_variances(Model((WN(sigma2=2.0),)), design, draws=1000, seed=1).mean(axis=0).round(2)
     array([1.  , 0.5 , 0.25])
     """
     draws, seed = _whole(draws, "draws", 1), _whole(seed, "seed", 0)
     threads = _whole(os.cpu_count() or 1 if threads is None else threads, "threads", 1)
     _require_simulable(model)
-    together = max(1, BATCH // setting.samples)
-    rows = np.empty((draws, setting.levels.size))
+    together = max(1, BATCH // design.samples)
+    rows = np.empty((draws, design.levels.size))
 
     def work(batch: int) -> int:
         part = rows[batch * together : (batch + 1) * together]
-        _measure(model, setting, together, _stream(seed, batch), part)
+        _measure(model, design, together=together, rng=_stream(seed, batch), rows=part)
         return len(part)
 
-    _keep_memory(together * setting.samples)
+    _keep_memory(together * design.samples)
     done = 0
     batches = iter(range(-(-draws // together)))
     pool = ThreadPoolExecutor(threads)
@@ -102,12 +102,14 @@ def simulated_variances(
     return rows
 
 
-def _measure(model: Model, setting: Setting, together: int, rng: np.random.Generator, rows: Matrix) -> None:
+def _measure(model: Model, design: Design, together: int, rng: np.random.Generator, rows: Matrix) -> None:
     """Fill `rows` from the first paths of a batch; the batch is always drawn whole, as the paths depend on its size."""
-    deepest, wanted = int(setting.levels[-1]), setting.levels - 1
-    stretches = [model.simulate(length, setting.rate, rng, together) for length in setting.lengths]
-    for row, *path in zip(rows, *stretches, strict=False):
-        row[:] = variances_alone(path, setting.filter, setting.transform, deepest, setting.efficiency)[wanted]
+    deepest, wanted = int(design.levels[-1]), design.levels - 1
+    segments = [model.simulate(length, design.rate, rng, together) for length in design.lengths]
+    for row, *path in zip(rows, *segments, strict=False):
+        row[:] = variances_alone(
+            path, design.filter, transform=design.transform, levels=deepest, efficiency=design.efficiency
+        )[wanted]
 
 
 def _stream(seed: int, batch: int) -> np.random.Generator:

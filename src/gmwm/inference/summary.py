@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from gmwm._tables import aligned
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
-from gmwm.inference.intervals import Interval, Method, as_level, confidence_intervals
+from gmwm.inference.intervals import Interval, Method, confidence_intervals
+from gmwm.options import as_confidence
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Way:
-    """How intervals and tests are made: confidence level, by theory or by `draws` simulated records of `seed`."""
+class IntervalMethod:
+    """Method of intervals and tests: confidence level, and theory or `draws` simulated records of `seed`."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -28,7 +30,7 @@ class Way:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        as_level(self.level)
+        as_confidence(self.level, "level")
         if self.method == "bootstrap":
             as_draws(self.draws, self.least_draws, f"a test at 5 % with intervals of {100 * self.level:g} %")
 
@@ -49,64 +51,64 @@ class Row:
     unit: str
 
 
-def intervals_if_known(fit: Fit, way: Way) -> tuple[dict[str, Interval], Remark | None]:
+def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interval], Remark | None]:
     """The intervals; if they cannot be computed, none and a remark that says why."""
     try:
-        return confidence_intervals(fit, way.level, way.method, draws=way.draws, seed=way.seed), None
+        return confidence_intervals(fit, how.level, how.method, draws=how.draws, seed=how.seed), None
     except (MissingTheoryError, ModelError) as error:
         return {}, no_intervals(error)
 
 
-def test_in_words(fit: Fit, way: Way) -> tuple[GoodnessOfFit | None, str]:
+def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
     """The test and its words, or none and the reason why."""
     try:
-        test = goodness_of_fit(fit, way.method, draws=way.draws, seed=way.seed)
+        test = goodness_of_fit(fit, how.method, draws=how.draws, seed=how.seed)
     except (MissingTheoryError, ModelError) as error:
         return None, f"not tested: {error}"
     return test, test.summary()
 
 
-def inference(fit: Fit, way: Way) -> dict[str, Any]:
+def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
     """Intervals, standard errors and test as plain numbers and texts, ready for JSON; None where there is no number."""
-    intervals, _ = intervals_if_known(fit, way)
-    test, _ = test_in_words(fit, way)
+    intervals, _ = intervals_if_known(fit, how)
+    test, _ = test_in_words(fit, how)
     return {
-        "confidence": way.level,
-        "method": way.method,
+        "confidence": how.level,
+        "method": how.method,
         "confidence_intervals": {
             name: [low if math.isfinite(low) else None, high if math.isfinite(high) else None]
             for name, (low, high) in intervals.items()
         },
         "standard_errors": {
             name: error if math.isfinite(error) else None
-            for name, error in (standard_errors(fit, way) if intervals else {}).items()
+            for name, error in (standard_errors(fit, how) if intervals else {}).items()
         },
         "goodness_of_fit": None if test is None else test.to_dict(),
     }
 
 
-def standard_errors(fit: Fit, way: Way) -> dict[str, float]:
+def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
     """Standard error of each parameter, by theory or from the bootstrap."""
-    return bootstrap(fit, way.draws, way.seed).errors if way.method == "bootstrap" else fit.standard_errors
+    return bootstrap(fit, how.draws, how.seed).errors if how.method == "bootstrap" else fit.standard_errors
 
 
-def rows(fit: Fit, intervals: dict[str, Interval], way: Way) -> list[Row]:
+def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
     """Every parameter of a fit with its interval, in the order of the terms."""
     units = fit.units()
-    errors = standard_errors(fit, way) if intervals else {}
+    errors = standard_errors(fit, how) if intervals else {}
     shown = []
     for name, value in fit.parameters.items():
         if name in fit.undetermined:
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             interval = "held"
         elif name in intervals:
             interval = interval_text(*intervals[name])
             if math.isfinite(share := errors.get(name, math.inf) / abs(value) if value else math.inf):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 
@@ -120,17 +122,17 @@ def without_axis(*remarks: Remark | None) -> list[Remark]:
     return [remark.about("") for remark in remarks if remark is not None]
 
 
-def short_values(fit: Fit, way: Way) -> dict[str, str]:
+def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
     """Each parameter in one word: estimate and relative standard error, upper limit, or what its term acts as."""
-    intervals, _ = intervals_if_known(fit, way)
+    intervals, _ = intervals_if_known(fit, how)
     shown = {}
-    for row in rows(fit, intervals, way):
+    for row in rows(fit, intervals, how):
         low, high = intervals.get(row.name, (0.0, math.inf))
         acting = fit.diagnostics.acts_as.get(row.name.rpartition(".")[0])
         if row.name in fit.undetermined:
             shown[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             shown[row.name] = f"≤ {high:.2e}"
         else:
@@ -156,46 +158,22 @@ def interval_text(low: float, high: float) -> str:
 
 
 def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "asymptotic" or "bootstrap"
-        Intervals and test from theory, or from `draws` simulated records.
-    draws, seed : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    str
-        Model, N, rate, levels and weighting; the criterion with its bounds; the test; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
-    way = Way(level, method, draws, seed)
-    intervals, missing = intervals_if_known(fit, way)
-    table = rows(fit, intervals, way)
-    lines = [*head(fit, way), "", *table_text(table, level)]
+    """The text of `Fit.summary`."""
+    how = IntervalMethod(level, method, draws, seed)
+    intervals, missing = intervals_if_known(fit, how)
+    table = rows(fit, intervals, how)
+    lines = [*head(fit, how), "", *table_text(table, level)]
     words = texts(without_axis(missing, *fit.diagnostics.remarks))
     return "\n".join([*lines, "", *words] if words else lines)
 
 
 def table_text(table: list[Row], level: float) -> list[str]:
     """Parameters in columns, under their heads."""
-    heads = Row("parameter", "estimate", f"{100 * level:g} % interval", "error", "unit")
-    widths = [max(len(getattr(row, k)) for row in (heads, *table)) for k in ("name", "estimate", "interval", "error")]
-    lines = []
-    for row in (heads, *table):
-        cells = [
-            row.name.ljust(widths[0]), row.estimate.rjust(widths[1]), row.interval.rjust(widths[2]),
-            row.error.rjust(widths[3]), row.unit,
-        ]  # fmt: skip
-        lines.append("  " + "  ".join(cells).rstrip())
-    return lines
+    heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
+    return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
-def head(fit: Fit, way: Way) -> list[str]:
+def head(fit: Fit, how: IntervalMethod) -> list[str]:
     """Model, data, criterion with its bounds, and the test."""
     wv = fit.wavelet_variance
     start = fit.diagnostics.start
@@ -207,7 +185,7 @@ def head(fit: Fit, way: Way) -> list[str]:
         certificate = f"{claim} by more than {100 * fit.gap:.2g} %"
         if start is not None and start.how == "sampled":
             certificate = f"none better by more than {100 * fit.gap:.2g} %; {start.in_words}"
-    _, words = test_in_words(fit, way)
+    _, words = test_in_words(fit, how)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
         f"{wv.extent}, {len(wv)} levels, "
@@ -219,11 +197,11 @@ def head(fit: Fit, way: Way) -> list[str]:
 
 
 def as_html(fit: Fit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
-    way = Way()
-    intervals, missing = intervals_if_known(fit, way)
+    """The summary as HTML, with the parameters as a table."""
+    how = IntervalMethod()
+    intervals, missing = intervals_if_known(fit, how)
     words = texts(without_axis(missing, *fit.diagnostics.remarks), Dialect.HTML)
-    return table_html(head(fit, way), rows(fit, intervals, way), words)
+    return table_html(head(fit, how), rows(fit, intervals, how), words)
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:

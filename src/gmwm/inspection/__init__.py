@@ -1,4 +1,4 @@
-"""A look at a recording before it is used: its time base, its resolution, and whether it was static."""
+"""Inspection of a recording before it is used: its time base, its resolution, and whether it was static."""
 
 from gmwm.inspection.api import inspect
 from gmwm.inspection.result import AxisInspection, Inspection

@@ -1,4 +1,4 @@
-"""One axis of a recording, looked at in pieces of any length, in bounded memory."""
+"""Statistics of one axis of a recording, from chunks of any length, in bounded memory."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from gmwm.inspection.time_grid import Extent
 _SLAB = 256 * BLOCK  # samples that are worked on together
 
 
-class Look:
-    """What is seen of one axis.
+class AxisStatistics:
+    """Statistics of one axis: moments, outliers and levels.
 
     Parameters
     ----------
     extent : Extent
-        Of the recording, whose samples then come in order by `take`.
+        Of the recording, whose samples then come in order by `update`.
     resolution : float
         Quantisation step, 0 where none shows.
     """
 
     def __init__(self, extent: Extent, resolution: float) -> None:
         self._extent, self._resolution = extent, resolution
-        self._ranges = extent.pieces()
+        self._ranges = extent.windows()
         self.all = Moments(1)
         self.differences = Moments(1)
-        # Of the pieces: of all samples, of all but the outliers, and of the steps from one to the next.
-        self.pieces, self.calm, self.steps = (Moments(len(self._ranges)) for _ in range(3))
+        # Of the windows: of all samples, of all but the outliers, and of the steps from one to the next.
+        self.windows, self.calm, self.steps = (Moments(len(self._ranges)) for _ in range(3))
         self._outliers: list[Outliers] = [(np.empty(0, dtype=np.int64), np.empty(0))]
         self._length = level_length(extent.samples)
         self._levels: list[tuple[int, list[Vector]]] = []
@@ -36,7 +36,7 @@ class Look:
         self._waiting, self._tail = np.empty(0), np.empty(0)  # not yet worked on; the last that were, of this segment
         self._unlevelled = np.empty(0)
 
-    def take(self, values: Vector) -> None:
+    def update(self, values: Vector) -> None:
         """The samples that follow, across gaps or not."""
         while values.size:
             _, last = self._extent.segments[self._segment]
@@ -96,7 +96,7 @@ class Look:
         return np.concatenate(index), np.concatenate(sizes)
 
     def _count(self, slab: Vector, outliers: Indices, first: int) -> None:
-        """Means and spreads, of all and of the pieces."""
+        """Means and spreads, of all and of the windows."""
         begin = self._row
         carried = begin > first
         steps = np.diff(slab, prepend=self._tail[-1:]) if carried else np.diff(slab)
@@ -108,10 +108,10 @@ class Look:
             if low >= high:
                 continue
             part = slab[low:high]
-            self.pieces.add(k, part)
+            self.windows.add(k, part)
             inside = outliers[(outliers >= low) & (outliers < high)] - low
             self.calm.add(k, np.delete(part, inside) if inside.size else part)
-            # The step to the first sample of a piece is none of its own.
+            # The step to the first sample of a window is none of its own.
             own = max(low, a - begin + 1)
             self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
 
@@ -126,29 +126,29 @@ class Look:
 
 
 class Moments:
-    """Means and variances of several lots, of values that come in parts."""
+    """Means and variances of several groups of values that come in parts."""
 
-    def __init__(self, lots: int) -> None:
-        self.counts, self.means, self._squares = (np.zeros(lots) for _ in range(3))
+    def __init__(self, groups: int) -> None:
+        self.counts, self.means, self._squares = (np.zeros(groups) for _ in range(3))
 
-    def add(self, lot: int, values: Vector) -> None:
-        """More values of a lot."""
+    def add(self, group: int, values: Vector) -> None:
+        """More values of a group."""
         if values.size:
             mean = float(np.mean(values))
-            self._join(lot, values.size, mean, float(np.sum((values - mean) ** 2)))
+            self._join(group, values.size, mean, float(np.sum((values - mean) ** 2)))
 
-    def add_squares(self, lot: int, values: Vector) -> None:
-        """More values of a lot of which only the mean square counts: it is kept as the mean."""
+    def add_squares(self, group: int, values: Vector) -> None:
+        """More values of a group of which only the mean square counts: it is kept as the mean."""
         if values.size:
-            self._join(lot, values.size, float(np.mean(values**2)), 0.0)
+            self._join(group, values.size, float(np.mean(values**2)), 0.0)
 
     def variances(self) -> Vector:
-        """Σ (x − mean)² / n of each lot; 0 of an empty one."""
+        """Σ (x − mean)² / n of each group; 0 of an empty one."""
         return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
 
-    def _join(self, lot: int, count: int, mean: float, squares: float) -> None:
-        before = self.counts[lot]
-        self.counts[lot] = before + count
-        apart = mean - self.means[lot]
-        self.means[lot] += apart * count / self.counts[lot]
-        self._squares[lot] += squares + apart**2 * before * count / self.counts[lot]
+    def _join(self, group: int, count: int, mean: float, squares: float) -> None:
+        before = self.counts[group]
+        self.counts[group] = before + count
+        apart = mean - self.means[group]
+        self.means[group] += apart * count / self.counts[group]
+        self._squares[group] += squares + apart**2 * before * count / self.counts[group]

@@ -28,7 +28,7 @@ Outliers = tuple[Indices, Vector]
 """Their numbers in the recording, and how far out they lie, in local standard deviations."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Knock:
     """A burst of outliers.
 
@@ -51,7 +51,7 @@ class Knock:
     peak: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Step:
     """A lasting change of the level of an axis.
 
@@ -88,7 +88,14 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
     knocks = []
     for a, b in zip([0, *begins.tolist()], [*begins.tolist(), index.size], strict=True):
         shown = tuple(axes[k] for k in np.unique(axis_number[a:b]))
-        knocks.append(Knock(float(times[a]), float(times[b - 1] - times[a]), shown, float(np.max(deviation[a:b]))))
+        knocks.append(
+            Knock(
+                time=float(times[a]),
+                duration=float(times[b - 1] - times[a]),
+                axes=shown,
+                peak=float(np.max(deviation[a:b])),
+            )
+        )
     return tuple(knocks)
 
 
@@ -172,7 +179,7 @@ def steps_of(
             begin = first + i * length
             place = _corner(values(begin, begin + 3 * length), level[i], level[i + 2])
             time = float(extent.times([begin + place])[0])
-            found.append(Step(time, axis, float(change[i]), float(size[i] / spread)))
+            found.append(Step(time=time, axis=axis, size=float(change[i]), times=float(size[i] / spread)))
     return found
 
 

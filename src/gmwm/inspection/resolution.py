@@ -16,7 +16,7 @@ class Sample:
         self._kept = np.empty(0)
         self._came, self._stride = 0, 1
 
-    def take(self, values: Vector) -> None:
+    def update(self, values: Vector) -> None:
         """The samples that follow."""
         before, self._came = self._came, self._came + values.size
         while self._came > 2 * _ENOUGH * self._stride:
@@ -39,7 +39,7 @@ def lsb(values: Vector) -> float | None:
     0.05
     """
     sample = Sample()
-    sample.take(values)
+    sample.update(values)
     return step_of(sample.values())
 
 

@@ -1,18 +1,21 @@
-"""What a look at a recording found."""
+"""The result of an inspection."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from gmwm._template import render
 from gmwm._text import Summarised, counted, duration_text, moment
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
-from gmwm.remarks import Remark, Severity, with_groups
+from gmwm.remarks import Dialect, Remark, Severity, with_groups
+from gmwm.remarks.rendering import MOST
 from gmwm.signals import TimeBase
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AxisInspection:
     """One axis of a recording, in `unit`.
 
@@ -27,7 +30,7 @@ class AxisInspection:
     lsb : float or None
         Quantisation step; None where none shows.
     wander : float
-        Largest difference between the means of equal pieces of the recording, a 64th each.
+        Largest difference between the means of equal windows of the recording, a 64th each.
     """
 
     unit: str
@@ -38,7 +41,7 @@ class AxisInspection:
     wander: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Inspection(Summarised):
     """What a recording looks like; `remarks` says what to know before it is used.
 
@@ -51,7 +54,7 @@ class Inspection(Summarised):
     duration : float
         Length without gaps (s).
     samples, segments : int
-        Number of samples, and of stretches without a gap.
+        Number of samples, and of segments without a gap.
     time_base : TimeBase
         Jitter, gaps, duplicates of the time stamps, and how much was cut off before the first sample.
     axes : mapping of axis to AxisInspection
@@ -95,42 +98,9 @@ class Inspection(Summarised):
         content = {name: _plain(value) for name, value in asdict(replace(self, remarks=())).items()}
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
-    def summary(self) -> str:
-        """The inspection as a text."""
-        lines = [
-            f"{self.source or 'recording'}: {self.samples} samples at {self.rate:.10g} Hz, "
-            f"{duration_text(self.duration)}" + (f" in {self.segments} segments" if self.segments > 1 else ""),
-            f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
-        ]
-        for name, axis in self.axes.items():
-            lsb = "-" if axis.lsb is None else f"{axis.lsb:.4g}"
-            numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
-            lines.append(f"{name:<8} {numbers}  {axis.unit}")
-        if self.gravity is not None:
-            lines.append(f"specific force: {self.gravity:.5g} m/s², turned by at most {self.tilt:.3g}°")
-        if self.temperature is not None:
-            lines.append(f"temperature: {self.temperature[0]:.4g} to {self.temperature[1]:.4g} °C")
-        if self.time_base.stamped:
-            gaps = counted(len(self.time_base.gaps), "gap")
-            lines.append(f"time stamps: jitter {self.time_base.jitter:.3g} s rms, {gaps}")
-        for knock in self.knocks[:5]:
-            what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
-            long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
-            lines.append(f"knock at {moment(knock.time)} {long} ({what})")
-        if len(self.knocks) > 5:
-            lines.append(f"and {counted(len(self.knocks) - 5, 'more knock')}")
-        for step in self.steps[:5]:
-            change = f"{step.size:+.3g} {self.axes[step.axis].unit}, {step.times:.0f} times the usual"
-            lines.append(f"step of {step.axis} at {moment(step.time)} ({change})")
-        if len(self.steps) > 5:
-            lines.append(f"and {counted(len(self.steps) - 5, 'more step')}")
-        if (self.knocks or self.steps) and (self.time_base.start or self.time_base.left):
-            lines.append("these times count from the first sample of the recording, as those of skip= do")
-        for found in self.warm_ups:
-            change = f"{found.size:+.3g} {self.axes[found.axis].unit} at first, {found.times:.0f} times the usual"
-            lines.append(f"warm-up of {found.axis} over the first {duration_text(found.duration)} ({change})")
-        lines += [f"{group[0].severity.label}: {text}" for group, text in with_groups(self.remarks)]
-        return "\n".join(lines)
+    def summary(self, *, every: bool = False) -> str:
+        """The inspection as text, with the gravest five remarks, or all of them."""
+        return text(self, every=every)
 
     def __repr__(self) -> str:
         state = "static" if self.static else "not static"
@@ -139,6 +109,58 @@ class Inspection(Summarised):
             f"{self.rate:g} Hz, {state}, {counted(len(self.knocks), 'knock')}, "
             f"{counted(sum(remark.severity < Severity.INFO for remark in self.remarks), 'caution')})"
         )
+
+
+REST: Mapping[Dialect, str] = {
+    Dialect.PYTHON: "summary(every=True)",
+    Dialect.SHELL: "--all-remarks",
+    Dialect.HTML: "",
+}
+"""How to see the remarks that the text leaves out."""
+
+
+def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
+    """The inspection as text for one kind of reader, with the gravest five remarks, or all of them."""
+    lines = [
+        f"{found.source or 'recording'}: {found.samples} samples at {found.rate:.10g} Hz, "
+        f"{duration_text(found.duration)}" + (f" in {found.segments} segments" if found.segments > 1 else ""),
+        f"{'axis':<8} {'mean':>11} {'sd':>11} {'noise':>11} {'LSB':>11} {'wander':>11}  unit",
+    ]
+    for name, axis in found.axes.items():
+        lsb = "-" if axis.lsb is None else f"{axis.lsb:.4g}"
+        numbers = f"{axis.mean:>11.4g} {axis.sd:>11.4g} {axis.noise:>11.4g} {lsb:>11} {axis.wander:>11.4g}"
+        lines.append(f"{name:<8} {numbers}  {axis.unit}")
+    if found.gravity is not None:
+        lines.append(f"specific force: {found.gravity:.5g} m/s², turned by at most {found.tilt:.3g}°")
+    if found.temperature is not None:
+        lines.append(f"temperature: {found.temperature[0]:.4g} to {found.temperature[1]:.4g} °C")
+    if found.time_base.stamped:
+        gaps = counted(len(found.time_base.gaps), "gap")
+        lines.append(f"time stamps: jitter {found.time_base.jitter:.3g} s rms, {gaps}")
+    for knock in found.knocks[:5]:
+        what = f"{', '.join(knock.axes)}, {knock.peak:.0f} sd"
+        long = f"for {knock.duration:.3g} s" if knock.duration > 0 else "of one sample"
+        lines.append(f"knock at {moment(knock.time)} {long} ({what})")
+    if len(found.knocks) > 5:
+        lines.append(f"and {counted(len(found.knocks) - 5, 'more knock')}")
+    for step in found.steps[:5]:
+        change = f"{step.size:+.3g} {found.axes[step.axis].unit}, {step.times:.0f} times the usual"
+        lines.append(f"step of {step.axis} at {moment(step.time)} ({change})")
+    if len(found.steps) > 5:
+        lines.append(f"and {counted(len(found.steps) - 5, 'more step')}")
+    if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
+        lines.append(
+            render("these times count from the first sample of the recording, as those of {--skip} do", {}, dialect)
+        )
+    for one in found.warm_ups:
+        change = f"{one.size:+.3g} {found.axes[one.axis].unit} at first, {one.times:.0f} times the usual"
+        lines.append(f"warm-up of {one.axis} over the first {duration_text(one.duration)} ({change})")
+    groups = with_groups(found.remarks, dialect, codes=True)
+    shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]
+    lines += [f"{group[0].severity.label}: {said}" for group, said in shown]
+    if len(shown) < len(groups):
+        lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
+    return "\n".join(lines)
 
 
 def _plain(value: Any) -> Any:

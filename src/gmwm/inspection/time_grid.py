@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from gmwm._arrays import Vector
 from gmwm.signals import Signal, begins_of, times_of
 
-_PIECES = 64
+_WINDOWS = 64
 """Of a recording, whose means and spreads are compared."""
 
 Range = tuple[int, int]
@@ -55,26 +55,26 @@ class Extent:
         """When the samples with these indices were taken (s): what `skip` of `read` takes."""
         return times_of(indices, self.rate, self.segments, self.starts)
 
-    def pieces(self) -> list[Range]:
+    def windows(self) -> list[Range]:
         """About 64 index ranges of like length, whose means and spreads are therefore comparable.
 
-        They cross no gap, but where segments are shorter than half a piece: those are taken together with the
+        They cross no gap, but where segments are shorter than half a window: those are taken together with the
         short ones beside them, and left out if that is not enough.
         """
-        length = max(self.samples // _PIECES, 1)
-        stretches: list[Range] = []
-        joined = False  # whether the last stretch is of short segments and may still grow
+        length = max(self.samples // _WINDOWS, 1)
+        ranges: list[Range] = []
+        joined = False  # whether the last range is of short segments and may still grow
         for first, last in self.segments:
             short = 2 * (last - first) < length
-            if short and joined and stretches[-1][1] - stretches[-1][0] < length:
-                stretches[-1] = (stretches[-1][0], last)
+            if short and joined and ranges[-1][1] - ranges[-1][0] < length:
+                ranges[-1] = (ranges[-1][0], last)
             else:
-                stretches.append((first, last))
+                ranges.append((first, last))
             joined = short
-        long = [(a, b) for a, b in stretches if 2 * (b - a) >= length]
-        pieces = []
+        long = [(a, b) for a, b in ranges if 2 * (b - a) >= length]
+        windows = []
         for first, last in long:
-            count = min(max((last - first) // length, 1), _PIECES)
+            count = min(max((last - first) // length, 1), _WINDOWS)
             edges = [first + (last - first) * k // count for k in range(count + 1)]
-            pieces += list(pairwise(edges))
-        return pieces
+            windows += list(pairwise(edges))
+        return windows

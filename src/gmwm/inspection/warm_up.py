@@ -20,7 +20,7 @@ _REST = 0.02  # of the change, which may be left
 _TIMES = 40  # time constants that are tried
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WarmUp:
     """The level of an axis that settles.
 
@@ -87,7 +87,7 @@ def warm_up_of(axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, 
     if rest >= _beside_a_step(part):
         return None
     lasts = time * max(math.log(abs(size) / max(rest, _REST * abs(size))), 1.0) if size else time
-    return WarmUp(axis, size, lasts * length / extent.rate, best[0])
+    return WarmUp(axis=axis, size=size, duration=lasts * length / extent.rate, times=best[0])
 
 
 def _beginning(levels: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> Vector:

@@ -15,7 +15,7 @@ from gmwm.estimation import Fit, fit
 from gmwm.likelihood.problem import Level, Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodDiagnostics, LikelihoodFit
-from gmwm.likelihood.search import Found, Search
+from gmwm.likelihood.search import Maximum, Search
 from gmwm.likelihood.system import LEVEL, require_state
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
@@ -173,13 +173,15 @@ def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model |
         missing = [name for name, value in given.parameters.items() if value is None]
         if missing:
             raise ModelError(f"start must have a value for each parameter; {', '.join(missing)} has none")
-        if given.fixed != wanted.fixed or any(given.parameters[n] != wanted.parameters[n] for n in wanted.fixed):
-            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed}
+        if given.fixed_names != wanted.fixed_names or any(
+            given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
+        ):
+            free = {n: given.parameters[n] for n in wanted.names if n not in wanted.fixed_names}
             given = wanted.with_values(free)
     return given
 
 
-def _as_fit(problem: Problem, found: Found) -> LikelihoodFit:
+def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
     """What was found in the words of the model."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
@@ -260,7 +262,7 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
     return None, None
 
 
-def _acts_as(problem: Problem, found: Found, best: Model, renamed: dict[str, str]) -> dict[str, str]:
+def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
     """Terms whose shape rests at an end, and the process that they are there."""
     out = {}
     for k in found.at_end:
@@ -277,7 +279,7 @@ def _acts_as(problem: Problem, found: Found, best: Model, renamed: dict[str, str
     return out
 
 
-def _covariance(problem: Problem, found: Found, best: Model, level: Level) -> tuple[list[str], Matrix]:
+def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
     """Names and covariance of the parameters that were estimated inside their domains."""
     active = list(found.active)
     turned = jacobian(problem, best)
@@ -312,7 +314,7 @@ def _covariance(problem: Problem, found: Found, best: Model, level: Level) -> tu
     return names, covariance
 
 
-def _same(found: Found, active: list[int]) -> bool:
+def _same(found: Maximum, active: list[int]) -> bool:
     """Whether the last evaluation was by just these coordinates."""
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 

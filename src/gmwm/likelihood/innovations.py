@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, freeze
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.likelihood.problem import Problem, standardised
@@ -20,10 +20,10 @@ from gmwm.processes.model import Model
 from gmwm.signals import Signal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Check:
     """A test of the residuals.
 
@@ -43,7 +43,7 @@ class Check:
     lags: int = 0
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Residuals(Summarised):
     """Standardised innovations z_t = v_t/√S_t.
 
@@ -72,11 +72,6 @@ class Residuals(Summarised):
     axis: str = ""
     estimated: int = 0
     spent: Vector | None = None
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.residuals:plot_residuals",
-        "Residuals over time, their normal quantiles, and their autocorrelation: plot(lags=None, path=None).",
-    )
 
     def __post_init__(self) -> None:
         freeze(self.values)
@@ -125,7 +120,9 @@ class Residuals(Summarised):
             raise OptionError(f"lags must be more than the {self.estimated} estimated parameters, got {count}")
         r, n = self.acf(count)[1:], self.observed.size
         statistic = float(n * (n + 2.0) * np.sum(np.square(r[seen]) / pairs[seen]))
-        return Check(statistic, degrees, float(chi2.sf(statistic, degrees)), count)
+        return Check(
+            statistic=statistic, degrees_of_freedom=degrees, p_value=float(chi2.sf(statistic, degrees)), lags=count
+        )
 
     def normality(self) -> Check:
         """Jarque and Bera's test: n (skewness²/6 + excess kurtosis²/24), χ² with 2 degrees of freedom."""
@@ -135,7 +132,7 @@ class Residuals(Summarised):
         spread = np.mean(np.square(z))
         skew, excess = np.mean(z**3) / spread**1.5, np.mean(z**4) / spread**2 - 3.0
         statistic = float(z.size * (skew**2 / 6.0 + excess**2 / 24.0))
-        return Check(statistic, 2, float(chi2.sf(statistic, 2)))
+        return Check(statistic=statistic, degrees_of_freedom=2, p_value=float(chi2.sf(statistic, 2)))
 
     def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
         """Normal and observed quantiles (points,), denser at the ends; on a line where the residuals are normal."""
@@ -175,6 +172,40 @@ class Residuals(Summarised):
             "jarque_bera": {"statistic": normal.statistic, "p_value": normal.p_value},
         }
 
+    def plot(self, lags: int | None = None, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the residuals over time, against normal quantiles, and their autocorrelation.
+
+        The titles give the results of the tests.
+
+        Parameters
+        ----------
+        lags : int, optional
+            Number of lags of the autocorrelation and of the Ljung-Box test; 10 log₁₀ N by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN
+        >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
+        >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
+        >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
+        ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
+        """
+        from gmwm.plots.residuals import plot_residuals
+
+        return plot_residuals(self, lags, path=path)
+
     def __repr__(self) -> str:
         return f"Residuals({self.model.structure}, {self.observed.size} samples)"
 
@@ -195,49 +226,26 @@ def residuals(
     mean: float | None = None,
     estimated: int | None = None,
 ) -> Residuals:
-    """Standardised innovations of a record: what is left when all that the model can predict is taken off.
-
-    Parameters
-    ----------
-    model : Fit, LikelihoodFit, Model, Process or str
-        The fitted model, or one with values.
-    data : Signal or (N,) array
-        Gaps of a signal are missing samples; in an array NaN is one.
-    rate : float, optional
-        Samples per second (Hz); needed with an array and a model, known from a fit.
-    mean : float, optional
-        The record's mean where it is known; unknown by default.
-    estimated : int, optional
-        Parameters that were estimated from this very record, each of which takes a degree of freedom from the
-        Ljung-Box test. By default none of a model; of a fit, what the information says of its parameters.
-
-    Returns
-    -------
-    Residuals
-
-    Raises
-    ------
-    ModelError, MissingTheoryError, DataError, OptionError
-        As `filter_tracks` does.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit_ml
-    >>> x = (WN(sigma2=1.0) + RW(gamma2=1e-4)).simulate(5_000, 100.0, rng=1)
-    >>> fit_ml(WN() + RW(), x, rate=100.0).residuals(x).ljung_box().p_value > 0.01
-    True
-    """
+    """Standardised innovations of a recording: see `Model.residuals`."""
     problem = posed(model, data, rate, mean)
     values, _ = standardised(problem, problem.model)
     wanted = getattr(model, "model", None)
     lost = None
     if estimated is None:
-        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed)
+        estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
         lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
     elif isinstance(estimated, bool) or not isinstance(estimated, int) or estimated < 0:
         raise OptionError(f"estimated must be a whole number, 0 or more; got {estimated!r}")
     record = problem.record
-    return Residuals(problem.model, values, record.rate, record.times, record.axis, estimated, lost)
+    return Residuals(
+        model=problem.model,
+        values=values,
+        rate=record.rate,
+        times=record.times,
+        axis=record.axis,
+        estimated=estimated,
+        spent=lost,
+    )
 
 
 _LAGS = 1000

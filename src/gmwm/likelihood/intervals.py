@@ -10,10 +10,11 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.errors import ModelError, OptionError
-from gmwm.inference.intervals import Interval, about, as_level, free_shape, parameters_by_name
+from gmwm.inference.intervals import Interval, about, free_shape, parameters_by_name
 from gmwm.likelihood.estimator import inverted, jacobian
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.search import Search
+from gmwm.options import as_confidence
 
 if TYPE_CHECKING:
     from gmwm.likelihood.result import LikelihoodFit
@@ -30,47 +31,15 @@ _ROUNDS = 25
 
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
-    """Confidence interval (low, high) of every parameter that was estimated, by name.
-
-    "wald": θ̂ ± z SE on the scale that keeps the ends inside the domain (logarithm, artanh), SE from the information.
-    "profile": where twice the log-likelihood, with all other parameters at their best, has fallen by z²; it follows the
-    likelihood where that is no parabola, and takes some ten more fits a parameter. A scale that is zero, or so weak
-    that its standard error reaches zero, has this interval by either method, unless the shape of its term is free too:
-    from 0 to an upper limit where zero cannot be excluded. What the data do not determine has (0, inf).
-
-    Parameters
-    ----------
-    level : float
-        Confidence level, 0.95 by default.
-    method : "wald" or "profile"
-
-    Raises
-    ------
-    OptionError
-        If an option is not one of those it may be.
-    ModelError
-        If the profile of a fit is wanted that was read from a file, which does not hold the record.
-
-    References
-    ----------
-    Pawitan (2001), In All Likelihood, Oxford, sections 2.6 and 3.4.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN, fit_ml
-    >>> found = fit_ml(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(5_000, 100.0, rng=1), rate=100.0)
-    >>> low, high = found.confidence_intervals(method="profile")["RW.gamma2"]
-    >>> low < 1e-3 < high
-    True
-    """
-    z = NormalDist().inv_cdf((1 + as_level(level)) / 2)
+    """Confidence interval of every estimated parameter: see `LikelihoodFit.confidence_intervals`."""
+    z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
     if method not in ("wald", "profile"):
         raise OptionError(f"method must be 'wald' or 'profile', got {method!r}")
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
     profile = _Profile(fit, z)
     intervals: dict[str, Interval] = {}
     for name, parameter in parameters.items():
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             continue
         value, error = fit.parameters[name], errors.get(name)
         term = name.rpartition(".")[0]

@@ -53,9 +53,9 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """The same as a signal with segments, whose wavelet variance can be had; short pieces are left out.
+        """The same as a signal with segments, whose wavelet variance can be had; short segments are left out.
 
-        Where most of it lies in pieces that are too short, the missing samples are drawn in straight lines.
+        Where most of it lies in segments that are too short, the missing samples are drawn in straight lines.
         """
         there = np.isfinite(self.values)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
@@ -67,9 +67,14 @@ class Record:
             return Signal(whole, self.rate, self.unit, self.axis)
         ends = np.cumsum([0, *(b - a for a, b in runs)]).tolist()
         return Signal(
-            np.concatenate([self.values[a:b] for a, b in runs]), self.rate, self.unit, self.axis, 0.0,
-            list(pairwise(ends)), [a / self.rate for a, _ in runs],
-        )  # fmt: skip
+            values=np.concatenate([self.values[a:b] for a, b in runs]),
+            rate=self.rate,
+            unit=self.unit,
+            axis=self.axis,
+            start=0.0,
+            segments=list(pairwise(ends)),
+            starts=[a / self.rate for a, _ in runs],
+        )
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
@@ -118,7 +123,7 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     centre = float(np.mean(seen))
     if np.min(seen) == np.max(seen):
         raise ModelError("a constant signal has no noise to model: all its samples are alike")
-    return Record(values, step, unit, axis, start, centre)
+    return Record(values=values, rate=step, unit=unit, axis=axis, start=start, centre=centre)
 
 
 def _with_gaps(signal: Signal) -> Vector:
@@ -139,6 +144,6 @@ def _with_gaps(signal: Signal) -> Vector:
             "there; use signal.longest(), or each part by itself"
         )
     values = np.full(at, np.nan)
-    for place, piece in zip(places, signal.pieces(), strict=True):
-        values[place : place + piece.size] = piece
+    for place, segment in zip(places, signal.segment_values(), strict=True):
+        values[place : place + segment.size] = segment
     return values

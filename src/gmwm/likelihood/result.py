@@ -3,33 +3,35 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm._late import LateMethod
 from gmwm._text import Named
 from gmwm.errors import ModelError, ReadError
 from gmwm.inference.asymptotic import why_no_error
 from gmwm.likelihood.record import Record
+from gmwm.processes.kalman_methods import KalmanMethods
 from gmwm.processes.model import Model
 from gmwm.remarks import Remark
 from gmwm.variance.api import wavelet_variance as measure
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.inference.intervals import Interval
-    from gmwm.likelihood.innovations import Residuals
-    from gmwm.likelihood.tracks import Tracks
+    from gmwm.likelihood.intervals import Method
+    from gmwm.plots.view import UnitSystem, ViewName
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LikelihoodDiagnostics:
     """What to know before using the fit.
 
@@ -57,8 +59,8 @@ class LikelihoodDiagnostics:
     remarks: tuple[Remark, ...] = ()
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class LikelihoodFit:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class LikelihoodFit(KalmanMethods):
     """A model fitted to a record by maximum likelihood.
 
     Attributes
@@ -115,34 +117,6 @@ class LikelihoodFit:
     diagnostics: LikelihoodDiagnostics
     record: Record | None = field(default=None, repr=False)
 
-    confidence_intervals: ClassVar[LateMethod[..., dict[str, Interval]]] = LateMethod(
-        "gmwm.likelihood.intervals:confidence_intervals",
-        "Interval (low, high) of each estimated parameter, by name: level=0.95, method='wald' or 'profile'.",
-    )
-    summary: ClassVar[LateMethod[..., str]] = LateMethod(
-        "gmwm.likelihood.summary:summary", "Model, data, likelihood and estimates with intervals and units."
-    )
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.fit:plot_fit",
-        "Draw the record's wavelet variance, the curve that the model implies, and its terms; view='allan' as well.",
-    )
-    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:filter_tracks",
-        "The hidden processes in a record, each sample from those up to it: filter(x).",
-    )
-    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:smooth_tracks", "The hidden processes in a record, from all its samples: smooth(x)."
-    )
-    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps)."
-    )
-    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.innovations:residuals", "Standardised innovations of a record, and their tests: residuals(x)."
-    )
-    _repr_html_: ClassVar[LateMethod[[], str]] = LateMethod(
-        "gmwm.likelihood.summary:as_html", "The summary with its parameters as a table, for notebooks."
-    )
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters, "parameter"))
         freeze(self.covariance)
@@ -181,7 +155,7 @@ class LikelihoodFit:
     @property
     def estimated(self) -> int:
         """Number of parameters that were estimated, zeros among them."""
-        return len(self.model.names) - len(self.model.fixed)
+        return len(self.model.names) - len(self.model.fixed_names)
 
     @property
     def aic(self) -> float:
@@ -192,6 +166,118 @@ class LikelihoodFit:
     def bic(self) -> float:
         """Schwarz's criterion p log N − 2 log L."""
         return self.estimated * math.log(self.samples) - 2.0 * self.loglikelihood
+
+    def confidence_intervals(self, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
+        """Compute a confidence interval (low, high) for every estimated parameter, by name.
+
+        - "wald": θ̂ ± z SE on the scale that keeps the ends inside the domain (logarithm, artanh), with SE from the
+          information matrix.
+        - "profile": where twice the log-likelihood, maximised over all other parameters, has fallen by z². It is valid
+          where the log-likelihood is not a parabola, and takes about ten more fits for each parameter.
+
+        Either method gives the profile interval to a scale that is zero, or whose standard error reaches zero, unless
+        the shape of its term is free too: from 0 to an upper limit if zero cannot be excluded. A parameter that the
+        data do not determine has (0, inf).
+
+        Parameters
+        ----------
+        level : float
+            Confidence level, between 0 and 1.
+        method : "wald" or "profile"
+            How to compute the interval.
+
+        Returns
+        -------
+        dict of name to (low, high)
+            In the unit of the parameter.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range.
+        ModelError
+            If `method` is "profile" and the fit was read from a file, which does not hold the recording.
+
+        References
+        ----------
+        Pawitan (2001), In All Likelihood, Oxford, sections 2.6 and 3.4.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit_ml
+        >>> found = fit_ml(WN() + RW(), (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(5_000, 100.0, rng=1), rate=100.0)
+        >>> low, high = found.confidence_intervals(method="profile")["RW.gamma2"]
+        >>> low < 1e-3 < high
+        True
+        """
+        from gmwm.likelihood.intervals import confidence_intervals
+
+        return confidence_intervals(self, level, method)
+
+    def summary(self, level: float = 0.95, method: Method = "wald") -> str:
+        """Describe the fit in text.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level of the intervals, between 0 and 1.
+        method : "wald" or "profile"
+            How to compute the intervals.
+
+        Returns
+        -------
+        str
+            Model, number of samples and rate; log-likelihood and criteria; the tests of the residuals; each parameter
+            with estimate, interval, relative standard error and unit; and the warnings.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range.
+        """
+        from gmwm.likelihood.summary import summary
+
+        return summary(self, level, method)
+
+    def plot(
+        self,
+        *,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        decomposition: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the wavelet variance of the recording, the curve that the model implies, and the curve of each term.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        decomposition : bool
+            Whether to draw the terms.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        ModelError
+            If the fit was read from a file, which does not hold the recording.
+        """
+        from gmwm.plots.fit import plot_fit
+
+        return plot_fit(self, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
 
     def units(self) -> dict[str, str]:
         """Unit of every parameter."""
@@ -251,15 +337,29 @@ class LikelihoodFit:
                 [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
             ).reshape(len(values["names"]), len(values["names"]))
             diagnostics = LikelihoodDiagnostics(
-                dict(values["acts_as"]), tuple(values["not_supported"]), int(values["evaluations"]),
-                bool(values["converged"]), float(values["started_at"]),
-                tuple(Remark.from_dict(remark) for remark in values["remarks"]),
-            )  # fmt: skip
+                acts_as=dict(values["acts_as"]),
+                not_supported=tuple(values["not_supported"]),
+                evaluations=int(values["evaluations"]),
+                converged=bool(values["converged"]),
+                started_at=float(values["started_at"]),
+                remarks=tuple(Remark.from_dict(remark) for remark in values["remarks"]),
+            )
             return cls(
-                model, parameters, float(values["loglikelihood"]), values["level"], values["level_error"],
-                values["mean"], int(values["samples"]), int(values["missing"]), float(values["rate"]),
-                str(values["unit"]), str(values["axis"]), tuple(values["names"]), matrix, diagnostics,
-            )  # fmt: skip
+                model=model,
+                parameters=parameters,
+                loglikelihood=float(values["loglikelihood"]),
+                level=values["level"],
+                level_error=values["level_error"],
+                mean=values["mean"],
+                samples=int(values["samples"]),
+                missing=int(values["missing"]),
+                rate=float(values["rate"]),
+                unit=str(values["unit"]),
+                axis=str(values["axis"]),
+                names=tuple(values["names"]),
+                covariance=matrix,
+                diagnostics=diagnostics,
+            )
         except KeyError as error:
             raise ReadError(f"not a fit by likelihood: it has no {error.args[0]!r}") from error
         except (TypeError, ValueError, AttributeError) as error:
@@ -269,6 +369,12 @@ class LikelihoodFit:
     def remarks(self) -> tuple[Remark, ...]:
         """What to know before using the fit."""
         return self.diagnostics.remarks
+
+    def _repr_html_(self) -> str:
+        """The summary as HTML, with the parameters as a table: what notebooks display."""
+        from gmwm.likelihood.summary import as_html
+
+        return as_html(self)
 
     def __repr__(self) -> str:
         return f"LikelihoodFit({self.model.structure}, log-likelihood {self.loglikelihood:.10g})"

@@ -29,8 +29,8 @@ _GONE = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Where the search ended.
+class Maximum:
+    """The local maximum of the likelihood that one search reached.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Search:
         self.gone: set[int] = set()  # terms
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
-    def run(self, start: Vector) -> Found | None:
+    def run(self, start: Vector) -> Maximum | None:
         """The optimum that `start` leads to; None where the start has no likelihood."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
@@ -95,7 +95,14 @@ class Search:
             for k, side in ((k, self._side(z, k)) for k in range(z.size))
             if side and self.problem.coordinates[k].term not in self.gone and k not in self.held
         }
-        return Found(z, tuple(k for k in active if k not in ends), ends, found, self.count, converged)
+        return Maximum(
+            z=z,
+            active=tuple(k for k in active if k not in ends),
+            at_end=ends,
+            evaluation=found,
+            evaluations=self.count,
+            converged=converged,
+        )
 
     # --- inside ---------------------------------------------------------------------------------------
 
@@ -161,7 +168,7 @@ class Search:
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
-        step = boxed(now.information, now.gradient, low, high, damping)
+        step = boxed(now.information, now.gradient, low=low, high=high, damping=damping)
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:

@@ -19,23 +19,9 @@ if TYPE_CHECKING:
 
 
 def summary(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> str:
-    """The fit in words.
-
-    Parameters
-    ----------
-    level : float
-        Confidence level of the intervals.
-    method : "wald" or "profile"
-        How they are made.
-
-    Returns
-    -------
-    str
-        Model, N, rate; log-likelihood and criteria; the checks of the residuals; each parameter with estimate,
-        interval, relative standard error and unit; and what to be warned of.
-    """
+    """The text of `LikelihoodFit.summary`."""
     intervals, missing = intervals_if_known(fit, level, method)
-    return in_words(fit, level, intervals, own_residuals(fit), missing)
+    return in_words(fit, level, intervals=intervals, residuals=own_residuals(fit), missing=missing)
 
 
 def in_words(
@@ -52,7 +38,7 @@ def in_words(
 
 
 def as_html(fit: LikelihoodFit) -> str:
-    """The summary with its parameters as a table, for notebooks."""
+    """The summary as HTML, with the parameters as a table."""
     intervals, missing = intervals_if_known(fit, 0.95)
     words = texts(without_axis(missing, *fit.remarks), Dialect.HTML)
     return table_html(head(fit, own_residuals(fit)), rows(fit, intervals), words)
@@ -136,17 +122,17 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
     shown = []
     for name, value in fit.parameters.items():
         if _undetermined(fit, intervals, name):
-            shown.append(Row(name, "undetermined", "", "", units[name]))
+            shown.append(Row(name, "undetermined", interval="", error="", unit=units[name]))
             continue
         interval, error = "", ""
-        if name in fit.model.fixed:
+        if name in fit.model.fixed_names:
             interval = "held"
         elif name in intervals:
             interval = interval_text(*intervals[name])
             share = errors.get(name, math.inf) / abs(value) if value else math.inf
             if math.isfinite(share):
                 error = f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
-        shown.append(Row(name, estimate_text(value), interval, error, units[name]))
+        shown.append(Row(name, estimate_text(value), interval=interval, error=error, unit=units[name]))
     return shown
 
 
@@ -160,7 +146,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
         if _undetermined(fit, intervals, row.name):
             shown[row.name] = "—"
         elif acting is not None:
-            shown[row.name] = "held" if row.name in fit.model.fixed else f"as {acting}"
+            shown[row.name] = "held" if row.name in fit.model.fixed_names else f"as {acting}"
         elif math.isfinite(high) and low in (0.0, -high):
             shown[row.name] = f"≤ {high:.2e}"
         else:
@@ -171,6 +157,6 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
 def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
     """Whether a parameter is the shape of a term that is not there."""
     gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
-    if not gone or name in fit.model.fixed or fit.parameters[name] == 0:
+    if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
         return False
     return name not in intervals or intervals[name] == (0.0, math.inf)

@@ -44,8 +44,8 @@ class Regressor:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """A term's place among the states: its process, label and state space, and the range of its states."""
+class TermBlock:
+    """The block of one term in the joint state: its label, process and state space, and the range of its states."""
 
     label: str
     process: Process
@@ -58,7 +58,7 @@ class Part:
 class System:
     """The random terms of a model with values, as one state space whose start has a covariance."""
 
-    parts: tuple[Part, ...]
+    blocks: tuple[TermBlock, ...]
     F: Matrix
     Q: Matrix
     H: Vector
@@ -107,19 +107,23 @@ def assemble(model: Model, rate: float) -> System:
     MissingTheoryError
         If a term has no state-space form.
     """
-    parts, at = [], 0
+    blocks, at = [], 0
     for label, process in zip(model.terms, model.processes, strict=True):
         require_state(process)
         space = process.state_space(rate)
         if _certain(space) and is_ramp(process, rate):
             continue
-        parts.append(Part(label, process, space, at, at + space.states))
+        blocks.append(TermBlock(label, process, space=space, first=at, last=at + space.states))
         at += space.states
-    joined = StateSpace.sum(part.space for part in parts)
+    joined = StateSpace.sum(block.space for block in blocks)
     return System(
-        tuple(parts), np.ascontiguousarray(joined.F), np.ascontiguousarray(joined.Q),
-        np.ascontiguousarray(joined.H[0]), float(joined.R[0, 0]), _start(joined),
-    )  # fmt: skip
+        blocks=tuple(blocks),
+        F=np.ascontiguousarray(joined.F),
+        Q=np.ascontiguousarray(joined.Q),
+        H=np.ascontiguousarray(joined.H[0]),
+        R=float(joined.R[0, 0]),
+        P0=_start(joined),
+    )
 
 
 def _start(space: StateSpace) -> Matrix:
@@ -186,17 +190,21 @@ class Coordinate:
 def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
     """Derivatives of the system by the coordinates of its model's terms."""
     p, q = system.H.size, len(coordinates)
-    out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), np.zeros((q, p)), np.zeros(q), np.zeros((q, p, p)))
-    by_label = {part.label: part for part in system.parts}
+    out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
+    by_label = {block.label: block for block in system.blocks}
     for k, coordinate in enumerate(coordinates):
-        part = by_label[model.terms[coordinate.term]]
-        here = slice(part.first, part.last)
+        block = by_label[model.terms[coordinate.term]]
+        here = slice(block.first, block.last)
         if coordinate.shape is None:
-            out.Q[k, here, here], out.R[k], out.P0[k, here, here] = part.space.Q, part.space.R[0, 0], _start(part.space)
+            out.Q[k, here, here], out.R[k], out.P0[k, here, here] = (
+                block.space.Q,
+                block.space.R[0, 0],
+                _start(block.space),
+            )
             continue
         for distance, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
             for sign in (1, -1):
-                space = moved(part.process, coordinate.shape, sign * distance * STEP).state_space(rate)
+                space = moved(block.process, coordinate.shape, sign * distance * STEP).state_space(rate)
                 share = sign * weight / (60.0 * STEP)
                 out.F[k, here, here] += share * space.F
                 out.Q[k, here, here] += share * space.Q

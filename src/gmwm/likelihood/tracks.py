@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector, freeze
-from gmwm._late import LateMethod
 from gmwm._text import Named
 from gmwm.errors import ModelError, OptionError
 from gmwm.estimation import Fit
@@ -21,13 +21,17 @@ from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodFit
 from gmwm.likelihood.system import LEVEL, System, assemble
+from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
 from gmwm.signals import Signal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 Kind = Literal["filter", "smooth", "predict"]
 Modelled = Fit | LikelihoodFit | Model | Process | str
@@ -41,7 +45,7 @@ RATES_ALIKE = 1e-3
 """Relative difference up to which two rates count as one: time stamps of two recordings never give quite the same."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tracks:
     """The hidden processes of a record.
 
@@ -88,11 +92,6 @@ class Tracks:
     mean: Mapping[str, Vector]
     error: Mapping[str, Vector]
 
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.tracks:plot_tracks",
-        "Draw processes with their bands: plot(labels=None, truth=None, level=0.95, units='si', ax=None, path=None).",
-    )
-
     def __post_init__(self) -> None:
         for name in ("mean", "error"):
             object.__setattr__(self, name, Named(getattr(self, name), "track"))
@@ -114,12 +113,66 @@ class Tracks:
         """
         if label not in self.mean:
             raise OptionError(f"label must be one of {', '.join(self.mean)}; got {label!r}")
-        if not isinstance(level, int | float) or not 0 < level < 1:
-            raise OptionError(f"level must be between 0 and 1, got {level!r}; 95 % is 0.95")
-        reach = NormalDist().inv_cdf((1 + level) / 2) * self.error[label]
+        reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
         known = np.isfinite(reach)
         centre = np.where(known, self.mean[label], 0.0)
         return centre - reach, centre + reach
+
+    def plot(
+        self,
+        labels: str | Sequence[str] | None = None,
+        *,
+        truth: Mapping[str, ArrayLike] | ArrayLike | None = None,
+        level: float = 0.95,
+        units: UnitSystem = "si",
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the recording with its bias and, below it, the bias or other tracks with their confidence bands.
+
+        The line of the recording is broken where samples are missing; a track is not. Samples with an infinite standard
+        deviation are not drawn. A prediction has no recording to draw.
+
+        Parameters
+        ----------
+        labels : str or sequence of str, optional
+            The tracks to draw, one panel each; the bias by default.
+        truth : mapping of label to (N,) array, or (N,) array, optional
+            The true paths, in the unit of the recording, if they are known; one array is the true bias.
+        level : float
+            Probability that the band contains the process at a given sample, with the parameters taken as known.
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+        ax : matplotlib Axes, optional
+            Where to draw one track without the recording; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If a label or an option is unknown, a true path has another length than the track, or the picture cannot be
+            drawn on `ax`.
+        DataError
+            If a true path is not a vector of real numbers.
+
+        Examples
+        --------
+        >>> from gmwm import simulate_signal
+        >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, seed=1)
+        >>> tracks = made.model.smooth(made.signal)
+        >>> picture = tracks.plot(truth=made["RW"])
+        >>> [axes.get_title() for axes in picture.axes]
+        ['Record and its bias: WN + RW', 'Bias: RW']
+        """
+        from gmwm.plots.tracks import plot_tracks
+
+        return plot_tracks(self, labels, truth=truth, level=level, units=units, ax=ax, path=path)
 
     def __repr__(self) -> str:
         return f"Tracks({self.kind}, {', '.join(self.labels)}: {len(self)} samples at {self.rate:g} Hz)"
@@ -128,55 +181,15 @@ class Tracks:
 def filter_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
-    """The hidden processes of a record, each sample from those up to it: what runs in real time.
-
-    Parameters
-    ----------
-    model : Fit, LikelihoodFit, Model, Process or str
-        The fitted model, or one with values.
-    data : Signal or (N,) array
-        Gaps of a signal are missing samples; in an array NaN is one.
-    rate : float, optional
-        Samples per second (Hz); needed with an array and a model, known from a fit.
-    mean : float, optional
-        The record's mean where it is known; unknown by default.
-
-    Returns
-    -------
-    Tracks
-
-    Raises
-    ------
-    ModelError
-        If a parameter has no value, or the model predicts a sample exactly.
-    MissingTheoryError
-        If a term has no state-space form.
-    DataError, OptionError
-        If the data, the rate or the mean cannot be used.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN
-    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
-    >>> tracks = model.filter(model.simulate(1000, 100.0, rng=1), rate=100.0)
-    >>> tracks.labels
-    ('WN', 'RW', 'bias')
-    """
-    return _tracks("filter", model, data, rate, mean)
+    """Estimate the latent processes from the samples so far: see `Model.kalman_filter`."""
+    return _tracks("filter", model, data=data, rate=rate, mean=mean)
 
 
 def smooth_tracks(
     model: Modelled, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> Tracks:
-    """The hidden processes of a record, each sample from all of it, by the fixed-interval smoother.
-
-    `data`, `rate` and `mean`, the result and the errors are those of `Fit.filter`.
-
-    References
-    ----------
-    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., section 4.4.
-    """
-    return _tracks("smooth", model, data, rate, mean)
+    """Estimate the latent processes from all samples: see `Model.smooth`."""
+    return _tracks("smooth", model, data=data, rate=rate, mean=mean)
 
 
 def predict_tracks(
@@ -187,18 +200,7 @@ def predict_tracks(
     *,
     mean: float | None = None,
 ) -> Tracks:
-    """What follows a record: the hidden processes at the `steps` samples after its end, from all of it.
-
-    `data`, `rate` and `mean`, the result and the errors are otherwise those of `Fit.filter`.
-
-    Examples
-    --------
-    >>> from gmwm import parse_model
-    >>> model = parse_model("GM(beta=1.0, sigma2=4.0)")
-    >>> ahead = model.predict(model.simulate(1000, 100.0, rng=1), 10_000, rate=100.0, mean=0.0)
-    >>> print(f"{ahead.error['GM'][0]:.2f} {ahead.error['GM'][-1]:.2f}")
-    0.28 2.00
-    """
+    """Predict the latent processes after the end of a recording: see `Model.predict`."""
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise OptionError(f"steps must be a whole number of samples, 1 or more; got {steps!r}")
     if steps > FARTHEST:
@@ -206,13 +208,13 @@ def predict_tracks(
             f"steps must be at most {FARTHEST}, a track of which takes some hundred bytes each; got {steps}. For what "
             "lies beyond, predict with the model in continuous time: model.continuous(rate).discrete(a slower rate)"
         )
-    return _tracks("predict", model, data, rate, mean, int(steps))
+    return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=int(steps))
 
 
 def _tracks(
     kind: Kind, model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0
 ) -> Tracks:
-    problem = posed(model, data, rate, mean, steps)
+    problem = posed(model, data, rate=rate, mean=mean, steps=steps)
     system = assemble(problem.model, problem.rate)
     labels, states, shares = _sums(problem, system)
     size = problem.record.values.size
@@ -221,7 +223,7 @@ def _tracks(
         raise nothing_to_chance(problem.model)
     errors = np.sqrt(variances, out=variances)
     found = {label: (means[k], errors[k]) for k, label in enumerate(labels)}
-    white = [part.label for part in system.parts if part.space.states == 0]
+    white = [block.label for block in system.blocks if block.space.states == 0]
     if white:
         found[white[0]] = (means[-1], errors[-1])
     _known(problem, system, found)
@@ -229,9 +231,16 @@ def _tracks(
     part = slice(size - steps, None) if kind == "predict" else slice(None)
     record = problem.record
     return Tracks(
-        kind, problem.model, record.rate, record.unit, record.axis, record.times[part], record.values[part].copy(),
-        {label: found[label][0][part] for label in order}, {label: found[label][1][part] for label in order},
-    )  # fmt: skip
+        kind=kind,
+        model=problem.model,
+        rate=record.rate,
+        unit=record.unit,
+        axis=record.axis,
+        times=record.times[part],
+        data=record.values[part].copy(),
+        mean={label: found[label][0][part] for label in order},
+        error={label: found[label][1][part] for label in order},
+    )
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
@@ -254,9 +263,13 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
     record = as_record(data, rate)
     if steps:
         record = Record(
-            np.concatenate([record.values, np.full(steps, np.nan)]), record.rate, record.unit, record.axis,
-            record.start, record.centre,
-        )  # fmt: skip
+            values=np.concatenate([record.values, np.full(steps, np.nan)]),
+            rate=record.rate,
+            unit=record.unit,
+            axis=record.axis,
+            start=record.start,
+            centre=record.centre,
+        )
     held = wanted.with_values({name: Fixed(v) for name, v in wanted.parameters.items() if v is not None})
     return Problem(held, record, as_mean(mean))
 
@@ -266,16 +279,16 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
-    for part in system.parts:
-        if part.space.states == 0:
+    for block in system.blocks:
+        if block.space.states == 0:
             continue
         seen = np.zeros(system.H.size)
-        seen[part.first : part.last] = part.space.H[0]
-        own = np.array([float(r.label == part.label) for r in regressors])
-        labels.append(part.label)
+        seen[block.first : block.last] = block.space.H[0]
+        own = np.array([float(r.label == block.label) for r in regressors])
+        labels.append(block.label)
         states.append(seen)
         shares.append(own)
-        if wanders(part.process, problem.rate):
+        if wanders(block.process, problem.rate):
             bias += seen
             carried += own
     if any(r.label == LEVEL for r in regressors):
@@ -303,7 +316,7 @@ def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vect
         found[levelled[0]][0][:] += problem.centre
     elif problem.centre:
         found[LEVEL] = (np.full(bias.size, problem.centre), np.zeros(bias.size))
-    random = {part.label for part in system.parts}
+    random = {block.label for block in system.blocks}
     for label, process in zip(problem.model.terms, problem.model.processes, strict=True):
         if label not in random:
             course = process.mean(np.arange(bias.size))

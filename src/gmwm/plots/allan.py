@@ -14,7 +14,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 from gmwm.plots.axes import number_text, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE, band_edges, closed_panel, curves_then_bands
-from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, drawable
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, Symbol, Text, drawable, single_panel
 from gmwm.plots.labels import axis_title, sensor_and_letter, sensor_title
 from gmwm.plots.style import DASHED, GREY, OBSERVED, curve_stroke, letter_stroke, term_stroke
 from gmwm.plots.view import UnitSystem, View, view_of
@@ -35,8 +35,8 @@ SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K
 # The fan of slope guides: its width, its height at most, and its distance from the border, as shares of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
 REACH = 5.0
-"""Factor by which a fitted line is drawn beyond the stretch that it was fitted to."""
-STRETCH = 20.0
+"""Factor by which a fitted line is drawn beyond the range that it was fitted to."""
+MOST_ADDED = 20.0
 """Factor by which the vertical axis may grow to show where a coefficient is read."""
 
 
@@ -104,7 +104,10 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
     # Where there are many values, symbols would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % confidence"
-    return [Line(x, y, shown, label, FRONT), Band(x, lower, upper, stroke.colour, opacity, limits, BAND)]
+    return [
+        Line(x, y, stroke=shown, label=label, layer=FRONT),
+        Band(x=x, lower=lower, upper=upper, colour=stroke.colour, opacity=opacity, label=limits, layer=BAND),
+    ]
 
 
 def with_guides(panel: Panel) -> Panel:
@@ -123,7 +126,7 @@ def with_guides(panel: Panel) -> Panel:
         y = np.array([middle, middle + slope * steepest])
         position = panel.x.limits[0] * 10 ** (x * wide)
         height = panel.y.limits[0] * 10 ** (y * high)
-        marks.append(Line(position, height, Stroke(GREY, 0.7, DASHED), "", BEHIND))
+        marks.append(Line(position, height, stroke=Stroke(GREY, 0.7, DASHED), label="", layer=BEHIND))
         texts.append(Text(label, float(x[1]) + 0.034, float(y[1])))
     return replace(panel, marks=(*panel.marks, *marks), texts=(*panel.texts, *texts))
 
@@ -167,14 +170,14 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
         text = f"{line.term} {sign} {number_text(factor * line.coefficient)} {unit}"
         stroke = replace(term_stroke(k), width=1.1)
         tau = np.array([min(line.first, line.reading_time) / REACH, max(line.last, line.reading_time) * REACH])
-        marks.append(Line(tau, view.factor * line.deviation(tau), stroke, "", MIDDLE))
+        marks.append(Line(tau, view.factor * line.deviation(tau), stroke=stroke, label="", layer=MIDDLE))
         at = np.array([line.reading_time])
         symbol = replace(stroke, width=0.0, symbol=SYMBOLS[line.term])
         height = view.factor * line.deviation(at)
         where = "at the minimum" if line.slope == 0 else f"at τ = {line.reading_time:.3g} s"
         inside = y.limits[0] < height[0] < y.limits[1] and bare.x.limits[0] < at[0] < bare.x.limits[1]
         where += "" if inside else " (outside the axes)"
-        marks.append(Line(at, height, symbol, f"{text}, {where}", FRONT + 1))
+        marks.append(Line(at, height, stroke=symbol, label=f"{text}, {where}", layer=FRONT + 1))
     panel = replace(bare, y=y, marks=tuple(marks))
     return with_guides(panel) if guides else panel
 
@@ -182,7 +185,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
     """The vertical axis of a panel, stretched within reason to hold further heights."""
     low, high = panel.y.limits
-    wanted = [float(height) for height in heights if low / STRETCH < height < high * STRETCH]
+    wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in wanted):
         return panel.y
     return value_axis((min(low, *(0.8 * h for h in wanted)), max(high, *(1.25 * h for h in wanted))), panel.y.label)
@@ -221,36 +224,7 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times, with its confidence band, on logarithmic axes.
-
-    Parameters
-    ----------
-    result : ClusterVariance
-        What was measured; variances of zero are marked at the foot of the axis.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    guides : bool
-        Whether to show the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1 (ramp).
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-
-    >>> from gmwm.variance.allan import allan_variance
-    >>> result = allan_variance([0.0, 1.0, 0.0, 2.0, 1.0, 0.0, 1.0, 3.0], rate=1.0)
-    >>> plot_allan(result).axes[0].get_ylabel()
-    'Overlapping Allan deviation (unit of the data)'
-    """
+    """Draw a deviation over its averaging times: see `ClusterVariance.plot`."""
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -263,20 +237,7 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with the lines fitted to its slopes, and where Q, N, B, K and R are read.
-
-    Parameters
-    ----------
-    regression : AllanRegression
-        What was fitted.
-    units, guides, ax, path
-        As for `plot_allan`; datasheet units of coefficients are deg/√h, deg/h and their like.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw an Allan deviation with its fitted lines: see `AllanRegression.plot`."""
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 
@@ -309,5 +270,4 @@ def plot_allan_axes(
 def _drawn(panel: Panel, ax: Any, path: str | os.PathLike[str] | None) -> MatplotlibFigure:
     from gmwm.plots.matplotlib import draw
 
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, 84.0), ax=ax, path=path)

@@ -1,4 +1,4 @@
-"""The pieces that several plots share: the observed curve with its band, and the panel around its marks."""
+"""Elements that several plots share: the observed curve with its band, and the panel around its marks."""
 
 from __future__ import annotations
 
@@ -70,13 +70,21 @@ def observed_marks(
     kept = np.ones(y.shape, dtype=bool) if used is None else np.asarray(used, dtype=bool)
     lower, upper = band_edges(wv, view)
     marks: list[Mark] = [
-        Line(x, y, stroke if kept.all() else replace(stroke, symbol=None), name, FRONT),
-        Band(x, lower, upper, stroke.colour, 0.22, f"{100 * wv.confidence:g} % confidence", BAND),
+        Line(x, y, stroke=stroke if kept.all() else replace(stroke, symbol=None), label=name, layer=FRONT),
+        Band(
+            x=x,
+            lower=lower,
+            upper=upper,
+            colour=stroke.colour,
+            opacity=0.22,
+            label=f"{100 * wv.confidence:g} % confidence",
+            layer=BAND,
+        ),
     ]
     if not kept.all():
         dots, rings = replace(stroke, width=0.0), replace(stroke, width=0.0, filled=False)
-        marks.append(Line(x, np.where(kept, y, np.nan), dots, "", FRONT))
-        marks.append(Line(x, np.where(kept, np.nan, y), rings, "Left out of the fit", FRONT))
+        marks.append(Line(x, np.where(kept, y, np.nan), stroke=dots, label="", layer=FRONT))
+        marks.append(Line(x, np.where(kept, np.nan, y), stroke=rings, label="Left out of the fit", layer=FRONT))
     return tuple(marks)
 
 
@@ -128,9 +136,9 @@ def closed_panel(
     return Panel(
         time_axis(np.concatenate([view.time(wv.tau) for view, wv, _, _ in shown]), views[0].time_label),
         value_axis(limits, views[0].height_label),
-        (*marks, *(foot for foot in feet if foot is not None)),
-        title,
-        () if np.any(core > 0) else (Text("Every variance is zero"),),
+        marks=(*marks, *(foot for foot in feet if foot is not None)),
+        title=title,
+        texts=() if np.any(core > 0) else (Text("Every variance is zero"),),
     )
 
 

@@ -242,6 +242,12 @@ class Figure:
         return tuple(dict.fromkeys(label for panel in self.panels for label in panel.labels))
 
 
+def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Figure:
+    """A figure of one panel `height` mm high, with room below for its legend, of at least so many rows."""
+    rows = max((len(panel.labels) + 1) // 2, legend_rows)
+    return Figure(((panel,),), height=height + 4.0 * rows)
+
+
 def drawable(values: Vector) -> Vector:
     """`values` with NaN where a logarithmic axis has no place for them: zero, negative, not finite."""
     kept = np.isfinite(values) & (values > 0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.plots.curves import ABOVE, MIDDLE, closed_panel, observed_marks, view_for
-from gmwm.plots.figure import Figure, Line, Panel, Stroke, Text, drawable
+from gmwm.plots.figure import Line, Panel, Stroke, Text, drawable, single_panel
 from gmwm.plots.labels import axis_title, datasheet_label, model_text, term_label
 from gmwm.plots.style import GREY, IMPLIED, term_strokes
 from gmwm.plots.view import UnitSystem, View, ViewName
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 
-class Noted(Protocol):
+class HasNotes(Protocol):
     """What is to be known of a fit."""
 
     @property
@@ -54,7 +54,7 @@ class Fitted(Protocol):
         """That of each term."""
 
     @property
-    def diagnostics(self) -> Noted:
+    def diagnostics(self) -> HasNotes:
         """What is to be known of it."""
 
 
@@ -81,7 +81,7 @@ def fit_panel(
     shown = view_for(wv, view, units)
     implied = drawable(shown.height(np.asarray(fit.implied)))
     name = f"Model: {model_text(fit.decomposition)}" if alone else "Model"
-    model = Line(shown.time(wv.tau), implied, IMPLIED, name, MIDDLE)
+    model = Line(shown.time(wv.tau), implied, stroke=IMPLIED, label=name, layer=MIDDLE)
     terms = term_lines(fit, shown, alone=alone) if decomposition else ()
     marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
@@ -119,10 +119,12 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             label = _told(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
-        lines.append(Line(times, y, strokes[term], label, ABOVE))
+        lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
     if alone and zero:
         nothing = np.full(times.shape, np.nan)
-        lines.append(Line(times, nothing, Stroke(GREY, 0.0), f"{', '.join(zero)}: zero, not supported", ABOVE))
+        lines.append(
+            Line(times, nothing, stroke=Stroke(GREY, 0.0), label=f"{', '.join(zero)}: zero, not supported", layer=ABOVE)
+        )
     return tuple(lines)
 
 
@@ -156,36 +158,8 @@ def plot_fit(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a fit: the data with their band, the curve that the model implies, and each of its terms.
-
-    Parameters
-    ----------
-    fit : Fit or LikelihoodFit
-        What was fitted; levels that it left out are open circles.
-    view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    decomposition : bool
-        Whether to draw the terms; the legend gives their standard deviations and correlation times, in datasheet
-        units the numbers of a datasheet: N in deg/√h, K in deg/h/√h, T_c and q_c.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw a fit: see `Fit.plot`."""
     from gmwm.plots.matplotlib import draw
 
     panel = fit_panel(fit, view=view, units=units, decomposition=decomposition)
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel), ax=ax, path=path)

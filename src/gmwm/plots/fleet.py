@@ -51,7 +51,7 @@ ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
-class Told(Protocol):
+class FleetLike(Protocol):
     """What is drawn of a fleet."""
 
     @property
@@ -65,7 +65,7 @@ class Told(Protocol):
         ...
 
 
-def fleet_figure(fleet: Told) -> Figure:
+def fleet_figure(fleet: FleetLike) -> Figure:
     """What `plot_fleet` draws, as data: for each sensor a panel a number, in each panel a strip an axis."""
     found = fleet.statistics
     if not found.rows:
@@ -86,30 +86,8 @@ def fleet_figure(fleet: Told) -> Figure:
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
-def plot_fleet(fleet: Told, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the numbers of all units, axis by axis, from the smallest to the largest.
-
-    Up to 40 units are dots with their intervals, more are a curve. The shaded region is where the true number of a
-    further unit lies, the line across it the typical one; units that are not like the others are stars with their
-    names, upper limits are triangles.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        With its table and its statistics.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If there is nothing to draw, or the picture cannot be written there.
-    """
+def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+    """Draw the numbers of all units: see `Fleet.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(fleet_figure(fleet), path=path)
@@ -132,7 +110,7 @@ def _panel(sensor: str, samples: Sequence[Sample], found: FleetStatistics, units
     y = _height_axis(np.concatenate([strip.heights for strip in strips]), label, signed=signed)
     marks = tuple(mark for strip in strips for mark in strip.marks)
     stars = [star for strip in strips for star in strip.stars]
-    return Panel(x, y, marks, f"{sensor_title(sensor)} {first.symbol}", _names(stars, x, y))
+    return Panel(x, y, marks=marks, title=f"{sensor_title(sensor)} {first.symbol}", texts=_names(stars, x, y))
 
 
 def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
@@ -149,7 +127,9 @@ class _Strip:
 
 
 def _strips(samples: Sequence[Sample], found: FleetStatistics, factor: float, units: Sequence[str]) -> list[_Strip]:
-    return [_strip(place, sample, found, factor, units) for place, sample in enumerate(samples, start=1)]
+    return [
+        _strip(place, sample, found=found, factor=factor, units=units) for place, sample in enumerate(samples, start=1)
+    ]
 
 
 def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, units: Sequence[str]) -> _Strip:
@@ -166,25 +146,51 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
         dots = Stroke(stroke.colour, 0.0, symbol="circle")
-        marks.append(Line(across[alike], value[alike], dots, "A unit, with its interval", MIDDLE))
+        marks.append(Line(across[alike], value[alike], stroke=dots, label="A unit, with its interval", layer=MIDDLE))
         heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
         some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
-        marks.append(Line(across[some], value[some], Stroke(stroke.colour, 1.8), "Units, in order", MIDDLE))
+        marks.append(
+            Line(across[some], value[some], stroke=Stroke(stroke.colour, 1.8), label="Units, in order", layer=MIDDLE)
+        )
         heights = value
     ends = place + np.array([-HALF, HALF])
     if row.predicted_low is not None and row.predicted_high is not None and row.typical is not None:
         edges = np.array([[factor * end] * 2 for end in (row.predicted_low, row.predicted_high)])
         label = f"A further unit lies here ({100 * found.confidence:g} %)"
-        marks.insert(0, Band(ends, edges[0], edges[1], stroke.colour, 0.16, label, BAND, swatch=GREY))
-        marks.append(Line(ends, np.full(2, factor * row.typical), Stroke(BLACK, 0.9, DASHED), "Typical", BEHIND))
+        marks.insert(
+            0,
+            Band(
+                x=ends,
+                lower=edges[0],
+                upper=edges[1],
+                colour=stroke.colour,
+                opacity=0.16,
+                label=label,
+                layer=BAND,
+                swatch=GREY,
+            ),
+        )
+        marks.append(
+            Line(
+                ends, np.full(2, factor * row.typical), stroke=Stroke(BLACK, 0.9, DASHED), label="Typical", layer=BEHIND
+            )
+        )
         heights = np.concatenate([heights, edges.ravel()])
     stars = [(float(w), float(v), units[k]) for k, w, v in zip(order, across, value, strict=True) if units[k] in odd]
     if stars:
         spots = np.array([star[:2] for star in stars])
-        marks.append(Line(spots[:, 0], spots[:, 1], Stroke(BLACK, 0.0, symbol="star"), "Not like the others", FRONT))
+        marks.append(
+            Line(
+                spots[:, 0],
+                spots[:, 1],
+                stroke=Stroke(BLACK, 0.0, symbol="star"),
+                label="Not like the others",
+                layer=FRONT,
+            )
+        )
     return _Strip(marks, np.concatenate([heights, limits]), stars)
 
 
@@ -196,9 +202,19 @@ def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tup
     at = place + HALF + 0.05
     label = "Upper limits"
     if high.size <= SINGLY:
-        return [Line(np.full(high.size, at), high, Stroke(GREY, 0.0, symbol="down", filled=False), label, BEHIND)], high
+        return [
+            Line(
+                np.full(high.size, at),
+                high,
+                stroke=Stroke(GREY, 0.0, symbol="down", filled=False),
+                label=label,
+                layer=BEHIND,
+            )
+        ], high
     ends = np.quantile(high, (0.05, 0.5, 0.95))
-    return [Line(np.full(3, at), ends, Stroke(GREY, 0.8, symbol="down", filled=False), label, BEHIND)], ends
+    return [
+        Line(np.full(3, at), ends, stroke=Stroke(GREY, 0.8, symbol="down", filled=False), label=label, layer=BEHIND)
+    ], ends
 
 
 def _stroke(place: int, axis: str) -> Stroke:

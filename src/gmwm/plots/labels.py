@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gmwm.plots.axes import number_text
 from gmwm.plots.view import View
+from gmwm.signals import letter_of, sensor_of
 from gmwm.units import datasheet_units, noise_unit
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def sensor_and_letter(axis: str) -> tuple[str, str]:
     >>> sensor_and_letter("accel_z"), sensor_and_letter("pressure")
     (('accel', 'z'), ('', ''))
     """
-    sensor, _, letter = axis.rpartition("_")
+    sensor, letter = sensor_of(axis), letter_of(axis)
     return (sensor, letter) if sensor and letter in ("x", "y", "z") else ("", "")
 
 

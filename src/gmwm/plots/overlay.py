@@ -11,7 +11,7 @@ import numpy as np
 
 from gmwm.errors import OptionError
 from gmwm.plots.curves import MIDDLE, closed_panel, curves_then_bands, observed_marks, view_for
-from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, drawable
+from gmwm.plots.figure import Band, Line, Mark, Panel, Stroke, drawable, single_panel
 from gmwm.plots.style import curve_stroke
 from gmwm.plots.view import UnitSystem, View, ViewName
 
@@ -99,7 +99,7 @@ def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
     used = getattr(item, "used", None)
     dots = observed_marks(wv, view, stroke=replace(stroke, width=0.0), label=name, used=used)
     curve = drawable(view.height(np.asarray(implied)))
-    model = Line(view.time(wv.tau), curve, replace(stroke, symbol=None), f"{name}, model", MIDDLE)
+    model = Line(view.time(wv.tau), curve, stroke=replace(stroke, symbol=None), label=f"{name}, model", layer=MIDDLE)
     return [*(_faint(mark) for mark in dots), model]
 
 
@@ -141,5 +141,4 @@ def plot_comparison(
     from gmwm.plots.matplotlib import draw
 
     panel = overlay_panel(checked_items(items), view=view, units=units, title=title)
-    rows = max((len(panel.labels) + 1) // 2, 2)
-    return draw(Figure(((panel,),), height=80.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, legend_rows=2), ax=ax, path=path)

@@ -15,7 +15,7 @@ from gmwm._text import duration_text
 from gmwm.inference.planning import SEEN, Plan, as_accuracy
 from gmwm.plots.axes import limits_of, time_axis, value_axis
 from gmwm.plots.curves import BAND, BEHIND, FRONT, MIDDLE
-from gmwm.plots.figure import Band, Figure, Line, Mark, Panel, Stroke, Symbol
+from gmwm.plots.figure import Band, Line, Mark, Panel, Stroke, Symbol, single_panel
 from gmwm.plots.labels import model_text
 from gmwm.plots.style import BLACK, DOTTED, GREY, term_strokes
 
@@ -49,14 +49,32 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
         label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
         if np.all(np.isfinite(curve) & (curve > HIGHEST)):
             label += f", above {100 * HIGHEST:g} % throughout"
-        marks.append(Line(times, np.where(curve <= HIGHEST, 100 * curve, np.nan), strokes[name], label, MIDDLE))
+        marks.append(
+            Line(
+                times, np.where(curve <= HIGHEST, 100 * curve, np.nan), stroke=strokes[name], label=label, layer=MIDDLE
+            )
+        )
     reached = np.array([t for t in needed.values() if times[0] < t <= times[-1]])
     dots = Stroke(BLACK, 0.0, symbol="circle", filled=False)
     marks += [
-        Line(reached, np.full(reached.shape, 100 * wanted), dots, "", FRONT),
-        Line(across, np.full(2, 100 * wanted), Stroke(BLACK, 0.7), f"{100 * wanted:g} %, as wanted", BEHIND),
-        Line(np.full(2, plan.duration), along, Stroke(GREY, 1.1, DOTTED), length, BEHIND),
-        Band(across, np.full(2, 100 * SEEN), np.full(2, np.inf), GREY, 0.16, unseen, BAND),
+        Line(reached, np.full(reached.shape, 100 * wanted), stroke=dots, label="", layer=FRONT),
+        Line(
+            across,
+            np.full(2, 100 * wanted),
+            stroke=Stroke(BLACK, 0.7),
+            label=f"{100 * wanted:g} %, as wanted",
+            layer=BEHIND,
+        ),
+        Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
+        Band(
+            x=across,
+            lower=np.full(2, 100 * SEEN),
+            upper=np.full(2, np.inf),
+            colour=GREY,
+            opacity=0.16,
+            label=unseen,
+            layer=BAND,
+        ),
     ]
     return Panel(x, y, tuple(marks), f"{model_text(plan.model.terms)} at {plan.rate:g} Hz, weighting {plan.weighting}")
 
@@ -109,31 +127,8 @@ def plot_plan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the relative standard error of each parameter over the length of the recording.
-
-    Parameters
-    ----------
-    plan : Plan
-        What was planned; curves run on beyond its duration, which is marked.
-    accuracy : float
-        The relative standard error that is wanted, a line across; a ring shows where each parameter has it.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If `accuracy` is not between 0 and 0.5, or the picture cannot be drawn there.
-    """
+    """Draw the relative standard errors of a plan: see `Plan.plot`."""
     from gmwm.plots.matplotlib import draw
 
     panel = plan_panel(plan, accuracy=accuracy)
-    rows = (len(panel.labels) + 1) // 2
-    return draw(Figure(((panel,),), height=84.0 + 4.0 * rows), ax=ax, path=path)
+    return draw(single_panel(panel, 84.0), ax=ax, path=path)

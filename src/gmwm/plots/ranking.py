@@ -58,7 +58,14 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
     if recordings > 1:
         words.append(f"curves and distances of the first of {recordings} recordings")
     title = ", ".join(filter(None, words))
-    return Figure((*rows, (criteria,)), PAGE, sum(heights) + foot, title[:1].upper() + title[1:], 3, heights)
+    return Figure(
+        rows=(*rows, (criteria,)),
+        width=PAGE,
+        height=sum(heights) + foot,
+        title=title[:1].upper() + title[1:],
+        legend_columns=3,
+        heights=heights,
+    )
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
@@ -72,7 +79,7 @@ def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", uni
     title = f"{names}\n{name} {scores[0]:.2f} against {scores[1]:.2f}, difference {difference}"
     heights = (74.0, 56.0)
     panels = ((curves,), (_distances(pair, strokes, view, units),))
-    return Figure(panels, SINGLE, sum(heights) + 20.0, title, 2, heights)
+    return Figure(rows=panels, width=SINGLE, height=sum(heights) + 20.0, title=title, legend_columns=2, heights=heights)
 
 
 def _strokes(drawn: Sequence[Candidate]) -> list[Stroke]:
@@ -92,7 +99,7 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
     heights = [drawable(shown.height(np.asarray(c.fit.implied))) for c in candidates]
     for height, stroke in zip(heights, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(shown.time(wv.tau), height, replace(stroke, symbol=None), "", layer))
+        marks.append(Line(shown.time(wv.tau), height, stroke=replace(stroke, symbol=None), label="", layer=layer))
     return closed_panel([shown], [wv], marks, around=heights, title="Data and models")
 
 
@@ -103,13 +110,19 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
     x = time_axis(times, view_for(wv, view, units).time_label)
     ends = np.array(x.limits)
     band = Band(
-        ends, np.full(2, -1.0), np.full(2, 1.0), OBSERVED.colour, 0.22, f"{100 * wv.confidence:g} % confidence", BAND
+        x=ends,
+        lower=np.full(2, -1.0),
+        upper=np.full(2, 1.0),
+        colour=OBSERVED.colour,
+        opacity=0.22,
+        label=f"{100 * wv.confidence:g} % confidence",
+        layer=BAND,
     )
-    marks: list[Mark] = [band, Line(ends, np.zeros(2), Stroke(OBSERVED.colour, 0.9), "", BEHIND)]
+    marks: list[Mark] = [band, Line(ends, np.zeros(2), stroke=Stroke(OBSERVED.colour, 0.9), label="", layer=BEHIND)]
     rows = [distance(wv, np.asarray(c.fit.implied)) for c in candidates]
     for candidate, row, stroke in zip(candidates, rows, strokes, strict=True):
         layer = MIDDLE if stroke is FIRST else ABOVE
-        marks.append(Line(times, row, stroke, _name(candidate), layer))
+        marks.append(Line(times, row, stroke=stroke, label=_name(candidate), layer=layer))
     y = signed_axis(
         np.concatenate(rows),
         "Distance (confidence limit = 1)",
@@ -139,7 +152,7 @@ def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
     for candidate, place in zip(listed, places, strict=True):
         stroke = strokes.get(id(candidate), OTHER)
         at = np.array([candidate.difference])
-        marks.append(Line(at, np.array([place]), replace(stroke, width=0.0), "", FRONT))
+        marks.append(Line(at, np.array([place]), stroke=replace(stroke, width=0.0), label="", layer=FRONT))
     ticks = [Tick(place, _row_name(c)) for c, place in zip(listed, places, strict=True)]
     numbers = [Tick(place, _numbers(c)) for c, place in zip(listed, places, strict=True)]
     head = Tick(len(listed) + 1.0, _NUMBERS if name == "WIC" else f"{name}; {_NUMBERS}")
@@ -197,43 +210,7 @@ def plot_ranking(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a ranking: the best models over the data, where each leaves them, and the criteria of more.
-
-    Curves often coincide to the eye; their distances from the data, on a scale where the confidence limits are at −1
-    and 1, show how they differ.
-
-    Parameters
-    ----------
-    ranking : Ranking
-        Of several recordings the curves are those of the first.
-    limit : int
-        So many of the best distinct candidates are drawn as curves, and the recommended one.
-    view : "wavelet" or "allan"
-        ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-
-    Examples
-    --------
-    >>> from gmwm.processes import QN, RW, WN
-    >>> from gmwm.selection import select
-    >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
-    >>> figure = plot_ranking(select(WN() + QN() + RW(), x, rate=100.0))
-    >>> figure.axes[2].get_xlabel()
-    'WIC above the best'
-    """
+    """Draw the best models over the data: see `Ranking.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(ranking_figure(ranking, limit=limit, view=view, units=units), path=path)
@@ -246,25 +223,7 @@ def plot_candidates(
     units: UnitSystem = "si",
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw two candidates over the data, and where each leaves them; the difference of their criteria is over it.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Of a ranking of several recordings the curves are those of the first.
-    view, units, path
-        As for `plot_ranking`.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for these data.
-    """
+    """Draw two candidates over the data: see `Comparison.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(candidates_figure(comparison, view=view, units=units), path=path)

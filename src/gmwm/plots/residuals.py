@@ -56,10 +56,10 @@ def time_panel(residuals: Residuals) -> Panel:
     across = np.array([*x.limits, math.nan, *x.limits])
     limits = np.array([largest, largest, math.nan, -largest, -largest])
     lone = isolated(one.y)
-    marks: list[Mark] = [Line(times, one.y, LINE, "", MIDDLE)]
+    marks: list[Mark] = [Line(times, one.y, stroke=LINE, label="", layer=MIDDLE)]
     if np.any(lone):
-        marks.append(Line(times[lone], one.y[lone], DOTTED, "", MIDDLE))
-    marks.append(Line(across, limits, LIMIT, f"{_percent(LEVEL)} limits of the largest", FRONT))
+        marks.append(Line(times[lone], one.y[lone], stroke=DOTTED, label="", layer=MIDDLE))
+    marks.append(Line(across, limits, stroke=LIMIT, label=f"{_percent(LEVEL)} limits of the largest", layer=FRONT))
     beyond = int(np.count_nonzero(np.abs(z) > largest))
     name = ", ".join(filter(None, [axis_title(residuals.axis), model_text(residuals.model.terms)]))
     mean, spread = (number_at(round(float(value), 3), 3) for value in (np.mean(z), np.std(z)))
@@ -77,9 +77,17 @@ def quantile_panel(residuals: Residuals) -> Panel:
     y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
     normality = residuals.normality()
     marks = (
-        Band(normal, lower, upper, GREY, 0.25, f"{_percent(LEVEL)} limits of each point", BAND),
-        Line(np.array(x.limits), np.array(x.limits), EXPECTED, "Expected", BEHIND),
-        Line(normal, observed, DOTTED, "Observed", FRONT),
+        Band(
+            x=normal,
+            lower=lower,
+            upper=upper,
+            colour=GREY,
+            opacity=0.25,
+            label=f"{_percent(LEVEL)} limits of each point",
+            layer=BAND,
+        ),
+        Line(np.array(x.limits), np.array(x.limits), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Line(normal, observed, stroke=DOTTED, label="Observed", layer=FRONT),
     )
     return Panel(x, y, marks, f"Jarque-Bera: {_p_text(normality.p_value)}")
 
@@ -114,12 +122,20 @@ def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
     ends = np.array(x.limits)
     stems = np.column_stack([np.zeros(r.size), r, np.full(r.size, math.nan)]).ravel()
     marks: list[Mark] = [
-        Band(lag, -limit, limit, GREY, 0.25, f"{_percent(LEVEL)} limits of each point", BAND),
-        Line(ends, np.zeros(2), EXPECTED, "Expected", BEHIND),
-        Line(np.repeat(lag, 3), stems, Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), "", MIDDLE),
+        Band(
+            x=lag,
+            lower=-limit,
+            upper=limit,
+            colour=GREY,
+            opacity=0.25,
+            label=f"{_percent(LEVEL)} limits of each point",
+            layer=BAND,
+        ),
+        Line(ends, np.zeros(2), stroke=EXPECTED, label="Expected", layer=BEHIND),
+        Line(np.repeat(lag, 3), stems, stroke=Stroke(BLUE, 0.9 if r.size <= FEW else 0.5), label="", layer=MIDDLE),
     ]
     if r.size <= FEW:
-        marks.append(Line(lag, r, DOTTED, "Observed", FRONT))
+        marks.append(Line(lag, r, stroke=DOTTED, label="Observed", layer=FRONT))
     return Panel(x, y, tuple(marks), _whiteness(residuals, lags))
 
 
@@ -144,35 +160,7 @@ def _percent(share: float) -> str:
 def plot_residuals(
     residuals: Residuals, lags: int | None = None, *, path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw residuals over time, against normal quantiles, and their autocorrelation; the titles tell the tests.
-
-    Parameters
-    ----------
-    residuals : Residuals
-        What was left of a record under a model.
-    lags : int, optional
-        Lags of the autocorrelation and of the Ljung-Box test; by default 10 log₁₀ N.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If `lags` is not a whole number below the number of samples, or the ending of `path` is unknown.
-
-    Examples
-    --------
-    >>> from gmwm import RW, WN
-    >>> model = WN(sigma2=1.0) + RW(gamma2=1e-4)
-    >>> picture = model.residuals(model.simulate(1000, 100.0, rng=1), rate=100.0).plot()
-    >>> [axes.get_title().partition(":")[0] for axes in picture.findobj(match=type(picture.axes[0]))]
-    ['WN + RW', 'Jarque-Bera', 'Ljung-Box, 30 lags']
-    """
+    """Draw residuals and their tests: see `Residuals.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(residuals_figure(residuals, lags), path=path)

@@ -147,10 +147,10 @@ def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
-    line = Line(x, y, stroke, "", FRONT)
+    line = Line(x, y, stroke=stroke, label="", layer=FRONT)
     if stroke.symbol or not np.any(alone):
         return (line,)
-    return line, Line(x[alone], y[alone], Stroke(stroke.colour, 0.0, symbol="circle"), "", FRONT)
+    return line, Line(x[alone], y[alone], stroke=Stroke(stroke.colour, 0.0, symbol="circle"), label="", layer=FRONT)
 
 
 def _stroke(axis: str) -> Stroke:
@@ -199,29 +199,7 @@ def plot_signal(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a signal over time; where samples are missing the line is broken.
-
-    Parameters
-    ----------
-    signal : Signal
-        What to draw. Where zero is far from its samples, its mean is taken off, and the title says how much.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg; another unit stays as it is.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for this signal.
-    """
+    """Draw a signal over time: see `Signal.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(Figure(((signal_panel(signal, units=units),),), width=PAGE, height=62.0), ax=ax, path=path)
@@ -230,28 +208,7 @@ def plot_signal(
 def plot_recording(
     imu: Imu, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw all axes of a recording over time, gyroscopes beside accelerometers; where samples are missing lines break.
-
-    Parameters
-    ----------
-    imu : Imu
-        What to draw. Where zero is far from the samples of an axis, as gravity puts it, its mean is taken off, and its
-        title says how much. The axes of a sensor have one scale, unless one would be flat.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown.
-    """
+    """Draw all axes of a recording over time: see `Imu.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(recording_figure(imu, units=units), path=path)
@@ -260,28 +217,7 @@ def plot_recording(
 def plot_components(
     simulated: SimulatedSignal, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
 ) -> MatplotlibFigure:
-    """Draw a simulated signal over time and, under it, the latent processes that it is the sum of.
-
-    Parameters
-    ----------
-    simulated : SimulatedSignal
-        From `simulate_signal`, or an axis of `simulate(…, components=True)`. Gravity is taken off the signal, and the
-        title says so; the panels have one scale, unless one would be flat.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg; another unit stays as it is.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If an option is unknown or cannot be had for this signal.
-    """
+    """Draw a simulated signal and its latent processes: see `SimulatedSignal.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(components_figure(simulated, units=units), path=path)

@@ -121,8 +121,8 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
 
 
 def _kind(process: type[Process] | Process) -> str:
-    """What two parametrisations of one process have in common, and two orders of one family."""
-    return process.family or process.name.partition("(")[0]
+    """The name that the parametrisations of one process share, and the orders of one ordered process."""
+    return process.parametrises or process.name.partition("(")[0]
 
 
 def _settled() -> dict[str, int]:

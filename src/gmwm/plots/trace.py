@@ -66,7 +66,9 @@ class Trace:
 
     def less(self, amount: float) -> Trace:
         """The trace without a constant."""
-        return Trace(self.seconds, self.y - amount, self.low - amount, self.high - amount, self.mean - amount)
+        return Trace(
+            self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount
+        )
 
 
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Trace:
@@ -83,7 +85,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Tra
         y += [factor * signal.values[index], np.array([math.nan])]
     shown: Vector = np.concatenate(y)[:-1]
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
-    return Trace(np.concatenate(seconds)[:-1], shown, low, high, factor * float(np.mean(signal.values)))
+    return Trace(np.concatenate(seconds)[:-1], shown, low=low, high=high, mean=factor * float(np.mean(signal.values)))
 
 
 def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
@@ -91,7 +93,7 @@ def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trac
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
-    return Trace(index / rate, y, float(np.nanmin(y)), float(np.nanmax(y)), mean)
+    return Trace(index / rate, y, low=float(np.nanmin(y)), high=float(np.nanmax(y)), mean=mean)
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
@@ -145,7 +147,7 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Stretches of samples that are drawn as one line, with their shares of the columns.
+    """Runs of samples that are drawn as one line, with their shares of the columns.
 
     A gap that is narrower than a column has nowhere to be seen.
     """

@@ -64,7 +64,9 @@ def tracks_figure(
     if record and np.any(np.isfinite(tracks.data)):
         panel, less = _record_panel(tracks, shown)
         panels.append(panel)
-    panels += [_track_panel(_Drawn(tracks, label, known.get(label), level, shown), less) for label in chosen]
+    panels += [
+        _track_panel(_Drawn(tracks, label, truth=known.get(label), level=level, shown=shown), less) for label in chosen
+    ]
     stacked = [replace(panel, x=quiet(panel.x)) for panel in panels[:-1]] + panels[-1:]
     height = max(min(46.0, 235.0 / len(panels)), 22.0)
     return Figure(
@@ -93,14 +95,14 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
     scale = 10.0**power
     y = even_axis(one.low / scale, one.high / scale, _height_label(tracks, shown, power), margin=0.06, at_most=5)
     times, record = one.seconds / size, one.y / scale
-    marks: list[Mark] = [Line(times, record, RECORD, "Record", BEHIND)]
+    marks: list[Mark] = [Line(times, record, stroke=RECORD, label="Record", layer=BEHIND)]
     lone = isolated(record)
     if np.any(lone):
-        marks.append(Line(times[lone], record[lone], Stroke(PALE, 0.0, symbol="circle"), "", BEHIND))
+        marks.append(Line(times[lone], record[lone], stroke=Stroke(PALE, 0.0, symbol="circle"), label="", layer=BEHIND))
     bias = _there(tracks, BIAS)
     index = extremes_there(bias, COLUMNS)
     path = (shown.factor * bias[index] - mean) / scale
-    marks.append(Line(index / tracks.rate / size, path, TRACK, WORDS[tracks.kind], FRONT))
+    marks.append(Line(index / tracks.rate / size, path, stroke=TRACK, label=WORDS[tracks.kind], layer=FRONT))
     name = axis_title(tracks.axis) or "Record"
     return Panel(x, y, tuple(marks), _less(f"{name} and its bias: {model_text(tracks.model.terms)}", mean, shown)), mean
 
@@ -111,7 +113,7 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
     mean = shown.factor * _there(tracks, drawn.label)
     lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
     truth = None if drawn.truth is None else shown.factor * drawn.truth
-    low, high = _ends(tracks, drawn.label, lower, upper, truth)
+    low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
     # Only what holds the level of the record holds what was taken off it.
     less = less if abs(low - less) < abs(low) else 0.0
     if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
@@ -124,14 +126,30 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
     first = _first_time(tracks) / size
     place, below, above = envelope((lower - less) / scale, (upper - less) / scale, COLUMNS)
     marks: list[Mark] = [
-        Band(first + place / tracks.rate / size, below, above, BLUE, 0.25, f"{100 * drawn.level:g} % interval", BAND),
+        Band(
+            x=first + place / tracks.rate / size,
+            lower=below,
+            upper=above,
+            colour=BLUE,
+            opacity=0.25,
+            label=f"{100 * drawn.level:g} % interval",
+            layer=BAND,
+        ),
     ]
     curves: list[tuple[Vector, Stroke, str, int]] = [(mean, TRACK, WORDS[tracks.kind], MIDDLE)]
     if truth is not None:
         curves.append((truth, TRUTH, "Truth", BEHIND if _dense(truth, high - low) else ABOVE))
     for values, stroke, label, layer in curves:
         index = extremes_there(values, COLUMNS)
-        marks.append(Line(first + index / tracks.rate / size, (values[index] - less) / scale, stroke, label, layer))
+        marks.append(
+            Line(
+                first + index / tracks.rate / size,
+                (values[index] - less) / scale,
+                stroke=stroke,
+                label=label,
+                layer=layer,
+            )
+        )
     return Panel(x, y, tuple(marks), _less(_title(tracks, drawn.label, shown), less, shown))
 
 
@@ -233,50 +251,7 @@ def plot_tracks(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the record with its bias, and under it the bias, or other tracks, each at its own scale with its band.
-
-    The line of the record is broken where samples are missing, a track is not; what is infinitely uncertain is not
-    drawn. Of a prediction there is no record.
-
-    Parameters
-    ----------
-    tracks : Tracks
-        From `filter`, `smooth` or `predict`.
-    labels : str or sequence of str, optional
-        The tracks, a panel each; the bias by default.
-    truth : mapping of label to (N,) array, or (N,) array, optional
-        The true paths, in the unit of the record, where they are known, over the tracks, or, where they fill an area,
-        under them; one array is that of the bias.
-    level : float
-        The probability with which a band holds the process, sample by sample; parameters count as known.
-    units : "si" or "datasheet"
-        rad/s and m/s², or deg/h and mg; another unit stays as it is.
-    ax : matplotlib Axes, optional
-        Draw one track there, without the record; a new figure by default.
-    path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
-
-    Raises
-    ------
-    OptionError
-        If a label or an option is unknown, a true path does not fit the track, or the picture cannot be drawn there.
-    DataError
-        If a true path is not a vector of real numbers.
-
-    Examples
-    --------
-    >>> from gmwm import simulate_signal
-    >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, seed=1)
-    >>> tracks = made.model.smooth(made.signal)
-    >>> picture = tracks.plot(truth=made["RW"])
-    >>> [axes.get_title() for axes in picture.axes]
-    ['Record and its bias: WN + RW', 'Bias: RW']
-    """
+    """Draw tracks with their bands: see `Tracks.plot`."""
     from gmwm.plots.matplotlib import draw
 
     figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

@@ -1,6 +1,6 @@
 """Noise processes and their sums: theory only, no data.
 
-The modules imported here are the families; their order is the order in which processes are shown.
+The modules imported here define the processes; their order is the order in which processes are shown.
 """
 
 from gmwm.processes.noise import WN as WN, QN as QN  # isort: skip
@@ -18,7 +18,7 @@ from gmwm.processes.model import ModelLike as ModelLike
 from gmwm.processes.model import as_model as as_model
 from gmwm.processes.ordered import Ordered as Ordered
 from gmwm.processes.ordered import every_class as every_class
-from gmwm.processes.ordered import families as families
+from gmwm.processes.ordered import ordered_classes as ordered_classes
 from gmwm.processes.parameter import Branch as Branch
 from gmwm.processes.parameter import Fixed as Fixed
 from gmwm.processes.parameter import Parameter as Parameter

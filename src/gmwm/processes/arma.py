@@ -184,7 +184,7 @@ class SARMA(_Arma, abstract=True):
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:
-    """The class of these orders p, q, P and Q, in the simplest of the families."""
+    """The class of these orders p, q, P and Q, of the simplest ordered process."""
     p, q, seasonal_p, seasonal_q = orders
     if seasonal_p + seasonal_q:
         return SARMA.of(p, q, seasonal_p, seasonal_q, period)

@@ -86,8 +86,8 @@ class Process(ABC):
     """Whether a sum can hold several: only where their shapes can differ."""
     stationary: ClassVar[bool] = True
     """Whether it has an autocovariance."""
-    family: ClassVar[str | None] = None
-    """Processes of one family are one process in two parametrisations; a model uses one of them."""
+    parametrises: ClassVar[str | None] = None
+    """Name of the process that several classes parametrise; a model may use one of these classes only."""
 
     def __init_subclass__(cls, *, register: bool = True, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

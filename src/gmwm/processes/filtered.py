@@ -66,10 +66,7 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
     """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,): 0 from two vanishing moments on."""
-    if filter.vanishing_moments > 1:
-        return np.zeros(levels.size)
-    moment = float(np.arange(filter.length) @ filter.wavelet) / np.sqrt(2.0)
-    return np.asarray(np.ldexp(moment * moment, 2 * (levels - 1)))
+    return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
 def without_zero(filter: WaveletFilter) -> Vector:

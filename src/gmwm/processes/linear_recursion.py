@@ -37,13 +37,13 @@ _MANY = 2.5
 
 
 class Lagged(Ordered, abstract=True, listed=False):
-    """The theory, for whatever of the four polynomials a family has."""
+    """The theory, for whatever of the four polynomials a class has."""
 
     scale_of = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
 
     @classmethod
     def full_orders(cls) -> tuple[int, int, int, int, int]:
-        """p, q, P, Q and the period s, which is 1 where the family has none."""
+        """p, q, P, Q and the period s, which is 1 for a class without one."""
         by_name = dict(zip((p.name for p in cls.polynomials), cls.orders, strict=False))
         p, q, seasonal_p, seasonal_q = (by_name.get(name, 0) for name in _PLACES)
         return p, q, seasonal_p, seasonal_q, cls.orders[-1] if cls.period_name is not None else 1

@@ -25,7 +25,7 @@ from gmwm.processes.walk import RW
 from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
 
-_FAMILY = "first-order Markov"
+_PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
 """Correlation times in a record, up to which intervals hold the truth less often than they say: the study `short`."""
@@ -87,7 +87,7 @@ class _Markov(Process, abstract=True):
     """Theory common to both: marginal variance s², φ = ±e^(−λ)."""
 
     repeatable = True
-    family = _FAMILY
+    parametrises = _PROCESS
 
     @abstractmethod
     def _pole(self, rate: float) -> tuple[float, float, float]:
@@ -249,7 +249,7 @@ class AR1(_Markov):
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """σ² and φ, see `_drawn`."""
-        drawn = _drawn(occasion, rng, draws, before[-1][:, 0] if before else None, len(before))
+        drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
     def _pole(self, rate: float) -> tuple[float, float, float]:
@@ -341,7 +341,7 @@ class GM(_Markov):
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
         """σ² and β of the φ = e^(−βΔt) that is drawn, see `_drawn`."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
-        drawn = _drawn(occasion, rng, draws, phi, len(before))
+        drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
         # A φ of zero is white noise, for which β is infinite.
         decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])

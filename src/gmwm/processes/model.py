@@ -8,31 +8,28 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, groupby
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm._late import LateMethod
 from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
+from gmwm.processes.kalman_methods import KalmanMethods
 from gmwm.processes.parameter import Fixed, Value
 from gmwm.processes.validation import as_paths, as_rng, shape_of_paths
+from gmwm.signals import Signal
 from gmwm.statespace import StateSpace
-
-if TYPE_CHECKING:
-    from gmwm.likelihood.innovations import Residuals
-    from gmwm.likelihood.tracks import Tracks
 
 MOST_TERMS = 100
 """A sum with more terms than this is a slip of the pen: no record has that many levels."""
 
 
 @dataclass(frozen=True, repr=False)
-class Model:
+class Model(KalmanMethods):
     """A sum of independent latent processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
 
     Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`.
@@ -67,16 +64,17 @@ class Model:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "processes", tuple(self.processes))
-        for process in self.processes:
+        given: tuple[object, ...] = self.processes
+        for process in given:
             if not isinstance(process, Process):
-                made = f"; write {process.name}()" if isinstance(process, type) else ""
+                made = f"; write {process.name}()" if isinstance(process, type) and issubclass(process, Process) else ""
                 raise ModelError(f"a model is a sum of processes, as GM() + WN(); got {process!r}{made}")
         if not self.processes:
             raise ModelError("a model needs at least one process, got none; write WN(), say")
         if len(self.processes) > MOST_TERMS:
             raise ModelError(f"a model has at most {MOST_TERMS} terms, got {len(self.processes)}")
         _check_repeats(self.processes)
-        _check_families(self.processes)
+        _check_parametrisations(self.processes)
 
     @classmethod
     def parse(cls, text: str) -> Model:
@@ -120,7 +118,7 @@ class Model:
         return {f"{t}.{p.name}": p.unit(signal_unit) for t, process in self._labelled() for p in process.parameters}
 
     @property
-    def fixed(self) -> frozenset[str]:
+    def fixed_names(self) -> frozenset[str]:
         """Labels of the parameters that are held."""
         return frozenset(
             f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
@@ -281,27 +279,54 @@ class Model:
         """Whether every term has this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
 
-    # --- data, by the Kalman filter -------------------------------------------------------------------
+    # --- data, by the Kalman filter: `KalmanMethods` has the others ---------------------------------------
 
-    filter: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:filter_tracks",
-        "The hidden processes in a record, each sample from those up to it: filter(x, rate).",
-    )
-    smooth: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:smooth_tracks",
-        "The hidden processes in a record, from all its samples: smooth(x, rate).",
-    )
-    predict: ClassVar[LateMethod[..., Tracks]] = LateMethod(
-        "gmwm.likelihood.tracks:predict_tracks", "What follows a record: predict(x, steps, rate)."
-    )
-    residuals: ClassVar[LateMethod[..., Residuals]] = LateMethod(
-        "gmwm.likelihood.innovations:residuals",
-        "Standardised innovations of a record, and their tests: residuals(x, rate).",
-    )
-    loglikelihood: ClassVar[LateMethod[..., float]] = LateMethod(
-        "gmwm.likelihood.estimator:loglikelihood",
-        "The exact Gaussian log-likelihood of a record: loglikelihood(x, rate).",
-    )
+    def loglikelihood(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> float:
+        """Compute the exact Gaussian log-likelihood of a recording, by the Kalman filter.
+
+            log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t]
+
+        v_t are the innovations and S_t their variances. Unknown levels (the mean of the recording, the level of a
+        random walk) have a flat prior and are integrated out, which equals an exact diffuse initialisation.
+
+        Parameters
+        ----------
+        data : Signal or (N,) array
+            The recording. Gaps of a signal are missing samples; in an array, NaN marks a missing sample.
+        rate : float, optional
+            Sampling rate (Hz); needed with an array only.
+        mean : float, optional
+            Mean of the recording, in its unit, if it is known; unknown by default.
+
+        Returns
+        -------
+        float
+            The natural logarithm of the density of the samples that are present.
+
+        Raises
+        ------
+        ModelError
+            If a parameter has no value, or the model predicts a sample without error.
+        MissingTheoryError
+            If a term has no state-space form, such as flicker noise.
+        DataError, OptionError
+            If the data, the rate or the mean is invalid.
+
+        References
+        ----------
+        Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapters 5 and 7.
+
+        Examples
+        --------
+        >>> from gmwm.processes import WN
+        >>> x = WN(sigma2=1.0).simulate(1000, 100.0, rng=1)
+        >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
+        >>> bool(np.isclose(Model((WN(sigma2=1.0),)).loglikelihood(x, 100.0, mean=0.0), reference, rtol=1e-13))
+        True
+        """
+        from gmwm.likelihood.estimator import loglikelihood
+
+        return loglikelihood(self, data, rate, mean=mean)
 
     # --- simulation -----------------------------------------------------------------------------------
 
@@ -467,13 +492,13 @@ def _hold_the_same_shape(a: Process, b: Process) -> bool:
     return held and not (a.is_fixed(scale) and b.is_fixed(scale))
 
 
-def _check_families(processes: tuple[Process, ...]) -> None:
+def _check_parametrisations(processes: tuple[Process, ...]) -> None:
     chosen: dict[str, str] = {}
     for process in processes:
-        if process.family is not None and chosen.setdefault(process.family, process.name) != process.name:
-            first = chosen[process.family]
+        if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
+            first = chosen[process.parametrises]
             raise ModelError(
-                f"{first} and {process.name} are one process ({process.family}) in two parametrisations; "
+                f"{first} and {process.name} are one process ({process.parametrises}) in two parametrisations; "
                 f"write all such terms as {first}, or all as {process.name}"
             )
 

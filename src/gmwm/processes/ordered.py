@@ -1,7 +1,7 @@
-"""Families of processes whose number of parameters is part of the name: AR(2) is a class of its own.
+"""Processes whose number of parameters is part of the name: AR(2) is a class of its own.
 
-A family is an abstract class; the classes of its orders are made when they are first asked for, and kept. They are
-processes like any other, but not in the registry, which would have no end.
+An ordered process is an abstract class; the classes of its orders are made when they are first asked for, and kept.
+They are processes like any other, but not in the registry, which would have no end.
 """
 
 from __future__ import annotations
@@ -20,28 +20,28 @@ from gmwm.errors import ModelError
 from gmwm.processes.base import Process, registry
 from gmwm.processes.parameter import Fixed, Parameter, Value
 
-families: dict[str, type[Ordered]] = {}
-"""Every family by name, in the order in which they are shown."""
+ordered_classes: dict[str, type[Ordered]] = {}
+"""Every ordered process by name, in the order in which they are shown."""
 
 MOST_LAGS = 60
 """Lags that a process may reach back over at most."""
 
 
 def every_class() -> dict[str, type[Process]]:
-    """Every registered process and, of each family, those of a few orders, by name: what laws are tested on."""
-    examples = (family.of(*orders) for family in families.values() for orders in family.examples)
+    """Every registered process and a few orders of each ordered process, by name: what laws are tested on."""
+    examples = (ordered.of(*orders) for ordered in ordered_classes.values() for orders in ordered.examples)
     return {**registry, **{process.name: process for process in examples}}
 
 
 def find_class(name: str) -> type[Process] | None:
-    """The class of this name, registered or of a family, "ARMA(2,1)"; None if there is none.
+    """The class of this name, registered or of an ordered process, "ARMA(2,1)"; None if there is none.
 
     >>> find_class("WN").title
     'White noise'
     """
-    family, bracket, orders = name.rstrip(")").partition("(")
-    if family in families and bracket and all(order.isdigit() for order in orders.split(",")):
-        return families[family].of(*map(int, orders.split(",")))
+    ordered, bracket, orders = name.rstrip(")").partition("(")
+    if ordered in ordered_classes and bracket and all(order.isdigit() for order in orders.split(",")):
+        return ordered_classes[ordered].of(*map(int, orders.split(",")))
     return registry.get(name)
 
 
@@ -81,7 +81,7 @@ class Coefficients:
 
 
 class Ordered(Process, abstract=True):
-    """A family of processes. A subclass gives its polynomials and the theory, for any orders.
+    """A process with orders. A subclass gives its polynomials and the theory, for any orders.
 
     Written with orders, `AR(2)`, to be estimated, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`; or by coefficients,
     `AR(phi=[1.4, -0.6], sigma2=1.0)`. Each gives an instance of the class of its orders, `AR.of(2)`.
@@ -90,24 +90,24 @@ class Ordered(Process, abstract=True):
     polynomials: ClassVar[tuple[Coefficients, ...]]
     """Its polynomials, in the order in which their orders are written."""
     period_name: ClassVar[str | None] = None
-    """What the period is called, which is written last among the orders; None in a family without one."""
+    """What the period is called, which is written last among the orders; None for a process without one."""
     scale_of: ClassVar[Parameter]
     """The scale parameter, the last one."""
     examples: ClassVar[tuple[tuple[int, ...], ...]]
     """Orders on which the laws are tested."""
-    family_class: ClassVar[type[Ordered]]
-    """The family."""
+    order_class: ClassVar[type[Ordered]]
+    """The class without orders."""
     orders: ClassVar[tuple[int, ...]]
-    """Orders of a class of the family."""
+    """The orders of this class."""
     _made: ClassVar[dict[tuple[int, ...], type[Any]]]
 
     def __init_subclass__(cls, *, abstract: bool = False, listed: bool = True, **kwargs: Any) -> None:
         super().__init_subclass__(abstract=abstract, **kwargs)
         if abstract and listed:
-            cls.family_class, cls.parameters, cls._made = cls, (), {}
-            families[cls.name] = cls
+            cls.order_class, cls.parameters, cls._made = cls, (), {}
+            ordered_classes[cls.name] = cls
 
-    # --- classes of the family ------------------------------------------------------------------------
+    # --- classes of the orders ------------------------------------------------------------------------
 
     @classmethod
     def order_names(cls) -> tuple[str, ...]:
@@ -117,8 +117,8 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def written(cls) -> str:
-        """How a process of the family is written: "ARMA(p, q)"."""
-        return f"{cls.family_class.name}({', '.join(cls.order_names())})"
+        """How the process is written: "ARMA(p, q)"."""
+        return f"{cls.order_class.name}({', '.join(cls.order_names())})"
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
@@ -129,11 +129,11 @@ class Ordered(Process, abstract=True):
         ModelError
             If there is none: orders that are missing, negative, all zero, or too large.
         """
-        family = cls.family_class
-        key = family._checked_orders(orders)
-        if key not in family._made:
-            family._made[key] = family._new(key)
-        return family._made[key]
+        ordered = cls.order_class
+        key = ordered._checked_orders(orders)
+        if key not in ordered._made:
+            ordered._made[key] = ordered._new(key)
+        return ordered._made[key]
 
     @classmethod
     def _checked_orders(cls, orders: Iterable[object]) -> tuple[int, ...]:
@@ -163,7 +163,7 @@ class Ordered(Process, abstract=True):
     @classmethod
     @abstractmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """ModelError where the family has no process of these orders, naming the way out."""
+        """ModelError if there is no process of these orders, naming the way out."""
 
     @classmethod
     def _new(cls, orders: tuple[int, ...]) -> type[Any]:
@@ -189,7 +189,7 @@ class Ordered(Process, abstract=True):
 
     def __new__(cls, *orders: int, **values: Any) -> Self:
         """An instance of the class of these orders, or of as many coefficients as there are."""
-        if cls.family_class is cls:
+        if cls.order_class is cls:
             found = cls.of(*cls._orders_of(orders, values))
         else:
             if orders and cls._orders_of(orders, values) != cls.orders:
@@ -220,7 +220,7 @@ class Ordered(Process, abstract=True):
         except ModelError:
             # All coefficients together have the better words, if they are numbers.
             numbers = [value for value in self.values.values() if value is not None]
-            if all(isinstance(value, Real) and math.isfinite(value) for value in numbers):
+            if all(isinstance(value, float | Real) and math.isfinite(value) for value in numbers):
                 self.check_values()
             raise
         self.check_values()
@@ -248,18 +248,18 @@ class Ordered(Process, abstract=True):
         for polynomial, order in zip(cls.polynomials, given, strict=False):
             if counts.get(polynomial.order, order) != order:
                 raise ModelError(
-                    f"{_name(cls.family_class, tuple(given))} has {polynomial.order} = {order!r}, but "
+                    f"{_name(cls.order_class, tuple(given))} has {polynomial.order} = {order!r}, but "
                     f"{polynomial.name} has {counts[polynomial.order]} values; give orders or coefficients"
                 )
         return tuple(given)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _again, (self.family_class, self.orders, {p.name: getattr(self, p.name) for p in self.parameters})
+        return _again, (self.order_class, self.orders, {p.name: getattr(self, p.name) for p in self.parameters})
 
     def __str__(self) -> str:
         given = [f"{p.name}={v!r}" for p in self.parameters if (v := getattr(self, p.name)) is not None]
         orders = [str(n) for n in self.orders]
-        return f"{self.family_class.name}({', '.join([*orders, *given])})" if given else self.name
+        return f"{self.order_class.name}({', '.join([*orders, *given])})" if given else self.name
 
     def coefficients(self, name: str) -> list[float | None]:
         """Values of the coefficients called `name` and a number, held or not; None where they are to be estimated."""
@@ -267,12 +267,12 @@ class Ordered(Process, abstract=True):
         return [values[p.name] for p in self.nonlinear_parameters() if p.name.rstrip("0123456789") == name]
 
 
-def _again(family: type[Ordered], orders: tuple[int, ...], values: dict[str, Value]) -> Ordered:
-    return family.of(*orders)(**values)
+def _again(ordered: type[Ordered], orders: tuple[int, ...], values: dict[str, Value]) -> Ordered:
+    return ordered.of(*orders)(**values)
 
 
-def _name(family: type[Ordered], orders: tuple[int, ...]) -> str:
-    return f"{family.name}({','.join(map(str, orders))})"
+def _name(ordered: type[Ordered], orders: tuple[int, ...]) -> str:
+    return f"{ordered.name}({','.join(map(str, orders))})"
 
 
 def _is_given(values: Mapping[str, Any], name: str) -> bool:

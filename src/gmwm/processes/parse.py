@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 from gmwm.errors import ModelError
 from gmwm.processes.base import Process, registry
 from gmwm.processes.model import MOST_TERMS, Model
-from gmwm.processes.ordered import Ordered, families
+from gmwm.processes.ordered import Ordered, ordered_classes
 from gmwm.processes.parameter import Fixed, Value
 
 _TOKEN = re.compile(
@@ -109,7 +109,7 @@ class _Reader:
         token = self._advance()
         if token.kind != "name":
             self._fail(token, f"expected a process, one of {_known()}")
-        by_key = {name.casefold(): process for name, process in {**registry, **families}.items()}
+        by_key = {name.casefold(): process for name, process in {**registry, **ordered_classes}.items()}
         process = by_key.get(token.text.casefold())
         if process is None:
             self._fail(token, f"no process of this name; there are {_known()}")
@@ -132,20 +132,20 @@ class _Reader:
         except ModelError as error:
             self._fail(token, str(error))
 
-    def _orders(self, family: type[Ordered]) -> list[int]:
+    def _orders(self, ordered: type[Ordered]) -> list[int]:
         orders: list[int] = []
-        while self._next.kind == "number" or (self._next.text == family.period_name and orders):
-            if self._take_name(family.period_name):
-                self._expect("=", f"after {family.period_name}")
+        while self._next.kind == "number" or (self._next.text == ordered.period_name and orders):
+            if self._take_name(ordered.period_name):
+                self._expect("=", f"after {ordered.period_name}")
             token = self._advance()
             if not token.text.isdigit():
-                self._fail(token, f"expected an order, a whole number, as in {family.written()}")
+                self._fail(token, f"expected an order, a whole number, as in {ordered.written()}")
             orders.append(int(token.text[:9]))
             if self._next.text != ")":
                 self._expect(",", "between orders and parameters")
         return orders
 
-    def _coefficients(self, family: type[Ordered]) -> dict[str, Any]:
+    def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
         """What a process without orders is written with: lists of coefficients, single parameters, named orders."""
         given: dict[str, Any] = {}
         while not self._take(")"):
@@ -153,14 +153,14 @@ class _Reader:
                 self._expect(",", "between parameters")
             token = self._advance()
             if token.kind != "name":
-                self._fail(token, f'expected coefficients by name, as {family.polynomials[0].name}=[…], or ")"')
+                self._fail(token, f'expected coefficients by name, as {ordered.polynomials[0].name}=[…], or ")"')
             if token.text in given:
                 self._fail(token, "this is given twice")
             self._expect("=", f"after {token.text}")
-            if token.text in family.order_names():
+            if token.text in ordered.order_names():
                 number = self._advance()
                 if not number.text.isdigit():
-                    self._fail(number, f"expected an order, a whole number, as in {family.written()}")
+                    self._fail(number, f"expected an order, a whole number, as in {ordered.written()}")
                 given[token.text] = int(number.text[:9])
             else:
                 given[token.text] = self._list() if self._take("[") else self._value()
@@ -247,4 +247,4 @@ class _Reader:
 
 
 def _known() -> str:
-    return ", ".join([*registry, *(family.written() for family in families.values())])
+    return ", ".join([*registry, *(ordered.written() for ordered in ordered_classes.values())])

@@ -113,7 +113,7 @@ class PowerLaw(Process, abstract=True):
         n, count = as_paths(n, paths)
         as_rate(rate)
         epsilon, first = self.law
-        return _simulated(epsilon, first, n, as_rng(rng), count).reshape(shape_of_paths(n, paths))
+        return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def missing(self, theory: str) -> MissingTheoryError:
         """The error that says what the process lacks, and for a state space what to take in its place."""
@@ -206,7 +206,7 @@ class PL(PowerLaw):
 
     name = "PL"
     title = "Power-law noise"
-    family = "power law"
+    parametrises = "power law"
     parameters = (
         Parameter("alpha", "α", "exponent of the spectrum", domain="between", limits=(-1.0, 3.0)),
         Parameter("nu2", "ν₁²", "wavelet variance at the first level", signal_power=2, scale_power=1),
@@ -244,7 +244,7 @@ class FGN(PowerLaw):
 
     name = "FGN"
     title = "Fractional Gaussian noise"
-    family = "power law"
+    parametrises = "power law"
     stationary = True
     parameters = (
         Parameter("hurst", "H", "Hurst exponent", domain="between", limits=(0.0, 1.0)),

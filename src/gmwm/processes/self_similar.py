@@ -158,15 +158,20 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
         e = eps[~summed, None]
         tail = np.concatenate([(2 + e) * (1 + e), *(2 * c for c in falling(e, _TERMS - 1))], axis=1)
         near = _bend_rows(e, _REACH * filter.length) - (3 + e)
-        out[~summed] = -0.5 * unit_factor(e) * _carried(e, near, tail, filter, int(levels[-1]), summed=False)
+        out[~summed] = (
+            -0.5 * unit_factor(e) * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=False)
+        )
     if np.any(summed):
         e = eps[summed, None] + 2
         tail = np.concatenate([e, np.zeros((len(e), _TERMS - 1))], axis=1)
         near = e * over_exponent(e, np.log(np.arange(1.0, _REACH * filter.length + 1)))
         near = np.concatenate([np.full((len(e), 1), -1.0), near], axis=1)
-        out[summed] = 0.5 * unit_factor(e - 2) / (e - 2) * _carried(
-            e, near, tail, filter, int(levels[-1]), summed=True
-        )  # fmt: skip
+        out[summed] = (
+            0.5
+            * unit_factor(e - 2)
+            / (e - 2)
+            * _carried(e, near, tail=tail, filter=filter, count=int(levels[-1]), summed=True)
+        )
     return np.asarray(out[:, levels - 1] * powers_of_two(eps, levels))
 
 

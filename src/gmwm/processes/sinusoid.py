@@ -137,7 +137,14 @@ class SIN(Process):
         """Frequency f₀ in Hz and amplitude A = √(2P)."""
         as_rate(rate)
         return (
-            Physical("f_0", "frequency of a line", self.value("frequency"), -1.0, 0, {"frequency": 1.0}),
+            Physical(
+                symbol="f_0",
+                title="frequency of a line",
+                value=self.value("frequency"),
+                time_power=-1.0,
+                signal_power=0,
+                slopes={"frequency": 1.0},
+            ),
             Physical("A", "amplitude of a line", math.sqrt(2.0 * self.scale), 0.0, slopes={"power": 0.5}),
         )
 

@@ -20,11 +20,11 @@ from gmwm.readers import ulog as ulog
 from gmwm.readers import waypoint as waypoint
 from gmwm.readers import xsens as xsens
 from gmwm.readers.api import read
-from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, find_reader, register, registered
+from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, find_reader, register, registered
 from gmwm.readers.parts import Part
-from gmwm.readers.streams import Piece, Stream, stream
+from gmwm.readers.streams import Chunk, Stream, stream
 
 __all__ = [
-    "Channel", "Chunk", "Layout", "Mark", "Part", "Piece", "Reader", "Stream", "find_reader", "read", "register",
+    "Channel", "Chunk", "Layout", "Mark", "Part", "Reader", "Rows", "Stream", "find_reader", "read", "register",
     "registered", "stream",
 ]  # fmt: skip

@@ -1,30 +1,30 @@
-"""`read`: from a file to an Imu, the same way for every format."""
+"""Read a file into an Imu, in the same way for every format."""
 
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, as_rate
 from gmwm._text import counted
-from gmwm.errors import DataError, GmwmWarning, InferredUnitWarning, OptionError, ReadError, TimeBaseWarning
-from gmwm.readers.axis_units import Scales, checked_units, resolve, time_unit
+from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.options import Columns, Gaps, ReadOptions
+from gmwm.readers.axis_units import Scales, resolve, time_unit
 from gmwm.readers.base import Layout, Reader, existing_file, find_reader
-from gmwm.readers.columns import Choice, Columns, choose, described
-from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
+from gmwm.readers.columns import Choice, choose, described
+from gmwm.readers.reading_warnings import of_file, warn
+from gmwm.readers.scale_factors import multiply
 from gmwm.readers.text_stamps import holds_stamps, require_readable
 from gmwm.readers.time_stamps import Timing, as_stamps, beside_stated, timing, unstamped
+from gmwm.remarks import Remark
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.time_ranges import cut
 from gmwm.units import SI_UNIT
-
-Gaps = Literal["keep", "longest"]
 
 
 def read(
@@ -42,61 +42,65 @@ def read(
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
 ) -> Imu:
-    """A static recording from a file, in rad/s and m/s².
+    """Read a static recording from a file, in rad/s and m/s².
 
     Parameters
     ----------
     path : path
-        A file in any of the formats of docs/formats.md; the content decides which, not the name.
+        A file in any of the formats of docs/formats.md. The content decides the format, not the name.
     rate : float, optional
-        Samples per second (Hz). Needed where there are no time stamps; where there are, it must agree with
-        them within 1 %, and is then what counts.
+        Samples per second (Hz). It is needed if the file has no time stamps. If it has, the rate must agree with them
+        within 1 %, and is used instead of theirs.
     columns : mapping or sequence, optional
-        Axis to column name or index (from 0), such as {"gyro_x": "ch1", "time": 0}; None leaves one out. Or
-        the axes in the order of the columns, such as ["time", "gyro_x", None]. By default the usual names
-        in the header are recognised.
+        Axis to column name or index (from 0), such as {"gyro_x": "ch1", "time": 0}; None leaves an axis out. Or the
+        axes in the order of the columns, such as ["time", "gyro_x", None]. By default the usual names in the header are
+        recognised.
     units : mapping, optional
-        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}. It goes before what the file says; what
-        neither says is an error, but for accelerometers whose norm is gravity, and clear time stamps.
+        Any of {"gyro": "deg/s", "accel": "g", "time": "ms"}; it overrides the file. A unit that is neither declared nor
+        stated is an error, except for accelerometers whose norm is gravity, and for time stamps that are plausible in
+        one unit only.
     gaps : "keep" or "longest"
-        Keep all segments between gaps, or the longest one only. Segments are never glued.
+        Keep all segments between gaps, or only the longest one.
     format : str, optional
-        Name of the reader, where the content should not decide, or cannot: "imu:LN200" for the .imu records of
-        that sensor. `[reader.name for reader in gmwm.readers.registered()]` are all.
+        Name of the reader, if the content cannot decide: "imu:LN200" for the .imu records of that sensor.
+        `[reader.name for reader in gmwm.readers.registered()]` lists all names.
     scale : mapping, optional
-        Factors for raw counts, by axis or for all three of a sensor: {"gyro": 1 / 131, "accel_x": 6.1e-5}. Each
-        number of the file is multiplied by its factor, the result is in the unit of `units` or of the file.
+        Factors for raw counts by axis or sensor, such as {"gyro": 1 / 131, "accel_x": 6.1e-5}. Each number of the file
+        is multiplied by its factor; the result is in the unit of `units` or of the file.
     increments : bool or sequence, optional
-        True, or the sensors or axes whose numbers are integrals over a sample: ["gyro"]. They are multiplied by the
-        rate; their unit is told as that of the rate, "deg/s" for degrees.
+        True, or the sensors or axes whose numbers are integrals over a sample, such as ["gyro"]. They are multiplied by
+        the rate. Declare the unit of the rate, for example "deg/s" for increments in degrees.
     topic : str, optional
-        Which recording of a file that holds several: the topic of a ROS bag. Needed where not exactly one of them is
+        Name of the recording, such as the topic of a ROS bag. It is needed unless exactly one recording of the file is
         known as inertial.
     start, stop : float, optional
-        Leave out what comes before and after these times, in seconds from the first sample: warm-up, handling.
+        Leave out the samples before and after these times, in seconds from the first sample.
     skip : sequence of (from, to)
-        Leave out these stretches of time too, in seconds from the first sample; each leaves a gap.
+        Leave out these ranges of time, in seconds from the first sample; each becomes a gap.
 
     Returns
     -------
     Imu
-        Its `notes` say what was understood, its `time_base` what the stamps are like.
+        Its `remarks` describe how the file was understood, its `time_base` the time stamps.
 
     Raises
     ------
     ReadError, UnitError
-        If the file is not understood; the message says what to pass.
+        If the file cannot be read; the message states which option helps.
     DataError
-        If a channel holds NaN or infinities, is constant, or has fewer than 8 samples.
+        If a column holds NaN or infinities, is constant, or has fewer than 8 samples.
     OptionError
-        If an argument is not one of the values it may take.
+        If an option has a value that it may not have.
 
     Warns
     -----
     InferredUnitWarning
-        If the accelerometers' unit was told from their norm.
+        If the unit of the accelerometers was inferred from their norm.
     TimeBaseWarning
-        If a few time stamps repeat, step backward, or jitter by more than half an interval.
+        If a few time stamps repeat, step backward, or jitter by more than half an interval, or if the time stamps
+        contradict a declared or stated rate.
+    GmwmWarning
+        If the norm of the accelerometers contradicts their unit, or `stop` is after the end of the recording.
 
     Examples
     --------
@@ -109,83 +113,87 @@ def read(
     Imu(gyro_x: 8 samples at 100 Hz, 0.08 s)
     >>> folder.cleanup()
     """
-    if gaps not in ("keep", "longest"):
-        raise OptionError(f"gaps must be 'keep' or 'longest', got {gaps!r}")
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units = checked_units(units)
-    factors, integrals = checked_scale(scale), checked_increments(increments)
+    options = ReadOptions(
+        rate=rate, columns=columns, units={} if units is None else units, gaps=gaps, start=start, stop=stop, skip=skip,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+    )  # fmt: skip
+    return read_file(path, options)
+
+
+def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
+    """The recording in a file, as `read` gives it, by options that are checked."""
+    rate, units = options.rate, options.units
     file = existing_file(path)
-    reader = find_reader(file, format)
-    layout = one_layout(reader, file, topic)
-    choice = choose(layout, columns, file)
-    require_time(layout, choice, declared_rate, file)
+    reader = find_reader(file, options.format)
+    layout = one_layout(reader, file, options.topic)
+    choice = choose(layout, options.columns, file)
+    require_time(layout, choice, rate, file)
     raw = _numbers(reader, file, layout, choice)
-    time, time_notes = timing_of(layout, choice, declared_units, raw, declared_rate)
+    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=rate)
     raw.pop("time", None)
     temperature = raw.pop("temperature", None)
-    scale_notes = multiply(layout, choice, factors, integrals, raw, time.base.rate)
-    scales = resolve(layout, choice, declared_units, raw, time.base.rate, integrals)
-    imu = Imu(
-        _signals(layout, choice, raw, scales, time),
-        str(path),
-        (
-            *layout.notes,
-            *choice.notes,
-            *scale_notes,
-            *scales.notes,
-            *scales.inferred,
-            *time_notes,
-            *time.notes,
-            *time.troubles,
-        ),
-        time.base,
-        temperature,
+    integrals, base_rate = options.integrals, time.base.rate
+    scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=raw, rate=base_rate)
+    scales = resolve(layout, choice, declared=units, values=raw, rate=base_rate, increments=integrals)
+    remarks = of_file(
+        (*layout.remarks, *choice.remarks, *scale_remarks, *scales.remarks, *time_remarks, *time.remarks), file
     )
-    for category, sentences in (
-        (InferredUnitWarning, scales.inferred),
-        (GmwmWarning, scales.doubts),
-        (TimeBaseWarning, time.troubles),
-    ):
-        for sentence in sentences:
-            warnings.warn(f"{file}: {sentence}", category, stacklevel=2)
-    if start is not None or stop is not None or skip:
-        imu = cut(imu, start, stop, skip)
-    return imu.longest() if gaps == "longest" else imu
+    signals = _signals(layout, choice, raw=raw, scales=scales, time=time)
+    imu = Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=temperature)
+    warn(remarks, stacklevel=3)
+    if options.stretches is not None:
+        imu = cut(imu, options.start, options.stop, options.skip)
+    return imu.longest() if options.gaps == "longest" else imu
 
 
 def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
-    """The recording that is read: the one asked for, or the only one that is inertial."""
+    """Choose the recording to read: the one named `topic`, or the only one that is inertial.
+
+    Raises
+    ------
+    OptionError
+        If there is no recording of this name, or several.
+    ReadError
+        If the choice is not unique without a name, or the recording cannot be read.
+    """
     layouts = reader.layouts(path)
     if topic is not None:
         named = [layout for layout in layouts if layout.topic == topic]
         if len(named) == 1:
-            return _understood(named[0], path)
-        what = f"has {len(named)} recordings with the topic {topic!r}" if named else f"has no topic {topic!r}"
-        raise OptionError(f"{path} {what}; its topics: {_topics(layouts)}")
+            return _readable(named[0], path)
+        what = f"{len(named)} topics {topic!r}" if named else f"no topic {topic!r}"
+        raise OptionError(f"{path} has {what}. Its topics: {_topics(layouts)}", argument="topic", got=topic)
     fitting = [layout for layout in layouts if layout.inertial] if len(layouts) > 1 else layouts
     if len(fitting) == 1:
-        return _understood(fitting[0], path)
+        return _readable(fitting[0], path)
     if not fitting:
         raise ReadError(
-            f"{path} holds {len(layouts)} recordings, none of them known as inertial; choose one with topic= and say "
-            f"which of its columns are which axes with columns=. Its topics: {_topics(layouts)}"
+            f"{path} holds {len(layouts)} recordings, none of them known as inertial. Its topics: {_topics(layouts)}",
+            advice="Choose one with {--topic}, and name its axes with {--columns}.",
         )
     raise ReadError(
-        f"{path} holds {len(fitting)} recordings, expected one; choose one with topic=: {_topics(fitting)}"
-        f"{_apart(fitting)}"
+        f"{path} holds {len(fitting)} recordings: {_topics(fitting)}",
+        advice="Choose one with {--topic}." + _APART if _apart(fitting) else "Choose one with {--topic}.",
     )
 
 
-def _understood(layout: Layout, path: Path) -> Layout:
-    """A layout with columns; without any it says why."""
-    if layout.channels:
-        return layout
-    reason = "; ".join(layout.notes) or "no columns"
-    raise ReadError(reason if reason.startswith(str(path)) else f"{path}: {reason}")
+def _readable(layout: Layout, path: Path) -> Layout:
+    """The layout, if it has columns.
+
+    Raises
+    ------
+    ReadError
+        If the recording cannot be read.
+    """
+    if layout.unreadable is not None:
+        raise layout.unreadable
+    if not layout.channels:
+        raise ReadError(f"{path} has no columns")
+    return layout
 
 
 def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
-    """Topics with the axes in them."""
+    """Topics with their axes, for a message."""
     named = []
     for layout in layouts[:most]:
         axes = [channel.axis for channel in layout.channels if channel.axis in AXES]
@@ -193,29 +201,40 @@ def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
     return ", ".join(named) + (f" and {len(layouts) - most} more" if len(layouts) > most else "") or "none"
 
 
-def _apart(layouts: Sequence[Layout]) -> str:
-    """A remark where gyroscopes and accelerometers stand in recordings of their own."""
+_APART = " Gyroscopes and accelerometers with different clocks are read and calibrated one after the other."
+
+
+def _apart(layouts: Sequence[Layout]) -> bool:
+    """Whether one recording has only gyroscopes and another only accelerometers."""
     sensors = [{channel.axis[:-2] for channel in layout.channels if channel.axis in AXES} for layout in layouts]
-    if any(sensor == {"gyro"} for sensor in sensors) and any(sensor == {"accel"} for sensor in sensors):
-        return ". Gyroscopes and accelerometers with clocks of their own are read and calibrated one after the other"
-    return ""
+    return {"gyro"} in sensors and {"accel"} in sensors
 
 
 def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path) -> None:
-    """There must be stamps or a rate, and the stamps must be numbers, dates with times, or times of day."""
+    """Require time stamps or a rate, and time stamps that are numbers, dates with times, or times of day.
+
+    Raises
+    ------
+    ReadError
+        If there is neither, or the time stamps cannot be read.
+    """
     for role, column in choice.columns.items():
         if role != "time" and holds_stamps(layout, column):
             raise ReadError(
                 f"{column_words(layout, choice, role, path)} holds dates and times ({layout.first_row[column]!r}), "
-                "expected numbers; name another column for it with columns="
+                "expected numbers",
+                advice="Name another column for it with {--columns}.",
             )
     if "time" not in choice.columns:
         if rate is None and layout.stray_time:
-            raise ReadError(f"{path}: {layout.stray_time}; repair the file, or pass rate= to read it without stamps")
+            raise ReadError(
+                f"{path}: {layout.stray_time}",
+                advice="Repair the file, or pass {--rate} to read it without time stamps.",
+            )
         if rate is None and layout.rate is None:
             raise ReadError(
-                f"{path} has no time column (found: {described(layout)}), so rate= is needed (samples per "
-                'second); or name the time column: columns={"time": "<column name or index>"}'
+                f"{path} has no time column. Its columns: {described(layout)}",
+                advice="Pass the samples per second with {--rate}, or name the time column with {--columns}.",
             )
         return
     k = choice.columns["time"]
@@ -224,7 +243,13 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
 
 
 def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict[str, NDArray[Any]]:
-    """The numbers of each role in one array, checked: finite, long enough, not constant."""
+    """The numbers of each role in one array.
+
+    Raises
+    ------
+    DataError
+        If a column is not finite, is too short, or an axis is constant.
+    """
     parts: dict[str, list[NDArray[Any]]] = {role: [] for role in choice.columns}
     for chunk in reader.chunks(path, layout, list(choice.columns.values())):
         for role, k in choice.columns.items():
@@ -233,13 +258,14 @@ def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict
     for role in choice.columns:
         pieces = parts.pop(role)
         column = np.concatenate(pieces) if pieces else np.empty(0)
-        # Only stamps profit from staying integers.
+        # Only time stamps need the precision of integers.
         raw[role] = column if role == "time" else column.astype(np.float64, copy=False)
         _require_usable(raw[role], role, column_words(layout, choice, role, path))
     return raw
 
 
 def _require_usable(column: NDArray[Any], role: str, what: str) -> None:
+    """Require that a column is long enough and finite, and that an axis is not constant."""
     require_samples(column.size, what)
     require_finite_rows(column, what)
     if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):
@@ -247,33 +273,54 @@ def _require_usable(column: NDArray[Any], role: str, what: str) -> None:
 
 
 def require_finite_rows(column: NDArray[Any], what: str, row: int = 0) -> None:
-    """An error where a number is NaN or infinite, with its row; so many rows came before the column's first."""
+    """Require that all numbers are finite.
+
+    Parameters
+    ----------
+    column : (N,) array
+    what : str
+        Name of the column in the message.
+    row : int
+        Number of rows before the first one of the column.
+
+    Raises
+    ------
+    DataError
+        If a number is NaN or infinite; the message states its row.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         suspect = not np.isfinite(np.sum(column))  # one fast pass decides the usual case
     if suspect and (bad := ~np.isfinite(column)).any():
         first, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
         raise DataError(
-            f"{what} is {column[first]} in row {row + first + 1} ({counted(count, 'such row')}); remove these rows, "
-            "their time stamps show the gap, or cut the recording there"
+            f"{what} is {column[first]} in row {row + first + 1} ({counted(count, 'such row')})",
+            advice="Remove these rows. If the file has time stamps, they show the gap.",
         )
 
 
 def require_samples(samples: int, what: str) -> None:
-    """An error where a column is too short for anything."""
+    """Require at least `MINIMUM_SAMPLES` samples of the column `what`.
+
+    Raises
+    ------
+    DataError
+        If there are fewer.
+    """
     if samples < MINIMUM_SAMPLES:
-        raise DataError(f"{what} has {counted(samples, 'sample')}, at least {MINIMUM_SAMPLES} are needed")
+        raise DataError(f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed")
 
 
 def constant(what: str, role: str, value: float, samples: int) -> DataError:
-    """The error of an axis that says nothing."""
+    """The error for an axis that is constant."""
     return DataError(
-        f"{what} is constant ({value:g} in all {samples} samples); is the sensor connected? "
-        f'Leave it out with columns={{"{role}": None}}'
+        f"{what} is constant ({value:g} in all {samples} samples)",
+        advice="Check whether the sensor was connected, or leave the axis out with {--columns=@axis}.",
+        axis=f"{role}:",
     )
 
 
 def column_words(layout: Layout, choice: Choice, role: str, path: Path) -> str:
-    """What a column is called in messages: its file, what it is, and its name in the file."""
+    """Name of a column in messages: the file, the role, and the name in the file."""
     k = choice.columns[role]
     name = layout.channels[k].name or f"number {k}"
     return f"{path}: {role}" + ("" if name == role else f" (column {name!r})")
@@ -285,17 +332,17 @@ def timing_of(
     units: Mapping[str, str],
     raw: Mapping[str, NDArray[Any]],
     rate: float | None,
-) -> tuple[Timing, tuple[str, ...]]:
-    """The time base, and remarks on how the stamps were understood."""
+) -> tuple[Timing, tuple[Remark, ...]]:
+    """The time base, and remarks on the unit or form of the time stamps."""
     if "time" not in raw:
         stated = layout.rate if rate is None else rate
         return unstamped(as_rate(stated), raw[choice.axes[0]].size), ()
-    unit, overruled = time_unit(layout, choice, units)
-    stamps, remark = as_stamps(raw["time"], unit, rate)
+    unit, about_unit = time_unit(layout, choice, units)
+    stamps, about_form = as_stamps(raw["time"], unit, rate)
     found = timing(stamps, rate)
     if rate is None and layout.rate is not None and layout.rate_of_samples:
         found = beside_stated(found, layout.rate)
-    return found, tuple(note for note in (overruled, remark) if note)
+    return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)
 
 
 def _signals(
@@ -309,5 +356,13 @@ def _signals(
         if factor != 1:
             values *= factor
         unit = SI_UNIT[axis_quantity(axis)]
-        signals[axis] = Signal(values, time.base.rate, unit, axis, 0.0, time.segments, time.starts)
+        signals[axis] = Signal(
+            values=values,
+            rate=time.base.rate,
+            unit=unit,
+            axis=axis,
+            start=0.0,
+            segments=time.segments,
+            starts=time.starts,
+        )
     return signals

@@ -1,8 +1,8 @@
-"""Zip archives of text tables, as phones export them: one table a sensor, each with stamps of its own.
+"""Zip archives of text tables, as phones export them: one table for each sensor, each with its own time stamps.
 
-Two tables are one recording only where their rows pair off: one and the same number of rows between two
-pairs, never more than half an interval apart. Then rows at either end that have no partner are left out,
-and nothing is resampled. Tables that do not pair off are recordings of their own, chosen by topic.
+Two tables are joined into one recording only if their rows can be paired one to one, in order, with time stamps that
+differ by at most half an interval. Rows at the ends without a partner are left out, and nothing is resampled. Tables
+that cannot be paired are separate recordings, which are chosen by topic.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._text import listed
 from gmwm.errors import ReadError
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, open_archive
 from gmwm.readers.column_names import named_unit, recognise
 from gmwm.readers.compressed import packed_text
-from gmwm.readers.sensorlogger import REMOVED, WITHOUT_GRAVITY, SensorLoggerReader, sensor
+from gmwm.readers.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
 from gmwm.readers.text import TextReader
+from gmwm.remarks import Remark
 from gmwm.signals import AXES, axis_quantity
 
 _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
@@ -30,7 +30,7 @@ _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
 @dataclass(frozen=True)
 class _Table:
-    """A table in an archive: where it is, who reads it, what is in it."""
+    """A table in an archive: its bytes, its reader and its columns."""
 
     source: MemberSource
     reader: TextReader
@@ -38,16 +38,15 @@ class _Table:
 
     @property
     def quantities(self) -> set[str]:
-        """The sensors in it."""
+        """The quantities in the table, "gyro" and "accel"."""
         axes = {channel.axis or recognise(channel.name).axis for channel in self.layout.channels}
         return {axis_quantity(axis) for axis in axes if axis in AXES}
 
     @property
     def filtered(self) -> bool:
-        """Whether the phone has taken gravity out: then it is its filter's work, not the sensor's.
+        """Whether the phone removed gravity, so that the numbers come from its filter instead of the sensor.
 
-        Applications call that linear acceleration, in words of their own; linear_acceleration is the name of a field
-        in ROS messages, which holds gravity.
+        Applications call this linear acceleration. The field linear_acceleration of ROS messages includes gravity.
         """
         if isinstance(self.reader, SensorLoggerReader):
             return sensor(Path(self.source.member)) == WITHOUT_GRAVITY
@@ -56,20 +55,20 @@ class _Table:
 
     @property
     def time(self) -> int | None:
-        """The column of its stamps, the one that the format names first."""
+        """Index of the first time column."""
         return next(
             (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
         )
 
     def read(self, wanted: Sequence[int]) -> dict[int, NDArray[np.generic]]:
-        """The wanted columns, whole."""
+        """Read all rows of the wanted columns."""
         parts = list(self.reader.rows(self.source, self.layout, wanted))
         return {k: np.concatenate([part[k] for part in parts]) if parts else np.empty(0) for k in wanted}
 
 
 @dataclass(frozen=True)
 class _Pair:
-    """Two tables whose rows pair off: where each begins, and how many rows they share."""
+    """Two tables whose rows are paired: the first paired row of each, and the number of pairs."""
 
     tables: tuple[_Table, _Table]
     first: tuple[int, int]
@@ -84,23 +83,23 @@ class ArchiveReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".zip",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.8 if the file begins as zip archives do: many formats are archives with names of their own."""
+        """0.8 for the signature of zip archives, because other formats are zip archives too."""
         return 0.8 if head.startswith(ZIP) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The two tables of a phone as one recording if they pair off, or each table as one."""
+        """One recording if the rows of the two tables of a phone can be paired; otherwise one for each table."""
         tables = _tables(path)
         gyro, accel = (_of_sensor(tables, quantity) for quantity in ("gyro", "accel"))
         if gyro is not None and accel is not None and gyro is not accel:
             joined = _joined(gyro, accel)
             if joined is not None:
                 others = [table.layout.topic for table in tables if table not in (gyro, accel)]
-                note = (f"tables left out: {listed(others)}",) if others else ()
-                return (replace(joined, notes=(*joined.notes, *note)),)
+                left_out = (Remark.of("left-out", kind="tables", names=tuple(others)),) if others else ()
+                return (replace(joined, remarks=(*joined.remarks, *left_out)),)
         return tuple(replace(table.layout, state=table) for table in tables)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """The numbers of a table, or of two side by side."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """The numbers of one table, or of two paired tables."""
         if isinstance(layout.state, _Table):
             yield from layout.state.reader.rows(layout.state.source, layout.state.layout, wanted)
             return
@@ -115,7 +114,13 @@ class ArchiveReader(Reader):
 
 
 def _tables(path: Path) -> list[_Table]:
-    """The tables in an archive that hold an inertial sensor; the first error where there is none."""
+    """The tables in an archive that hold an inertial sensor.
+
+    Raises
+    ------
+    ReadError
+        If there is none, or a table is damaged.
+    """
     with open_archive(path) as archive:
         names = [info.filename for info in archive.infolist() if not info.is_dir()]
     found, first_error = [], None
@@ -127,13 +132,14 @@ def _tables(path: Path) -> list[_Table]:
         try:
             reader, layout = packed_text(source, Path(inside.name))
         except PackedError:
-            raise  # a table that is damaged is not one that is not there
+            raise  # a damaged table must not be skipped
         except ReadError as error:
             first_error = first_error or error
             continue
         table = _Table(source, reader, replace(layout, topic=str(inside.with_suffix(""))))
-        if table.filtered and REMOVED not in layout.notes:
-            table = replace(table, layout=replace(table.layout, notes=(*layout.notes, REMOVED)))
+        if table.filtered and not any(remark.code == "gravity-removed" for remark in layout.remarks):
+            removed = Remark.of("gravity-removed", table.layout.topic)
+            table = replace(table, layout=replace(table.layout, remarks=(*layout.remarks, removed)))
         if table.quantities or len(names) == 1:
             found.append(table)
     if not found:
@@ -141,14 +147,14 @@ def _tables(path: Path) -> list[_Table]:
             raise first_error
         shown = ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
         raise ReadError(
-            f"{path} holds no table with a known axis; in it: {shown or 'nothing'}. Unpack it, and pass the table "
-            "with columns="
+            f"{path} holds no table with a known axis; its files: {shown or 'none'}",
+            advice="Unpack it, and pass the table with {--columns}.",
         )
     return found
 
 
 def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
-    """The one table of a sensor; of a phone's, the sensor's own and not what its filter has made of it."""
+    """The only table of a sensor, without the tables that a filter of the phone has made; None if there are several."""
     several = [table for table in tables if table.quantities == {quantity}]
     if len(several) > 1:
         own = ("gyroscope", "totalacceleration")
@@ -160,7 +166,7 @@ def _of_sensor(tables: list[_Table], quantity: str) -> _Table | None:
 
 
 def _joined(gyro: _Table, accel: _Table) -> Layout | None:
-    """Both tables as one recording, if their rows pair off."""
+    """Both tables as one recording, if their rows can be paired; None otherwise."""
     if gyro.time is None or accel.time is None or accel.filtered:
         return None
     clocks = [table.layout.channels[k] for table, k in ((gyro, gyro.time), (accel, accel.time))]
@@ -173,26 +179,23 @@ def _joined(gyro: _Table, accel: _Table) -> Layout | None:
         return None
     first, rows = matched
     left = stamps[0].size + stamps[1].size - 2 * rows
-    # The accelerometers' stamps go: the gyroscopes' are the recording's.
+    # The recording has the time stamps of the gyroscopes.
     channels = [
         replace(c, axis="", name=f"{accel.layout.topic}: stamps") if (c.axis or recognise(c.name).axis) == "time" else c
         for c in accel.layout.channels
     ]
-    note = (
-        f"{gyro.layout.topic} and {accel.layout.topic}: rows pair off within half an interval, time from the first; "
-        f"rows at the ends without a partner, left out: {left}"
-    )
+    paired = Remark.of("rows-paired", gyro=gyro.layout.topic, accel=accel.layout.topic, left=left)
     return Layout(
         (*gyro.layout.channels, *channels),
         (*gyro.layout.first_row, *accel.layout.first_row),
         units={**accel.layout.units, **gyro.layout.units},
-        notes=(*gyro.layout.notes, *accel.layout.notes, note),
+        remarks=(*gyro.layout.remarks, *accel.layout.remarks, paired),
         state=_Pair((gyro, accel), first, rows),
     )
 
 
 def _matched(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tuple[int, int], int] | None:
-    """Where two rows of stamps begin to pair off, and for how many rows; None if they do not.
+    """Pair two columns of time stamps: the first paired row of each, and the number of pairs; None if they do not pair.
 
     >>> _matched(np.arange(0.0, 9.0), np.arange(1.6, 12.0))
     ((2, 0), 7)
@@ -204,7 +207,7 @@ def _matched(one: NDArray[np.generic], other: NDArray[np.generic]) -> tuple[tupl
     if not interval > 0:
         return None
     shift = round(float(b[0]) / interval)
-    # The nominal shift may be off by a little where the first stamps jitter or the interval is rounded.
+    # The shift may be off by one if the first time stamps jitter or the interval is rounded.
     for first in (shift, shift - 1, shift + 1):
         begin = (max(first, 0), max(-first, 0))
         rows = min(a.size - begin[0], b.size - begin[1])

@@ -1,7 +1,7 @@
-"""Named arrays to the columns of a recording: what NumPy, MATLAB and HDF5 files have in common.
+"""Convert named arrays to the columns of a recording, for NumPy, MATLAB and HDF5 files.
 
-A file of arrays holds single columns, tables of a few columns, and numbers that describe the rest. Arrays
-of one length belong together; a table of three columns named for a sensor is its x, y and z.
+A file of arrays holds single columns, tables of a few columns, and numbers that describe the others, such as the rate.
+Arrays of the same length belong together. A table of three columns that has the name of a sensor is its x, y and z.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._text import listed
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Mark
+from gmwm.readers.base import Channel, Layout, Mark, Rows
 from gmwm.readers.column_names import recognise
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import AXES
 
 ROWS = 1 << 20
-"""Rows in a chunk."""
+"""Rows of a chunk."""
 
 MAX_ARRAYS = 1000
-"""Arrays that a file may hold."""
+"""Most arrays in a file. It bounds the work on a file that was not made by a logger."""
 
 MAX_COLUMNS = 64
-"""Columns that a table may have: what is wider is no recording."""
+"""Most columns of a table: a wider one is an image or a matrix, not a recording."""
 
-Rows = Callable[[int, int, int], NDArray[Any]]
-"""A part of an array: from first to last index, not included, along axis 0 or 1; all of it where it has no axes."""
+RowReader = Callable[[int, int, int], NDArray[Any]]
+"""Function that gives a part of an array: from a first to a last index (excluded) along axis 0 or 1, or a scalar."""
 
 _RATE_NAMES = {
     "rate", "fs", "freq", "frequency", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency",
@@ -43,42 +43,42 @@ _BRACKET = re.compile(r"\s*[\[({<].*$")
 
 @dataclass(frozen=True)
 class Array:
-    """An array in a file: its name, its shape, and how rows of it are read.
+    """An array in a file.
 
     Parameters
     ----------
     name : str
-        Path of it in the file, its last part the array's own name.
+        Path in the file; its last part is the name of the array.
     shape : tuple of int
         (N,) for a column, (N, k) for a table.
     dtype : dtype
-        Of its numbers.
+        Type of its numbers.
     rows : callable
-        From first to last index (not included) along an axis to that part of the array.
+        Gives a part of the array, see `Rows`.
     unit : str
-        Unit that the file states for it.
+        Unit that the file states.
     axes : tuple of str
-        Roles of its columns where the format fixes them, "" for none.
+        Roles of the columns if the format fixes them, "" for no role.
     units : tuple of str
-        Units of its columns where the format fixes them.
+        Units of the columns if the format fixes them.
     """
 
     name: str
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    rows: Rows
+    rows: RowReader
     unit: str = ""
     axes: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
 
     @property
     def columns(self) -> int:
-        """Columns of it: 1 where it is one."""
+        """Number of columns; 1 for a one-dimensional array."""
         return self.shape[1] if len(self.shape) == 2 else 1
 
 
 def upright(array: Array) -> Array:
-    """An array whose rows are samples: what lies on its side, or is wrapped in axes of length 1, is turned."""
+    """Transpose an array with more columns than rows, and remove axes of length 1, so that rows are samples."""
     shape, load = array.shape, array.rows
     if len(shape) != 2:
         return array
@@ -100,17 +100,17 @@ def is_rate(name: str) -> bool:
     return re.sub(r"[^a-z]", "", name.casefold()) in _RATE_NAMES
 
 
-def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = ()) -> tuple[Layout, ...]:
-    """The recordings that arrays make: those of one length, and of one group where groups repeat an axis.
+def layouts_of(arrays: Sequence[Array], path: object, remarks: tuple[Remark, ...] = ()) -> tuple[Layout, ...]:
+    """Group arrays of the same length into recordings; by their groups in the file if these repeat an axis.
 
     Parameters
     ----------
     arrays : sequence of Array
-        All that the file holds.
+        All arrays of the file.
     path : path
         The file, for messages.
-    notes : tuple of str
-        What the reader understood.
+    remarks : tuple of Remark
+        How the reader understood the file.
 
     Raises
     ------
@@ -122,8 +122,8 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     if not series:
         shown = ", ".join(f"{a.name} {'×'.join(map(str, a.shape)) or 'number'}" for a in arrays[:8])
         raise ReadError(
-            f"{path} holds no columns of numbers; in it: {shown or 'nothing'}. A recording is one array of (samples, "
-            "columns), or one array for each axis or sensor"
+            f"{path} holds no columns of numbers; its arrays: {shown or 'none'}",
+            advice="Save one array of shape (samples, columns), or one array for each axis or sensor.",
         )
     groups: dict[object, list[Array]] = {}
     for array in series:
@@ -132,22 +132,22 @@ def layouts_of(arrays: Sequence[Array], path: object, notes: tuple[str, ...] = (
     known = [part for part in split if any(axis in AXES for axis in _roles(part))]
     chosen = known or [max(split, key=lambda part: (part[0].shape[0], sum(a.columns for a in part)))]
     left = [a.name for part in split if part not in chosen for a in part]
-    note = (f"arrays left out: {listed(left)}",) if left else ()
+    left_out = (Remark.of("left-out", kind="arrays", names=tuple(left)),) if left else ()
     topics = _topics(chosen)
     return tuple(
-        _layout(part, _rate(usable, part), topic, (*notes, *note), _stray_time(part, split))
+        _layout(part, _rate(usable, part), topic=topic, remarks=(*remarks, *left_out), stray=_stray_time(part, split))
         for part, topic in zip(chosen, topics, strict=True)
     )
 
 
 def marks_of(layout: Layout) -> tuple[Mark, ...]:
-    """Where the chunks of arrays begin that can be read from any row on, and their end."""
+    """Marks for arrays that can be read from any row on, one for each chunk and one at the end."""
     total = _length(layout)
     return (*(Mark(row) for row in range(0, total, ROWS)), Mark(total))
 
 
-def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Chunk]:
-    """The numbers of the wanted columns, `ROWS` at a time; integers stay int64, all else becomes float64."""
+def chunks_of(layout: Layout, wanted: Sequence[int], path: object, first: int = 0) -> Iterator[Rows]:
+    """Give the numbers of the wanted columns, `ROWS` rows at a time; integers as int64, all others as float64."""
     columns: tuple[tuple[Array, int], ...] = layout.state
     total = _length(layout)
     for start in range(first, total, ROWS):
@@ -172,27 +172,27 @@ def _plain(values: NDArray[Any], name: str, path: object) -> NDArray[Any]:
     if values.dtype.kind in "Mm":
         values = values.astype(np.int64)
     if values.dtype.kind == "u" and values.size and int(values.max()) > np.iinfo(np.int64).max:
-        raise ReadError(f"{path}: {name} holds integers above 2⁶³; leave it out with columns=")
+        raise ReadError(f"{path}: {name} holds integers above 2⁶³", advice="Leave it out with {--columns}.")
     target = np.int64 if values.dtype.kind in "iu" else np.float64
     return np.ascontiguousarray(values, dtype=target)
 
 
-def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: Rows, unit: str = "") -> list[Array]:
-    """An array, or one for each field where its elements are records."""
+def fields_of(name: str, shape: tuple[int, ...], dtype: np.dtype[Any], rows: RowReader, unit: str = "") -> list[Array]:
+    """The array, or one array for each field if its elements are records."""
     if dtype.names is None:
-        return [Array(name, shape, dtype, rows, unit or _date_unit(dtype))]
+        return [Array(name, shape, dtype=dtype, rows=rows, unit=unit or _date_unit(dtype))]
     found = []
     for field in dtype.names:
         base, inner = dtype[field].subdtype or (dtype[field], ())
         path = f"{name}/{field}" if name else field
-        found.append(Array(path, (*shape, *inner), base, _Field(rows, field), unit or _date_unit(base)))
+        found.append(Array(path, (*shape, *inner), dtype=base, rows=_Field(rows, field), unit=unit or _date_unit(base)))
     return found
 
 
 class _Field:
     """One named field of an array of records."""
 
-    def __init__(self, rows: Rows, name: str) -> None:
+    def __init__(self, rows: RowReader, name: str) -> None:
         self._rows, self._name = rows, name
 
     def __call__(self, start: int, stop: int, axis: int) -> NDArray[Any]:
@@ -202,14 +202,14 @@ class _Field:
 
 
 def part_of(array: NDArray[Any], start: int, stop: int, axis: int) -> NDArray[Any]:
-    """A part of an array in memory, as `Rows` has it."""
+    """A part of an array in memory, see `RowReader`."""
     if array.ndim == 0:
         return array
     return array[start:stop] if axis == 0 else array[:, start:stop]
 
 
 def _date_unit(dtype: np.dtype[Any]) -> str:
-    """The unit of dates and durations; "" for numbers, and for steps of several units."""
+    """The unit of dates and durations; "" for numbers, and if a step is a multiple of the unit."""
     unit, count = np.datetime_data(dtype) if dtype.kind in "Mm" else ("", 1)
     return unit if count == 1 else ""
 
@@ -219,13 +219,13 @@ def _is_real(array: Array) -> bool:
 
 
 def _roles(part: Sequence[Array]) -> list[str]:
-    """The roles of all columns of some arrays, "" left out."""
+    """The roles of all columns of some arrays, without columns that have none."""
     channels = _channels(part)
     return [role for c in channels if (role := c.axis or recognise(c.name).axis)]
 
 
 def _parted(group: list[Array]) -> list[list[Array]]:
-    """Arrays of one length by the group they lie in, if together they would name an axis twice."""
+    """Arrays of the same length, divided by their groups in the file if an axis occurs twice."""
     roles = [role for role in _roles(group) if role in AXES]
     if len(set(roles)) == len(roles):
         return [group]
@@ -236,7 +236,7 @@ def _parted(group: list[Array]) -> list[list[Array]]:
 
 
 def _topics(parts: Sequence[Sequence[Array]]) -> list[str]:
-    """Names by which recordings of one file are told apart."""
+    """Names of the recordings of a file; "" if there is only one."""
     if len(parts) == 1:
         return [""]
     folders = [split_path(part[0].name)[0] for part in parts]
@@ -250,7 +250,7 @@ def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
         own = _own_name(array, part)
         names = _column_names(own, array.columns)
         if lonely and not any(recognise(name).axis for name in names):
-            names = [""] * array.columns  # a bare matrix: its columns are named in their order
+            names = [""] * array.columns  # the columns of a single matrix are named by the user, in their order
         for k, name in enumerate(names):
             unit = array.units[k] if array.units else array.unit
             out.append(Channel(name, unit, array.axes[k] if array.axes else _fixed(array)))
@@ -258,12 +258,12 @@ def _channels(part: Sequence[Array]) -> tuple[Channel, ...]:
 
 
 def _fixed(array: Array) -> str:
-    """Dates can be nothing but time."""
+    """The role of an array by its type: dates are the time."""
     return "time" if array.dtype.kind in "Mm" else ""
 
 
 def split_path(name: str) -> tuple[str, str]:
-    """Folder and own name of an array; a slash in a unit parts no folders.
+    """Folder and own name of an array. A slash in a unit does not separate folders.
 
     >>> split_path("imu0/gyro [rad/s]")
     ('imu0', 'gyro [rad/s]')
@@ -273,7 +273,7 @@ def split_path(name: str) -> tuple[str, str]:
 
 
 def _own_name(array: Array, part: Sequence[Array]) -> str:
-    """The last part of a path that says what an array is, or all of it where that stands twice."""
+    """The last part of the path of an array, or the whole path if the last part is not unique."""
     last = split_path(array.name)[1]
     alone = sum(split_path(other.name)[1] == last for other in part) == 1
     return (
@@ -292,7 +292,7 @@ def _column_names(name: str, columns: int) -> list[str]:
 
 
 def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
-    """The rate (Hz) that a single number in the file states, in the group of the columns first."""
+    """The rate (Hz) that a scalar in the file states; a scalar in the group of the columns comes first."""
     folder = split_path(part[0].name)[0]
     found = []
     for array in arrays:
@@ -305,7 +305,7 @@ def _rate(arrays: Sequence[Array], part: Sequence[Array]) -> float | None:
 
 
 def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
-    """What to say where stamps in the folder of a recording without any are of another length, and nobody else's."""
+    """Why the time stamps next to a recording do not belong to it: their number differs. "" if this is not so."""
     if "time" in _roles(part):
         return ""
     folder = split_path(part[0].name)[0]
@@ -313,22 +313,22 @@ def _stray_time(part: Sequence[Array], parts: Sequence[Sequence[Array]]) -> str:
         beside = [array for array in other if split_path(array.name)[0] == folder]
         if other is not part and beside and all(_roles([array]) == ["time"] for array in beside):
             return (
-                f"{beside[0].name} has {beside[0].shape[0]} values, {part[0].name} has {part[0].shape[0]}: these time "
-                "stamps are not those of the samples"
+                f"the {beside[0].shape[0]} time stamps of {beside[0].name} do not belong to the {part[0].shape[0]} "
+                f"samples of {part[0].name}"
             )
     return ""
 
 
-def _layout(part: Sequence[Array], rate: float | None, topic: str, notes: tuple[str, ...], stray: str) -> Layout:
+def _layout(part: Sequence[Array], rate: float | None, topic: str, remarks: tuple[Remark, ...], stray: str) -> Layout:
     channels = _channels(part)
     state = tuple((array, k) for array in part for k in range(array.columns))
     first = tuple(str(value) for array in part for value in array.rows(0, 1, 0).reshape(-1))
     stamped = any((c.axis or recognise(c.name).axis) == "time" for c in channels)
     if rate is not None and not stamped:
-        notes = (*notes, f"rate {rate:g} Hz, as the file states it")
-    return Layout(channels, first, topic, rate, notes=notes, state=state, stray_time=stray, rate_of_samples=True)
+        remarks = (*remarks, Remark.of("rate-stated", rate=Quantity(rate, "Hz"), used="yes"))
+    return Layout(channels, first, topic, rate, remarks=remarks, state=state, stray_time=stray, rate_of_samples=True)
 
 
 def first_line(error: Exception) -> str:
-    """The first line of what a library says, or the kind of error where it says nothing."""
+    """The first line of the message of a library, or the type of the error if it has no message."""
     return next(iter(str(error).splitlines()), "") or type(error).__name__

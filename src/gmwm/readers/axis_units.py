@@ -1,6 +1,6 @@
-"""In which unit each axis is: declared, named in the header, fixed by the format, or told by gravity.
+"""Find the unit of each axis: declared, named in the header, stated by the file, or inferred from gravity.
 
-A gyroscope has no such witness: its unit is declared or named, or it is an error.
+The unit of a gyroscope cannot be inferred. It is an error if it is neither declared nor stated.
 """
 
 from __future__ import annotations
@@ -11,60 +11,53 @@ from dataclasses import dataclass
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm._text import OVERRULED
-from gmwm.errors import OptionError, UnitError
+from gmwm._template import Fact
+from gmwm.errors import UnitError
+from gmwm.options import TIME_NAMES
 from gmwm.readers.base import Layout
-from gmwm.readers.column_names import LONG_TIME_UNITS, TIME_UNITS, named_unit, recognise, unit_of, unknown_unit
+from gmwm.readers.column_names import named_unit, recognise, unit_of, unknown_unit
 from gmwm.readers.columns import Choice
 from gmwm.readers.text_stamps import UNIT as STAMPS
 from gmwm.readers.text_stamps import described, holds_stamps
+from gmwm.remarks import Remark
 from gmwm.signals import axis_quantity
-from gmwm.units import SI_UNIT, STANDARD_GRAVITY, Quantity, Unit, find_unit, parse_unit, unit_names
+from gmwm.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
 
-_INFERRED = ("g", "m/s²", "mg")  # what the norm may tell apart
-_NEAR = 0.10  # relative: biases and scale factors of low-cost accelerometers stay within
+_INFERRED = ("g", "m/s²", "mg")
+"""Units among which the norm of gravity decides: it is 1, 9.81 or 1000 in them."""
+_NEAR = 0.10
+"""Relative difference from gravity within which a unit is inferred. The zero-g offset of a low-cost accelerometer is up
+to 80 mg (MPU-6050 datasheet), while the units differ by a factor of 9.8 or more. Pinned by
+tests/readers/test_units.py."""
 
-
-_TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
+_STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 
 
 @dataclass(frozen=True)
 class Scales:
-    """The unit of each axis, remarks on how it is known, and what was only inferred."""
+    """The unit of each axis, and remarks on how it is known."""
 
     units: dict[str, Unit]
-    notes: tuple[str, ...]
-    inferred: tuple[str, ...]
-    doubts: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
-def checked_units(units: Mapping[str, str] | None) -> dict[str, str]:
-    """`units=` with each key and value known, time units in short."""
-    if units is not None and not isinstance(units, Mapping):
-        raise OptionError(f'units must map sensors to units, as {{"gyro": "deg/s", "accel": "g"}}; got {units!r}')
-    given = dict(units or {})
-    for quantity, text in given.items():
-        if quantity not in ("gyro", "accel", "time"):
-            raise OptionError(f"units must name gyro, accel or time; got {quantity!r}")
-        if not isinstance(text, str):
-            raise OptionError(f'the unit of {quantity} must be a text, as "deg/s"; got {text!r}')
-        if quantity == "time":
-            given[quantity] = unit_of(text, "time")
-            if not given[quantity]:
-                raise UnitError(f"the time unit must be one of {_TIME_NAMES}; got {text!r}")
-        else:
-            parse_unit(text, quantity)  # type: ignore[arg-type]
-    return given
+@dataclass(frozen=True)
+class _Known:
+    """The unit of an axis ("" if unknown), where it comes from, and the unit of the file if another was declared."""
+
+    unit: str = ""
+    source: str = ""
+    stated: str = ""
 
 
-def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, str]:
-    """The unit of the time stamps where it is declared, named or fixed, "" otherwise; and a remark where it overrules.
+def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tuple[str, Remark | None]:
+    """The unit of the time stamps if it is declared or stated, "" otherwise; and a remark on dates or overruled units.
 
     Raises
     ------
     UnitError
-        If the file names a unit that is not known: sizes and intervals may tell a unit that nobody named, not that one.
-        If a unit is declared for dates and times.
+        If the file names an unknown unit, because a unit that the file names is never inferred; or if a unit is
+        declared for dates and times.
     """
     column = choice.columns["time"]
     channel = layout.channels[column]
@@ -73,21 +66,24 @@ def time_unit(layout: Layout, choice: Choice, declared: Mapping[str, str]) -> tu
         if declared.get("time", unit) != unit:
             raise UnitError(
                 f"the time column {channel.name!r} holds dates and times ({layout.first_row[column]!r}), which have no "
-                f'unit; got units={{"time": "{declared["time"]}"}}: drop it'
+                f"unit, but {declared['time']!r} was declared",
+                argument="units",
+                advice="Leave the unit of time out of {--units}.",
             )
         return unit, described(layout.first_row[column])
-    said = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
-    unknown = "" if said else unknown_unit(channel.name, channel.unit, "time")
+    stated = named_unit(channel.name, "time") or unit_of(channel.unit, "time")
+    unknown = "" if stated else unknown_unit(channel.name, channel.unit, "time")
     if "time" in declared:
-        unit, other = declared["time"], said or unknown or layout.units.get("time", "")
-        return unit, f"time: {unit}, declared ({OVERRULED} {other})" if other and other != unit else ""
+        unit, other = declared["time"], stated or unknown or layout.units.get("time", "")
+        overruled = other and other != unit
+        return unit, Remark.of("unit-overruled", "time", unit=unit, stated=other) if overruled else None
     if unknown:
         raise UnitError(
-            f"the file says {unknown!r} for the unit of the time column {channel.name!r}, which is not known; known "
-            f'are {_TIME_NAMES}. If it is one of them, pass units={{"time": "s"}}; if not, leave the stamps out with '
-            "columns={'time': None} and pass rate="
+            f"the unit {unknown!r} of the time column {channel.name!r} is unknown; the units are {TIME_NAMES}",
+            advice="If it is one of them, pass for example {--units=time:s}; if not, leave the time stamps out with "
+            "{--columns=time:none} and pass {--rate}.",
         )
-    return said or layout.units.get("time", ""), ""
+    return stated or layout.units.get("time", ""), None
 
 
 def resolve(
@@ -98,58 +94,73 @@ def resolve(
     rate: float,
     increments: Sequence[str] = (),
 ) -> Scales:
-    """The unit of every axis.
+    """Find the unit of every axis.
 
     Parameters
     ----------
     layout, choice
-        What the file says, and which columns are read.
+        Description of the file, and the columns that are read.
     declared : mapping
-        Units by the user's word, checked.
+        The `units` option, checked.
     values : mapping of axis to (N,) array
-        The numbers as they stand in the file, for what the accelerometers tell of themselves.
+        The numbers as they stand in the file, to infer the unit of the accelerometers.
     rate : float
-        Samples per second (Hz), for the noise shown when a gyroscope's unit is missing.
+        Samples per second (Hz), for the noise shown if the unit of a gyroscope is missing.
     increments : sequence of str
-        Axes or sensors that the user declares as increments: "deg" in the file is not against "deg/s" then.
+        Axes or sensors that were declared as increments, for which "deg" in the file does not contradict "deg/s".
 
     Raises
     ------
     UnitError
-        If the unit of a gyroscope is not known, or gravity does not tell the accelerometers'.
+        If the unit of a gyroscope is unknown, or that of the accelerometers can neither be found nor inferred.
     """
     units: dict[str, Unit] = {}
-    notes, inferred, doubts = [], [], []
+    remarks: list[Remark] = []
     for quantity in SI_UNIT:
         axes = [axis for axis in choice.axes if axis_quantity(axis) == quantity]
         if not axes:
             continue
         known = {
-            axis: _known(layout, choice, declared, axis, axis in increments or quantity in increments) for axis in axes
+            axis: _known(
+                layout, choice, declared=declared, axis=axis, integral=axis in increments or quantity in increments
+            )
+            for axis in axes
         }
-        names = {name for name, _ in known.values() if name}
-        reason = next((why for name, why in known.values() if name), "")
+        names = sorted({one.unit for one in known.values() if one.unit})
         if not names:
             if quantity == "gyro":
-                raise UnitError(_gyro_message(axes, values, rate))
-            name, said = _by_gravity(axes, values)
-            inferred.append(said)
-            names, reason = {name}, "inferred from the norm"
-        elif not all(name for name, _ in known.values()):
-            silent = next(axis for axis, (name, _) in known.items() if not name)
+                raise _unknown_gyro(axes, values, rate)
+            name, remark = _by_gravity(axes, values)
+            units |= {axis: parse_unit(name, quantity) for axis in axes}
+            remarks.append(remark)
+            continue
+        unnamed = next((axis for axis, one in known.items() if not one.unit), None)
+        if unnamed is not None:
             raise UnitError(
-                f"the unit of {silent} is not named, the others have {', '.join(sorted(names))}; pass units="
+                f"the unit of {unnamed} is not named, while that of the other axes is {', '.join(names)}",
+                advice="State the unit of the sensor with {--units=@example}.",
+                example=f"{quantity}:{names[0]}",
             )
-        only = next(iter(names))
-        units |= {axis: parse_unit(known[axis][0] or only, quantity) for axis in axes}
-        notes.append(f"{quantity}: {', '.join(sorted(names))}, {reason}")
-        if quantity == "accel" and reason != "inferred from the norm":
-            doubts += _doubts(axes, values, units)
-    return Scales(units, tuple(notes), tuple(inferred), tuple(doubts))
+        units |= {axis: parse_unit(known[axis].unit, quantity) for axis in axes}
+        first = known[axes[0]]
+        if first.stated:
+            remarks.append(Remark.of("unit-overruled", quantity, unit=first.unit, stated=first.stated))
+        else:
+            shown: Fact = names[0] if len(names) == 1 else tuple(names)
+            remarks.append(Remark.of("unit-named", quantity, unit=shown, source=first.source))
+        if quantity == "accel":
+            remarks += _doubts(axes, values, units)
+    return Scales(units, tuple(remarks))
 
 
-def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> tuple[str, str]:
-    """The unit of an axis and how it is known, or empty."""
+def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: str, integral: bool) -> _Known:
+    """The unit of an axis, if it is declared or stated.
+
+    Raises
+    ------
+    UnitError
+        If the file names an unknown unit.
+    """
     quantity = axis_quantity(axis)
     channel = layout.channels[choice.columns[axis]]
     by_name = named_unit(channel.name, axis)
@@ -159,64 +170,77 @@ def _known(layout: Layout, choice: Choice, declared: Mapping[str, str], axis: st
         other = by_name or by_format or unknown_unit(channel.name, channel.unit, axis)
         if integral and other and find_unit(f"{other}/s") == find_unit(unit):
             other = ""
-        return unit, "declared" + (f" ({OVERRULED} {other})" if other and other != unit else "")
+        return _Known(unit, "declared", other if other != unit else "")
     if by_name:
-        return by_name, "named in the header"
+        return _Known(by_name, "header")
     if by_format:
-        return by_format, "stated by the file"
+        return _Known(by_format, "file")
     if unknown := unknown_unit(channel.name, channel.unit, axis):
-        raise UnitError(_unknown_message(unknown, axis, quantity))
+        raise _unknown_unit(unknown, axis, quantity)
     if quantity in layout.units:
-        return parse_unit(layout.units[quantity], quantity).name, "named in a comment"
+        return _Known(parse_unit(layout.units[quantity], quantity).name, "comment")
     if recognise(channel.name).ros:
-        return SI_UNIT[quantity], "as ROS messages have it (REP-103)"
-    return "", ""
+        return _Known(SI_UNIT[quantity], "ros")
+    return _Known()
 
 
-def _unknown_message(said: str, axis: str, quantity: Quantity) -> str:
-    """The error for a unit that the file names and nobody knows, with the way out for increments and for factors."""
-    known, si = ", ".join(unit_names(quantity)), SI_UNIT[quantity]
-    rate = find_unit(f"{said}/s")
-    message = f"the file says {said!r} for the unit of {axis}, which is not known; known are {known}. "
+def _unknown_unit(stated: str, axis: str, quantity: Quantity) -> UnitError:
+    """The error for a unit in the file that is unknown, with what to do about increments and about other units."""
+    message = f"the unit {stated!r} of {axis} is unknown; the units are {', '.join(unit_names(quantity))}"
+    rate = find_unit(f"{stated}/s")
     if rate is not None and rate.quantity == quantity:
-        return message + (
-            f'If these are increments, integrals over a sample, pass increments=["{quantity}"] (--increments) and '
-            f'units={{"{quantity}": "{rate.name}"}}; if they are rates after all, units= alone'
+        return UnitError(
+            message,
+            advice="If the numbers are increments over a sample, pass {--increments=@quantity} and {--units=@units}; "
+            "if they are rates, pass {--units=@units} alone.",
+            quantity=quantity,
+            units=f"{quantity}:{rate.name}",
         )
-    return message + (
-        f'If it is one of them, pass units={{"{quantity}": "{si}"}} or the like; if not, also '
-        f'scale={{"{quantity}": …}} (--scale) with its size in that unit'
+    return UnitError(
+        message,
+        advice="If it is one of them, pass for example {--units=@units}; if not, pass also its size in that unit with "
+        "{--scale}.",
+        units=f"{quantity}:{SI_UNIT[quantity]}",
     )
 
 
 def _norm(axes: list[str], values: Mapping[str, Vector]) -> float:
     """Norm of the mean of the three accelerometers, in the unit of the file."""
-    with np.errstate(over="ignore"):  # of damaged numbers: what is infinite is near to nothing
+    with np.errstate(over="ignore"):  # damaged numbers may overflow; infinity is near no gravity
         return float(np.linalg.norm([np.mean(values[axis]) for axis in axes]))
 
 
-def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, str]:
-    """The accelerometers' unit by the norm of gravity, and the sentence that says so."""
-    way_out = 'say it with units={"accel": "g"} or units={"accel": "m/s2"}'
+def _by_gravity(axes: list[str], values: Mapping[str, Vector]) -> tuple[str, Remark]:
+    """The unit of the accelerometers by the norm of gravity, and the remark that states it.
+
+    Raises
+    ------
+    UnitError
+        If an axis is missing, or the norm is gravity in none of the units.
+    """
     if len(axes) < 3:
         raise UnitError(
-            f"the unit of {', '.join(axes)} is not known, and gravity needs all three axes to tell it; {way_out}"
+            f"the unit of {', '.join(axes)} is unknown, and it can be inferred from gravity only with all three axes",
+            advice=_STATE_ACCEL,
         )
     norm = _norm(axes, values)
     for name in _INFERRED:
         gravity = STANDARD_GRAVITY / parse_unit(name, "accel").factor
         if abs(norm / gravity - 1) <= _NEAR:
-            return name, (
-                f"accelerometers taken to be in {name}: their norm is {norm:.4g}. If that is wrong, {way_out}"
-            )
+            return name, Remark.of("unit-inferred", unit=name, norm=norm, units=f"accel:{name}")
     raise UnitError(
-        f"the unit of the accelerometers is not known, and their norm of {norm:.4g} is neither 1 (g) nor 9.8 "
-        f"(m/s²); {way_out}"
+        f"the unit of the accelerometers is unknown, and the norm of their mean, {norm:.4g}, is neither 1 (g) nor 9.8 "
+        "(m/s²)",
+        advice=_STATE_ACCEL,
     )
 
 
-def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[str]:
-    """What gravity says against the unit of the accelerometers."""
+def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, Unit]) -> list[Remark]:
+    """Remarks if the norm of the accelerometers is gravity in another unit than theirs.
+
+    A difference of less than 2 × 10 % may be a bias. Another unit is suggested only if it explains the norm within 5 %,
+    half of what is inferred without a stated unit, because the stated unit counts for more.
+    """
     if len(axes) < 3 or len({units[axis].name for axis in axes}) > 1:
         return []
     norm, unit = _norm(axes, values), units[axes[0]]
@@ -224,21 +248,20 @@ def _doubts(axes: list[str], values: Mapping[str, Vector], units: Mapping[str, U
         return []
     better = [n for n in _INFERRED if abs(norm * parse_unit(n, "accel").factor / STANDARD_GRAVITY - 1) <= _NEAR / 2]
     return [
-        f"the accelerometers are in {unit.name}, but their norm of {norm:.4g} is gravity in {name}; "
-        f'if so, pass units={{"accel": "{name}"}}: every number would be off by that factor'
+        Remark.of("unit-doubtful", unit=unit.name, norm=norm, likely=name, units=f"accel:{name}")
         for name in better
         if name != unit.name
     ]
 
 
-def _gyro_message(axes: list[str], values: Mapping[str, Vector], rate: float) -> str:
-    """The error for a gyroscope without a unit: the noise it would have in either."""
-    # White noise density from first differences: blind to bias and slow drift.
+def _unknown_gyro(axes: list[str], values: Mapping[str, Vector], rate: float) -> UnitError:
+    """The error for a gyroscope without a unit, with its noise density in either unit."""
+    # White noise density from first differences, which do not depend on bias and slow drift.
     density = float(np.median([np.std(np.diff(values[axis])) for axis in axes])) / np.sqrt(2 * rate)
     in_rad = np.degrees(density)
-    return (
-        f"the unit of {', '.join(axes)} is neither declared nor named in the file. In deg/s the noise would be "
-        f"{density:.3g} deg/s/√Hz ({60 * density:.3g} deg/√h), in rad/s {in_rad:.3g} deg/s/√Hz "
-        f'({60 * in_rad:.3g} deg/√h); low-cost sensors have 0.002 to 0.1 deg/s/√Hz. Say which: units={{"gyro": '
-        '"deg/s"} or units={"gyro": "rad/s"}'
+    return UnitError(
+        f"the unit of {', '.join(axes)} is neither declared nor named in the file. The noise density is {density:.3g} "
+        f"deg/s/√Hz ({60 * density:.3g} deg/√h) if it is deg/s, and {in_rad:.3g} deg/s/√Hz ({60 * in_rad:.3g} deg/√h) "
+        "if it is rad/s; low-cost gyroscopes have 0.002 to 0.1 deg/s/√Hz",
+        advice="State it with {--units=gyro:deg/s} or {--units=gyro:rad/s}.",
     )

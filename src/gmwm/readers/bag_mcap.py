@@ -152,7 +152,7 @@ class McapStorage(Storage):
             yield kind, records.read(length)
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error}); was it copied whole?")
+        return ReadError(f"{self.path} is damaged ({error})", advice="Copy the file again.")
 
 
 def in_order(times: list[int], messages: list[bytes]) -> Batch:
@@ -213,7 +213,9 @@ class _Found:
         for number, (schema, topic, encoding) in self.channels.items():
             name, language, text = self.schemas.get(schema, ("", "", ""))
             count = None if self.counts is None else self.counts.get(number, 0)
-            yield Topic(topic, name, encoding, text, language, (number,), count)
+            yield Topic(
+                name=topic, type=name, encoding=encoding, text=text, language=language, ids=(number,), count=count
+            )
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:

@@ -96,7 +96,9 @@ class Ros1Storage(Storage):
     def _seek(self, file: BinaryIO, position: int) -> None:
         """Go to a place that the index names."""
         if position > self.path.stat().st_size:
-            raise ReadError(f"{self.path} is damaged or cut off: its index points behind its end; was it copied whole?")
+            raise ReadError(
+                f"{self.path} is damaged or cut off: its index points behind its end", advice="Copy the file again."
+            )
         file.seek(position)
 
     def _chunk(self, file: BinaryIO) -> bytes:
@@ -121,7 +123,7 @@ class Ros1Storage(Storage):
         return header, parts[1]
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged or cut off ({error}); was it copied whole?")
+        return ReadError(f"{self.path} is damaged or cut off ({error})", advice="Copy the file again.")
 
 
 def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
@@ -144,7 +146,15 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
     package, _, name = fields["type"].decode().partition("/")
     kind = f"{package}/{name}" if name.startswith("msg/") else f"{package}/msg/{name}"
     text = fields["message_definition"].decode("utf-8", "replace")
-    return Topic(info["topic"].decode(), kind, "ros1", text, "ros1msg", (number,), counts.get(number, 0))
+    return Topic(
+        name=info["topic"].decode(),
+        type=kind,
+        encoding="ros1",
+        text=text,
+        language="ros1msg",
+        ids=(number,),
+        count=counts.get(number, 0),
+    )
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:

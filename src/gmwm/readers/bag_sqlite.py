@@ -44,7 +44,7 @@ class SqliteStorage(Storage):
                 or len(text) > TEXT_LIMIT
             ):
                 raise ReadError(f"{self.path} is damaged: its table of topics does not hold texts")
-            found.append(Topic(name, kind, encoding, text, language, (number,)))
+            found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
@@ -109,7 +109,9 @@ class SqliteStorage(Storage):
         size = 65536 if size == 1 else size
         there = self.path.stat().st_size
         if valid == changed and there < size * count:
-            raise ReadError(f"{self.path} is cut off: {there} bytes, expected {size * count}; was it copied whole?")
+            raise ReadError(
+                f"{self.path} is cut off: {there} bytes, expected {size * count}", advice="Copy the file again."
+            )
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
@@ -119,7 +121,7 @@ class SqliteStorage(Storage):
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
 
     def _damaged(self, error: Exception) -> ReadError:
-        return ReadError(f"{self.path} is damaged ({error}); was it copied whole, and is the recording finished?")
+        return ReadError(f"{self.path} is damaged ({error})", advice="Copy the file again.")
 
 
 def _indexed(base: sqlite3.Connection) -> bool:

@@ -5,15 +5,15 @@ Three containers: the bag of ROS 1, the SQLite database and the MCAP file of ROS
 
 from __future__ import annotations
 
-import sys
 import zlib
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from gmwm.errors import ReadError
+from gmwm.readers.byte_sources import ZSTD, zstd_library
 
 Batch = tuple[list[int], list[bytes]]
 """Messages in the order of recording: when each was recorded (ns), and its bytes."""
@@ -26,9 +26,6 @@ CHUNK_LIMIT = 256 << 20
 
 MESSAGE_LIMIT = 1 << 20
 """Bytes of a message when unpacked: those of inertial sensors have some hundred."""
-
-ZSTD = b"\x28\xb5\x2f\xfd"
-"""The first bytes of what Zstandard packed."""
 
 TEXT_LIMIT = 1 << 20
 """Characters of a message definition, and bytes of a record that holds one."""
@@ -106,7 +103,7 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             # One byte more than there should be is enough to see that there are too many.
             content = _decompressor(compression).decompress(data, max_length=size + 1)
         except Exception as error:  # of three libraries, on bytes of a stranger: any kind
-            raise ReadError(f"{path}: a chunk is damaged ({error}); was the file copied whole?") from error
+            raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
     else:
         raise ReadError(f"{path}: its chunks are packed with {compression!r}; none, lz4, bz2 and zstd are read")
     if len(content) != size:
@@ -121,7 +118,7 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     try:
         found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
     except Exception as error:  # of a library, on bytes of a stranger: any kind
-        raise ReadError(f"{path}: a compressed message is damaged ({error}); was the file copied whole?") from error
+        raise ReadError(f"{path}: a compressed message is damaged ({error})", advice="Copy the file again.") from error
     if sum(map(len, found)) > CHUNK_LIMIT:
         raise ReadError(f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them")
     return found
@@ -130,7 +127,7 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
     """An error where a chunk is not what was written."""
     if checksum and zlib.crc32(content) != checksum:
-        raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong; was the file copied whole?")
+        raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong", advice="Copy the file again.")
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
@@ -141,7 +138,7 @@ def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
         other = found.get(key, Topic(*key))
         count = None if topic.count is None else topic.count + (other.count or 0)
         text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
-        found[key] = Topic(*key, text, language, other.ids + topic.ids, count)
+        found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
         if len(found) > TOPIC_LIMIT:
             raise ReadError(f"more than {TOPIC_LIMIT} topics")
     return tuple(found.values())
@@ -156,8 +153,4 @@ def _decompressor(compression: str) -> Any:
         from bz2 import BZ2Decompressor
 
         return BZ2Decompressor()
-    if sys.version_info >= (3, 14):
-        from compression import zstd
-    else:
-        from backports import zstd
-    return zstd.ZstdDecompressor()
+    return zstd_library().ZstdDecompressor()

@@ -1,8 +1,8 @@
-"""The contract of a reader, and the registry by which a file finds the one that understands it.
+"""The contract of a reader, and the registry that finds the reader of a file.
 
-A format is one file in this folder: a subclass of `Reader` under `@register`. It says which files are its
-own, what their columns are before a number is read, and gives the numbers in chunks. Everything else, from
-names and units to the time base, is decided once for all formats in `gmwm.readers.api`.
+A format is one module in this folder: a subclass of `Reader` under `@register`. A reader recognises its files,
+describes their columns before any number is read, and gives the numbers in chunks. Axes, units and the time base are
+decided in `gmwm.readers.api`, for all formats alike.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from gmwm._text import defined_anew
 from gmwm.errors import OptionError, ReadError
+from gmwm.remarks import Remark
 
 HEAD_BYTES = 1 << 16
-"""How much of a file a reader sees when it is asked whether the file is its own."""
+"""Number of bytes at the beginning of a file by which readers recognise it."""
 
-Chunk = Mapping[int, NDArray[Any]]
-"""Consecutive rows of a recording: for each wanted column, its index and its numbers, float64 or int64."""
+Rows = Mapping[int, NDArray[Any]]
+"""Consecutive rows of a recording: the numbers of each wanted column, float64 or int64, by its index."""
 
 
 @dataclass(frozen=True)
@@ -33,16 +34,16 @@ class Channel:
     Parameters
     ----------
     name : str
-        Name of the column in the file; "" where the file names none.
+        Name of the column in the file; "" if it has none.
     unit : str
-        Unit by the format's own definition; "" where the format leaves it open. (A unit written in `name`
-        is found later, for all formats alike.)
+        Unit by the definition of the format; "" if the format does not fix it. A unit inside `name` is found later,
+        for all formats alike.
     axis : str
-        "gyro_x" … "accel_z", "time" or "temperature" where the format fixes it; "" to go by the name.
+        "gyro_x" … "accel_z", "time" or "temperature" if the format fixes it; "" to decide by the name.
     increments : bool
         Whether a value is the integral over its sample (rad, m/s), to be multiplied by the rate.
     scale : float
-        What a number of the file is to be multiplied by before `unit` holds: counts to units.
+        Factor from the numbers of the file to `unit`, such as the size of a count.
     """
 
     name: str
@@ -54,30 +55,33 @@ class Channel:
 
 @dataclass(frozen=True)
 class Layout:
-    """What a file says of one recording in it before a number is read.
+    """Description of one recording in a file, before any number is read.
 
     Parameters
     ----------
     channels : tuple of Channel
-        The columns in their order.
+        The columns in their order; empty if `unreadable`.
     first_row : tuple of str
         The first row of numbers as text, for messages.
     topic : str
-        Which recording of the file this is; "" where there is only one.
+        Name of the recording, if the file has several; "" otherwise.
     rate : float or None
-        Samples per second (Hz) where the format states it.
+        Samples per second (Hz), if the file states it.
     units : mapping
         Units that the file states for a whole quantity: "gyro", "accel" or "time".
-    notes : tuple of str
-        What was understood, in plain words.
+    remarks : tuple of Remark
+        How the file was understood.
     state : object
-        What the reader itself needs to find the numbers.
+        Data of the reader, to find the numbers.
     inertial : bool
-        Of several recordings in one file, whether this is one of an inertial sensor, by what the file says.
+        Whether the recording is of an inertial sensor, if the file has several recordings.
     stray_time : str
-        Why stamps in the file cannot be this recording's, though it has none and no other column has their length.
+        Why the time stamps in the file do not belong to this recording; "" if they do, or if there are none.
     rate_of_samples : bool
-        Whether `rate` is said of these very samples, not of a device's setting: stamps that say another are warned of.
+        Whether `rate` describes these samples instead of a setting of the device. gmwm warns if the time stamps show
+        another rate.
+    unreadable : ReadError or None
+        Why the recording cannot be read.
     """
 
     channels: tuple[Channel, ...]
@@ -85,11 +89,12 @@ class Layout:
     topic: str = ""
     rate: float | None = None
     units: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     state: Any = None
     inertial: bool = True
     stray_time: str = ""
     rate_of_samples: bool = False
+    unreadable: ReadError | None = None
 
     @property
     def named(self) -> bool:
@@ -99,14 +104,14 @@ class Layout:
 
 @dataclass(frozen=True)
 class Mark:
-    """Where a chunk of a recording begins: a file can be read from there on.
+    """Beginning of a chunk, from which a file can be read.
 
     Parameters
     ----------
     row : int
-        Number of its first row, from 0; of the mark at the end how many rows there are.
+        Number of the first row of the chunk, from 0; the number of rows for the mark at the end.
     place : object
-        What the reader itself needs to find it.
+        Data of the reader, to find the row.
     """
 
     row: int
@@ -114,46 +119,46 @@ class Mark:
 
 
 class Reader(ABC):
-    """A format: who it is, which files are its own, and how their numbers come out.
+    """Base class of a format: recognise a file, describe its columns, and give its numbers.
 
-    Methods take the `path` of the file; `head`, its first 64 kB; a `layout` that `layouts` found; `wanted`, the
-    numbers of the columns, from 0; and a `mark` of `marks` to begin at. How to write one: docs/howto/add-a-reader.md.
+    Methods take the `path` of the file; `head`, its first 64 kB; a `layout` from `layouts`; `wanted`, the indices of
+    the columns, from 0; and a `mark` from `marks` to begin at. How to write a reader: docs/howto/add-a-reader.md.
     """
 
     name: ClassVar[str]
-    """Name of the format, for `gmwm.read(…, format=)`."""
+    """Name of the format, for the `format` option."""
     extensions: ClassVar[tuple[str, ...]]
-    """Usual file name extensions, lower case, with the dot; none for a format that only its name chooses."""
+    """Usual file name extensions, lower case, with the dot; empty for a format that only its name chooses."""
     folder_sign: ClassVar[str] = ""
-    """Name of the file that stands for a directory in this format; "" where a recording is one file."""
+    """Name of the file in a directory of this format by which it is recognised; "" if a recording is a file."""
 
     @abstractmethod
     def sniff(self, path: Path, head: bytes) -> float:
-        """How well the first bytes of a file fit: 1 a signature, 0.5 plausible, 0 no.
+        """How well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
 
-        The content decides; the extension breaks a tie.
+        The content decides. If two formats match equally well, the extension decides.
         """
 
     @abstractmethod
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The recordings in a file; one for most formats, one for each topic of a bag."""
+        """Describe the recordings in a file: one for most formats, one for each topic of a bag."""
 
     @abstractmethod
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """The numbers of the wanted columns in consecutive chunks of bounded size.
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Give the numbers of the wanted columns in consecutive chunks of bounded size.
 
         Raises
         ------
         ReadError
-            At a cell that is missing or is no number, with its line.
+            If a cell is empty or is not a number; the message states its line or row.
         """
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Where the chunks begin, and a last mark at the end; none for a format that is only read from its begin."""
+        """The beginning of each chunk, and a mark at the end; empty if a file can only be read from its beginning."""
         return ()
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
-        """The chunks from a mark on, those that `chunks` gives; by default what comes before is read and dropped."""
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """Give the chunks of `chunks` from a mark on. By default the rows before the mark are read and dropped."""
         row = 0
         for chunk in self.chunks(path, layout, wanted):
             if row >= mark.row:
@@ -167,9 +172,9 @@ _READERS: dict[str, Reader] = {}
 
 
 def register(reader: R) -> R:
-    """Add the format `reader`; use as a class decorator.
+    """Register a format; use as a class decorator.
 
-    A class that is defined anew, as in a notebook, takes the place of the older one.
+    A class of the same name that is defined again, as in a notebook, replaces the older one.
 
     Raises
     ------
@@ -181,8 +186,9 @@ def register(reader: R) -> R:
         older = type(_READERS[key])
         if not defined_anew(reader, older) or key != reader.name:
             raise OptionError(
-                f"there is already a reader named {key!r}, {older.__qualname__} in {older.__module__}; give "
-                f"{reader.__qualname__} another name"
+                f"the name {key!r} of {reader.__qualname__} is already that of {older.__qualname__} in "
+                f"{older.__module__}",
+                advice="Give the new reader another name.",
             )
     _READERS[reader.name] = reader()
     return reader
@@ -194,38 +200,59 @@ def registered() -> tuple[Reader, ...]:
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file that is there and is not empty, or an error that says what is wrong with it."""
-    if not isinstance(path, str | os.PathLike):
+    """The path of a file that exists and is not empty.
+
+    Raises
+    ------
+    ReadError
+        If the file does not exist, is empty, or is a pipe, a device or a directory that is not a recording.
+    OptionError
+        If `path` is not a path.
+    """
+    given: object = path
+    if not isinstance(given, str | os.PathLike):
         raise OptionError(
-            f"path must be the path of a file, as text or pathlib.Path; got {type(path).__name__}"
-            + ("; for numbers in memory there is Imu.from_arrays" if hasattr(path, "__len__") else "")
+            argument="path",
+            expected="the path of a file, as text or pathlib.Path",
+            got=given,
+            advice="For numbers in memory use `gmwm.Imu.from_arrays`." if hasattr(given, "__len__") else "",
         )
     file = Path(os.fsdecode(path))
     if file.is_dir():
         file = _sign_of(file)
     if not file.exists():
-        raise ReadError(f"{file} does not exist; looked in {file.absolute().parent}")
+        raise ReadError(f"{file} does not exist in {file.absolute().parent}")
     if not file.is_file():
-        raise ReadError(f"{file} is a pipe or a device, which cannot be read twice; save it to a file and pass that")
+        raise ReadError(
+            f"{file} is a pipe or a device, which cannot be read twice", advice="Save it to a file and pass the file."
+        )
     if file.stat().st_size == 0:
-        raise ReadError(f"{file} is empty (0 bytes); was the recording interrupted?")
+        raise ReadError(f"{file} is empty (0 bytes)", advice="Check whether the recording was interrupted.")
     return file
 
 
 def _sign_of(folder: Path) -> Path:
-    """The file that stands for a directory which is one recording."""
+    """The file by which a directory is recognised as one recording."""
     for reader in _READERS.values():
         if reader.folder_sign and (folder / reader.folder_sign).is_file():
             return folder / reader.folder_sign
-    raise ReadError(f"{folder} is a directory; pass the path of one recording in it")
+    raise ReadError(f"{folder} is a directory", advice="Pass the path of one recording in it.")
 
 
 def find_reader(path: Path, format: str | None = None) -> Reader:
-    """The reader of the file `path`: the one named `format`, or the one whose signs its first bytes show."""
+    """The reader of a file: the one named `format`, or the one that recognises its first bytes.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be opened, or no reader recognises it.
+    OptionError
+        If there is no reader of this name.
+    """
     if format is not None:
         named = {name.casefold(): reader for name, reader in _READERS.items()}
         if not isinstance(format, str) or format.casefold() not in named:
-            raise OptionError(f"format must be one of {', '.join(_READERS)}; got {format!r}")
+            raise OptionError(argument="format", expected=f"one of {', '.join(_READERS)}", got=format)
         return named[format.casefold()]
     try:
         with path.open("rb") as file:
@@ -239,6 +266,6 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
     known = "; ".join(f"{r.name} ({', '.join(r.extensions)})" for r in _READERS.values() if r.extensions)
     begin = " ".join(f"{byte:02x}" for byte in head[:8])
     raise ReadError(
-        f"{path} is in none of the formats known here: {known}. It begins with the bytes {begin}; "
-        "export it as CSV, or pass format= if it is one of them after all"
+        f"{path} begins with the bytes {begin}, which none of the formats has: {known}",
+        advice="Export it as CSV, or name its format with {--format}.",
     )

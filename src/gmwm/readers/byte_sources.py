@@ -1,17 +1,19 @@
-"""Where the bytes of a recording come from: a file, a compressed file, or a member of a zip archive.
+"""Sources of bytes: a file, a compressed file, or a member of a zip archive.
 
-Compressed bytes are counted as they come out. What grows beyond any recording (a "bomb") ends in an error,
-not in a full disk or memory; so does what was cut off, as every compressed format says where it ends.
+Unpacked bytes are counted. A file that unpacks to more than any recording (a decompression bomb) raises an error before
+it fills the disk or the memory. A file that was cut off raises an error too, because compressed formats mark their end.
 """
 
 from __future__ import annotations
 
 import gzip
 import io
+import sys
 import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import IO, TYPE_CHECKING, BinaryIO, cast
 
 from gmwm.errors import ReadError
@@ -20,28 +22,29 @@ if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 MAX_BYTES = 64 << 30
-"""Bytes that a recording may have when unpacked: ten days of six axes at 1 kHz, as text."""
+"""Most bytes of an unpacked recording: ten days of six axes at 1 kHz as text."""
 
 MAX_RATIO = 200
-"""How much smaller than its content a compressed recording may be; noise shrinks by 20 at most."""
+"""Largest compression ratio of a recording; noise compresses by a factor of 20 at most. Pinned by
+tests/readers/test_compressed.py."""
 
 RATIO_FROM = 64 << 20
-"""Unpacked bytes from which on the ratio is asked for: little content may be very regular."""
+"""Unpacked bytes from which the ratio is checked: a small file may be very regular."""
 
 MAX_MEMBERS = 1000
-"""Files that an archive may hold."""
+"""Most files in an archive: phones export some ten tables."""
 
 GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
 """The first bytes of what is unpacked here."""
 
 
 class PackedError(ReadError):
-    """Packed bytes that cannot be had: damaged, cut off, encrypted, or more than a recording holds."""
+    """Packed bytes that cannot be unpacked: damaged, cut off, encrypted, or more than any recording."""
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """The bytes of a file as they lie there; `str()` of a source is its name in messages."""
+    """The bytes of a file. `str()` of a source is its name in messages."""
 
     path: Path
 
@@ -50,11 +53,17 @@ class FileSource:
 
     @property
     def seekable(self) -> bool:
-        """Whether the end can be looked at without reading all before it."""
+        """Whether the end can be read without reading everything before it."""
         return True
 
     def open(self) -> BinaryIO:
-        """The bytes from the first on."""
+        """Open the bytes for reading.
+
+        Raises
+        ------
+        ReadError
+            If the file cannot be opened.
+        """
         try:
             return self.path.open("rb")
         except OSError as error:
@@ -77,7 +86,7 @@ class CompressedSource(FileSource):
         packed = self.path.stat().st_size
         if magic.startswith(GZIP):
             return _bounded(cast("IO[bytes]", gzip.open(self.path, "rb")), str(self), packed)
-        return _bounded(_Frames(super().open()), str(self), packed)
+        return _bounded(zstd_library().open(self.path, "rb"), str(self), packed)
 
 
 @dataclass(frozen=True)
@@ -99,7 +108,7 @@ class MemberSource(FileSource):
         archive = open_archive(self.path)
         info = archive.getinfo(self.member)
         if info.flag_bits & 1:
-            raise PackedError(f"{self} is encrypted; unpack it with its password first")
+            raise PackedError(f"{self} is encrypted", advice="Unpack it with its password first.")
         try:
             return _bounded(archive.open(info), str(self), info.compress_size, archive)
         except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
@@ -107,81 +116,59 @@ class MemberSource(FileSource):
             raise PackedError(f"{self} cannot be unpacked ({error}); unpack it and pass the file in it") from error
 
 
+def zstd_library() -> ModuleType:
+    """The Zstandard module: part of the standard library from Python 3.14, a backport before."""
+    if sys.version_info >= (3, 14):
+        from compression import zstd
+    else:
+        from backports import zstd
+    return zstd
+
+
 def open_archive(path: Path) -> zipfile.ZipFile:
     """A zip archive, its members counted."""
     try:
         archive = zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-        raise PackedError(f"{path} is no complete zip archive ({error}); was it copied whole?") from error
+        raise PackedError(f"{path} is not a complete zip archive ({error})", advice="Copy the file again.") from error
     if len(archive.infolist()) > MAX_MEMBERS:
         archive.close()
-        raise PackedError(f"{path} holds more than {MAX_MEMBERS} files; unpack it and pass the recording in it")
+        raise PackedError(
+            f"{path} holds more than {MAX_MEMBERS} files", advice="Unpack it and pass the recording in it."
+        )
     return archive
 
 
 def require_ratio(unpacked: int, packed: int, name: object) -> None:
-    """An error where unpacked bytes are more than a recording of this packed size can hold.
+    """Require that the unpacked bytes are not more than a recording of this packed size can have.
 
     Parameters
     ----------
     unpacked, packed : int
-        Bytes outside and inside.
+        Number of bytes.
     name : object
         The file, for the message.
+
+    Raises
+    ------
+    PackedError
+        If they are.
     """
     if unpacked > MAX_BYTES or (unpacked > RATIO_FROM and unpacked > MAX_RATIO * packed):
         raise PackedError(
-            f"{name} unpacks to {unpacked / 1e6:.0f} MB or more from {packed / 1e6:.3g} MB, which no recording does; "
-            "it was not read further. If it is one after all, unpack it first"
+            f"{name} unpacks from {packed / 1e6:.3g} MB to {unpacked / 1e6:.0f} MB or more, unlike any recording",
+            advice="If it is a recording, unpack it first.",
         )
 
 
-def _bounded(stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
+def _bounded(stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None = None) -> BinaryIO:
     return io.BufferedReader(_Counted(stream, name, packed, owner), 1 << 18)
 
 
-class _Frames:
-    """The content of a Zstandard file: of all its frames, each whole (the library's own stream ends in silence)."""
-
-    _PIECE = 1 << 11  # packed bytes at a time: they may unpack to 64 MB, not to more
-
-    def __init__(self, file: BinaryIO) -> None:
-        import zstandard
-
-        self._decompressor = zstandard.ZstdDecompressor()
-        self._error = zstandard.ZstdError
-        self._file = file
-        self._frame = self._decompressor.decompressobj()
-        self._begun = False
-        self._ready = b""
-
-    def read(self, size: int) -> bytes:
-        """At most `size` bytes; none at the end."""
-        while not self._ready:
-            piece = self._frame.unused_data or self._file.read(self._PIECE)
-            if not piece:
-                if self._begun and not self._frame.eof:
-                    raise EOFError("the last frame has no end")
-                return b""
-            if self._frame.eof:
-                self._frame = self._decompressor.decompressobj()
-            self._begun = True
-            try:
-                self._ready = self._frame.decompress(piece)
-            except self._error as error:
-                raise OSError(str(error)) from error
-        out, self._ready = self._ready[:size], self._ready[size:]
-        return out
-
-    def close(self) -> None:
-        """Close the file beneath."""
-        self._file.close()
-
-
 class _Counted(io.RawIOBase):
-    """Unpacked bytes, counted; what goes wrong in unpacking is one error of ours."""
+    """Unpacked bytes, counted. Errors of the libraries become `PackedError`."""
 
-    def __init__(self, stream: IO[bytes] | _Frames, name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
+    def __init__(self, stream: IO[bytes], name: str, packed: int, owner: zipfile.ZipFile | None) -> None:
         self._stream, self._name, self._packed, self._owner = stream, name, packed, owner
         self._count = 0
 
@@ -190,7 +177,7 @@ class _Counted(io.RawIOBase):
         return True
 
     def tell(self) -> int:
-        """How many bytes came out."""
+        """Number of unpacked bytes so far."""
         return self._count
 
     def readinto(self, buffer: WriteableBuffer) -> int:
@@ -198,10 +185,10 @@ class _Counted(io.RawIOBase):
         view = memoryview(buffer).cast("B")
         try:
             data = self._stream.read(len(view))
-        except (OSError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        except (OSError, EOFError, zlib.error, zipfile.BadZipFile, zstd_library().ZstdError) as error:
             raise PackedError(
-                f"{self._name} is damaged or cut off behind {self._count} unpacked bytes ({error}); was it copied "
-                "whole?"
+                f"{self._name} is damaged or cut off after {self._count} unpacked bytes ({error})",
+                advice="Copy the file again.",
             ) from error
         view[: len(data)] = data
         self._count += len(data)
@@ -209,7 +196,7 @@ class _Counted(io.RawIOBase):
         return len(data)
 
     def close(self) -> None:
-        """Close what lies beneath, too."""
+        """Close the file beneath, too."""
         if not self.closed:
             self._stream.close()
             if self._owner is not None:

@@ -234,7 +234,14 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
             "00 01)"
         )
     start = 4 if cdr else 0
-    walk = _Walk(definition, message, frozenset(wanted), ">" if message[:2] == b"\0\0" and cdr else "<", start, start)
+    walk = _Walk(
+        definition=definition,
+        message=message,
+        wanted=frozenset(wanted),
+        order=">" if message[:2] == b"\0\0" and cdr else "<",
+        base=start,
+        position=start,
+    )
     if cdr and len(message) < 4:
         raise walk.broken()
     walk.struct(definition.name, "")
@@ -285,11 +292,11 @@ class Decoder:
                 break
             numbers, fits = self._strided(b"".join(rows), plan)
             for name, values in numbers.items():
-                _put(out, name, values[fits], alike[fits], len(messages))
+                _put(out, name, values=values[fits], rows=alike[fits], count=len(messages))
             left = np.setdiff1d(left, alike[fits], assume_unique=True)
         if left.size:
             for name, values in self.general([messages[k] for k in left.tolist()]).items():
-                _put(out, name, values, left, len(messages))
+                _put(out, name, values=values, rows=left, count=len(messages))
         return out
 
     def _template(self, message: bytes) -> Template:

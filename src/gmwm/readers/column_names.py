@@ -9,22 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from gmwm.units import find_unit
-
-TIME_UNITS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-"""Units of time stamps, and how many of them a second holds."""
-
-LONG_TIME_UNITS = {"min": 60, "h": 3600, "d": 86400}
-"""Units of time that only a name or the user tells, never the size of the stamps; and their seconds."""
-
-_TIME_WORDS = {
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
-    "ms": "ms", "msec": "ms", "millis": "ms", "millisecond": "ms", "milliseconds": "ms",
-    "us": "us", "usec": "us", "micros": "us", "µs": "us", "μs": "us", "microsecond": "us", "microseconds": "us",
-    "ns": "ns", "nsec": "ns", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns",
-    "min": "min", "mins": "min", "minute": "min", "minutes": "min",
-    "h": "h", "hr": "h", "hrs": "h", "hour": "h", "hours": "h", "d": "d", "day": "d", "days": "d",
-}  # fmt: skip
+from gmwm.units import TIME_WORDS, find_time_unit, find_unit
 
 # Spellings that only a column name has: there is no slash in gyro_x_rad_s.
 _UNIT_WORDS = {
@@ -61,7 +46,6 @@ _REMARKS = {
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
 }  # fmt: skip
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
-_SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix|epoch|tai)\b.*", re.IGNORECASE)
 
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
@@ -97,7 +81,7 @@ def recognise(name: str) -> ColumnName:
     bracket = _BRACKETED.search(text)
     unit_text = bracket.group(1) if bracket else ""
     words = _words(text[: bracket.start()] if bracket else text)
-    if words[-2:-1] == ["stamp"] and words[-1] in _TIME_WORDS:
+    if words[-2:-1] == ["stamp"] and words[-1] in TIME_WORDS:
         return ColumnName()  # half of a ROS stamp in two columns, header.stamp.sec and .nanosec
     tail_unit = ""
     axis = _axis(words)
@@ -131,7 +115,7 @@ def named_unit(name: str, axis: str) -> str:
     if bracket:
         return unit_of(bracket.group(1), axis)
     last = _words(clean(name))[-1:]
-    return _TIME_WORDS.get(last[0], "") if axis == "time" and last and len(last[0]) > 1 else ""
+    return TIME_WORDS.get(last[0], "") if axis == "time" and last and len(last[0]) > 1 else ""
 
 
 def unknown_unit(name: str, stated: str, axis: str) -> str:
@@ -162,8 +146,7 @@ def unit_of(text: str, axis: str) -> str:
     """The unit a text names, if it is one that `axis` can have; "" otherwise."""
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
-        since = _SINCE.fullmatch(text.strip().strip("[](){}<>"))  # "seconds since 1970-01-01"
-        return _TIME_WORDS.get(since.group(1).casefold() if since else key, "")
+        return find_time_unit(text)
     if axis == "temperature":
         return "°C" if key in {"c", "°c", "degc", "celsius", "deg_c", "deg.c"} else text.strip()
     unit = find_unit(_UNIT_WORDS.get(key, key))

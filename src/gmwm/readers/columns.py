@@ -1,4 +1,4 @@
-"""Which column is which axis: by the user's word, by the format, or by the names in the header."""
+"""Find the column of each axis: by the `columns` option, by the format, or by the names in the header."""
 
 from __future__ import annotations
 
@@ -6,25 +6,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gmwm._text import counted, listed
+from gmwm._template import Fact, joined
+from gmwm._text import counted
 from gmwm.errors import OptionError, ReadError
+from gmwm.options import ROLES, Columns
 from gmwm.readers.base import Layout
 from gmwm.readers.column_names import clean, recognise
+from gmwm.remarks import Remark
 from gmwm.signals import AXES
-
-Columns = Mapping[str, str | int | None] | Sequence[str | None]
-"""What `columns=` may be: axis to column name or index, or the axes in the order of the columns."""
-
-ROLES = (*AXES, "time", "temperature")
-"""What a column can be."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The columns that are read: their indices by role, and remarks."""
+    """The columns that are read.
+
+    Attributes
+    ----------
+    columns : dict of role to index
+    remarks : tuple of Remark
+        Columns that are not read, and columns chosen among several.
+    """
 
     columns: dict[str, int]
-    notes: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -33,140 +37,138 @@ class Choice:
 
 
 def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
-    """The columns to read.
+    """Choose the columns to read.
 
-    A mapping that names a column for at least one axis names them all; the time column is still found by
-    its name unless the mapping has "time". A mapping to None leaves an axis out.
+    If `columns` names a column for at least one axis, only the named axes are read. The time column is still found by
+    its name unless `columns` has "time". None leaves an axis out.
 
     Raises
     ------
     ReadError
-        If no axis is found, or two columns could be the same one.
+        If no axis is found, or two columns could be the same axis.
     OptionError
-        If `columns` names a column that is not there, or a role that does not exist.
+        If `columns` names a column that the file does not have.
     """
-    if isinstance(columns, str) or not isinstance(columns, Mapping | Sequence | None):
-        raise OptionError(
-            'columns= must map axes to columns, as {"gyro_x": "ch1", "time": 0}, or be a list of axes in the order '
-            f"of the columns; got {columns!r}"
-        )
     if columns is not None and not isinstance(columns, Mapping):
         return _finished(Choice(_by_order(layout, columns, path)), layout, path)
     given = dict(columns or {})
-    _require_roles(given)
     declared = {role: _index(layout, column, role, path) for role, column in given.items() if column is not None}
     exhaustive = any(role in AXES for role in declared)
     wanted = {"time", "temperature"} if exhaustive else set(ROLES)
     if not layout.named and not declared:
-        raise ReadError(_nameless(layout, path))
-    found, notes = _by_name(layout, wanted - set(given), set(declared.values()), path)
-    return _finished(Choice(declared | found, notes), layout, path)
+        raise _nameless(layout, path)
+    found, remarks = _by_name(layout, wanted - set(given), set(declared.values()), path)
+    return _finished(Choice(declared | found, remarks), layout, path)
 
 
 def described(layout: Layout) -> str:
-    """The columns of a file for a message: names, or their number."""
+    """The columns of a file for a message: their names, or their number."""
     if layout.named:
         return ", ".join(channel.name or "(unnamed)" for channel in layout.channels)
     return f"{len(layout.channels)} columns without names"
 
 
 def _finished(choice: Choice, layout: Layout, path: Path) -> Choice:
-    taken = list(choice.columns.values())
-    twice = next((k for k in taken if taken.count(k) > 1), None)
-    if twice is not None:
-        roles = " and ".join(role for role, k in choice.columns.items() if k == twice)
-        raise OptionError(f"columns= gives one column ({layout.channels[twice].name or twice}) to {roles}")
+    """The choice, checked, with a remark on the columns that are not read."""
+    indices = list(choice.columns.values())
+    repeated = next((k for k in indices if indices.count(k) > 1), None)
+    if repeated is not None:
+        roles = " and ".join(role for role, k in choice.columns.items() if k == repeated)
+        raise OptionError(
+            f"column {layout.channels[repeated].name or repeated} of {path} is given to {roles}",
+            argument="columns",
+            advice="Name a different column for each with {--columns}.",
+        )
     if not choice.axes:
         raise ReadError(
-            f"{path} has no column that is known as an axis; found: {described(layout)}. Name the axes, such as "
-            'columns={"gyro_x": "<column name or index>", …}'
+            f"{path} has no column whose name is known as an axis. Its columns: {described(layout)}",
+            advice="Name the columns of the axes with {--columns}, for example {--columns=@example}.",
+            example=f"gyro_x:{min(1, len(layout.channels) - 1)}",
         )
     others = [
         channel.name or str(k)
         for k, channel in enumerate(layout.channels)
         if k not in choice.columns.values() and (channel.name or layout.named is False)
     ]
-    note = (f"columns left out: {listed(others)}",) if others else ()
-    return Choice(choice.columns, (*choice.notes, *note))
-
-
-def _require_roles(given: Mapping[str, object]) -> None:
-    unknown = next((role for role in given if role not in ROLES), None)
-    if unknown is not None:
-        raise OptionError(f"columns= must name {', '.join(ROLES)}; got {unknown!r}")
+    left_out = (Remark.of("left-out", kind="columns", names=tuple(others)),) if others else ()
+    return Choice(choice.columns, (*choice.remarks, *left_out))
 
 
 def _by_order(layout: Layout, roles: Sequence[str | None], path: Path) -> dict[str, int]:
-    """Roles given in the order of the columns, None or "" for a column to leave out."""
+    """Indices of roles that are given in the order of the columns, None or "" for a column that is not read."""
     if len(roles) != len(layout.channels):
         raise OptionError(
-            f"columns= names {counted(len(roles), 'column')}, {path} has {len(layout.channels)} (first row: "
-            f"{_shown(layout)}); give one name for each in their order, None to leave one out, or name them one by "
-            'one, as columns={"gyro_x": 1, "gyro_y": 2}, by their names or numbers from 0'
+            f"{counted(len(roles), 'column')} named, but {path} has {len(layout.channels)} columns (first row: "
+            f"{_shown(layout)})",
+            argument="columns",
+            advice="Give one name for each column, or name single columns by name or number from 0, for example "
+            "{--columns=gyro_x:1,gyro_y:2}.",
         )
-    taken: dict[str, int] = {}
-    for k, role in enumerate(roles):
-        if not role:
-            continue
-        _require_roles({role: k})
-        if role in taken:
-            raise OptionError(f"columns= names {role!r} twice")
-        taken[role] = k
-    return taken
+    return {role: k for k, role in enumerate(roles) if role}
 
 
 def _index(layout: Layout, column: str | int, role: str, path: Path) -> int:
-    """Index of a column given by name or index."""
+    """Index of the column for a role, given by name or index."""
     names = [channel.name for channel in layout.channels]
     if isinstance(column, int) and not isinstance(column, bool):
         if 0 <= column < len(names):
             return column
-        raise OptionError(f"columns={{{role!r}: {column}}}: {path} has columns 0 to {len(names) - 1}")
+        raise OptionError(
+            f"{path} has no column number {column} for {role}; its columns are 0 to {len(names) - 1}",
+            argument="columns",
+        )
     matches = [k for k, name in enumerate(names) if name == column]
     matches = matches or [k for k, name in enumerate(names) if name and clean(name) == clean(str(column))]
     if len(matches) == 1:
         return matches[0]
-    asked = f"columns={{{role!r}: {column!r}}}"
     if matches:
-        numbers = " or ".join(map(str, matches))
-        raise OptionError(f"{asked} stands more than once in {path}; pass its number in place of the name: {numbers}")
-    raise OptionError(f"{asked} is not in {path}; found: {described(layout)}")
+        raise OptionError(
+            f"{path} has several columns {column!r}: numbers {joined(list(map(str, matches)))}",
+            argument="columns",
+            advice="Pass a number instead of the name, for example {--columns=@example}.",
+            example=f"{role}:{matches[0]}",
+        )
+    raise OptionError(
+        f"{path} has no column {column!r} for {role}. Its columns: {described(layout)}", argument="columns"
+    )
 
 
-def _by_name(layout: Layout, wanted: set[str], taken: set[int], path: Path) -> tuple[dict[str, int], tuple[str, ...]]:
-    """Roles found by the format or by the names."""
+def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tuple[dict[str, int], tuple[Remark, ...]]:
+    """Columns of the wanted roles by the format or by the names, without the columns in `used`."""
     candidates: dict[str, list[int]] = {}
     for k, channel in enumerate(layout.channels):
         role = channel.axis or recognise(channel.name).axis
-        if role in wanted and k not in taken:
+        if role in wanted and k not in used:
             candidates.setdefault(role, []).append(k)
-    notes = []
+    remarks = []
     for role, several in candidates.items():
         if len(several) == 1:
             continue
         names = [layout.channels[k].name for k in several]
         if role in AXES:
-            which = " and ".join(f"{layout.channels[k].name!r} (number {k})" for k in several)
-            typed = ", ".join(f'"{axis}": {found[0]}' for axis, found in candidates.items())
+            which = joined([f"{layout.channels[k].name!r} (number {k})" for k in several])
             raise ReadError(
-                f"{path}: {which} could each be {role}; choose by the numbers of the columns, counted from 0, for "
-                f"instance columns={{{typed}}}"
+                f"{path}: {which} could each be {role}",
+                advice="Choose by the numbers of the columns, counted from 0, for example {--columns=@example}.",
+                example=",".join(f"{axis}:{found[0]}" for axis, found in candidates.items()),
             )
-        notes.append(f"{role}: taken from {names[0]!r}, not from {', '.join(map(repr, names[1:]))}")
-    return {role: several[0] for role, several in candidates.items()}, tuple(notes)
+        others: Fact = tuple(names[1:])
+        remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
+    return {role: several[0] for role, several in candidates.items()}, tuple(remarks)
 
 
 def _shown(layout: Layout) -> str:
+    """The first cells of the first row."""
     return ", ".join(layout.first_row[:8]) + (", …" if len(layout.first_row) > 8 else "")
 
 
-def _nameless(layout: Layout, path: Path) -> str:
-    """The message for a file without names: its first row and what to type."""
+def _nameless(layout: Layout, path: Path) -> ReadError:
+    """The error for columns without names, with the first row and an example of the option."""
     count = len(layout.channels)
     usual = {7: ("time", *AXES), 6: AXES, 4: ("time", *AXES[:3]), 3: AXES[:3], 2: ("time", "gyro_x"), 1: ("gyro_x",)}
-    guess = usual.get(count, (*AXES, *["None"] * max(0, count - 6)))
-    typed = ", ".join(role if role == "None" else f'"{role}"' for role in guess)
-    return (
-        f"{path} has {count} columns without names; the first row is: {_shown(layout)}. Say what they are, in "
-        f"their order, for instance columns=[{typed}]"
+    guess = usual.get(count, (*AXES, *[""] * max(0, count - 6)))
+    return ReadError(
+        f"{path} has {count} columns without names; the first row is {_shown(layout)}",
+        advice="Name the columns in their order, for example {--columns=@example}.",
+        example=",".join(guess),
     )

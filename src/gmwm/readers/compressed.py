@@ -1,4 +1,4 @@
-"""Text packed with gzip or Zstandard: unpacked as it is read, by the text format that its first bytes show."""
+"""Text compressed with gzip or Zstandard, unpacked while it is read by the text format that recognises it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import HEAD_BYTES, Chunk, Layout, Reader, register, registered
+from gmwm.readers.base import HEAD_BYTES, Layout, Reader, Rows, register, registered
 from gmwm.readers.byte_sources import GZIP, ZSTD, CompressedSource, FileSource
 from gmwm.readers.text import TextReader
 
@@ -21,7 +21,7 @@ class CompressedReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".gz", ".zst", ".zstd")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 if the file begins as gzip or Zstandard do: a format of its own may be packed that way."""
+        """0.9 for the signatures of gzip and Zstandard, because another format may be compressed too."""
         return 0.9 if head.startswith((GZIP, ZSTD)) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
@@ -30,35 +30,36 @@ class CompressedReader(Reader):
         reader, layout = packed_text(source, path.with_suffix(""))
         return (replace(layout, state=(reader, layout)),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """The numbers, unpacked on the way."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """The numbers, unpacked while they are read."""
         reader, inner = layout.state
         return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
 
 
 def packed_text(source: FileSource, name: Path) -> tuple[TextReader, Layout]:
-    """The text format of packed bytes, and what they say of their columns.
+    """The text format of compressed bytes, and the layout of their columns.
 
     Parameters
     ----------
     source : FileSource
-        Where the bytes come from.
+        The bytes.
     name : Path
-        The name the file would have unpacked.
+        Name of the unpacked file.
 
     Raises
     ------
     ReadError
-        If they are no text.
+        If they are not text.
     """
     with source.open() as file:
         head = file.read(HEAD_BYTES)
     if not head:
-        raise ReadError(f"{source} is empty when unpacked; was the recording interrupted?")
+        raise ReadError(f"{source} is empty when unpacked", advice="Check whether the recording was interrupted.")
     readers = [reader for reader in registered() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(name, head))
     if best.sniff(name, head) == 0:
         raise ReadError(
-            f"{source} is no text when unpacked; only text is read packed: unpack it and pass the file in it"
+            f"{source} is not text when unpacked, and only text is read from compressed files",
+            advice="Unpack it and pass the file in it.",
         )
     return best, best.layout(source)

@@ -1,7 +1,7 @@
-"""How a text file is written: delimiter, decimal sign, comments, header, where the numbers begin.
+"""Detect the dialect of a text file: delimiter, decimal sign, comments, header, and the first line of numbers.
 
-Decided on the first lines alone. Numbers and time stamps are recognised by their look, so that titles, headers, rows of
-units and comments above them fall out as what is left.
+The first 64 kB decide. Numbers and time stamps are recognised by their form; the lines above them are titles, headers,
+rows of units and comments. The scores and majorities below are pinned by tests/readers/test_text.py and test_headers.py.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gmwm.readers.column_names import clean, is_unit, recognise, unit_of
 from gmwm.readers.text_stamps import is_stamp, parted_stamp
 
 BLANKS = " "
-"""The delimiter that stands for any run of blanks and tabs."""
+"""The delimiter of columns that are separated by any number of blanks and tabs."""
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
@@ -25,36 +25,36 @@ _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\([^)]*\)|\[[^
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a text file is written.
+    """The dialect of a text file.
 
     Parameters
     ----------
     delimiter : str
-        One character; " " stands for any run of blanks.
+        One character; " " for any number of blanks.
     decimal_comma : bool
-        Whether 0,5 is a half.
+        Whether 0,5 is one half.
     fields : int
-        Fields in a row of numbers, an empty one behind a trailing delimiter included.
+        Fields in a row of numbers, including an empty one after a trailing delimiter.
     columns : int
-        Columns, without the empty field behind a trailing delimiter.
+        Columns, without the empty field after a trailing delimiter.
     first_line : int
         Line in which the numbers begin, counted from 1.
     names : tuple of str
-        Names of the columns, empty where the file has none.
+        Names of the columns; empty if the file has none.
     column_units : tuple of str
-        Units from a row under or above the names, empty where there is none.
+        Units from a row below or above the names; empty if there is none.
     units : dict
         Units that a comment states for a whole quantity.
     comment : str
-        Sign that comment lines begin with; "" where none was seen.
+        Sign with which comment lines begin; "" if there are none.
     first_row : tuple of str
         The first row of numbers, as text.
     integers : tuple of bool
-        For each column, whether the first rows hold integers only.
+        For each column, whether the first rows hold only integers.
     rate : float or None
-        Samples per second (Hz) where a comment states them.
+        Samples per second (Hz), if a comment states it.
     stamps : tuple of bool
-        For each column, whether the first rows hold dates with times, or times of day, that are not all the same.
+        For each column, whether the first rows hold dates with times or times of day that are not all the same.
     """
 
     delimiter: str
@@ -73,46 +73,49 @@ class Dialect:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, without blanks and quotes around them; quotes guard the delimiter."""
+    """The cells of a line, without the blanks and quotes around them. A quoted delimiter does not separate cells."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
         pattern = rf'\s*(?:"([^"]*)"|([^{re.escape(delimiter)}]*))\s*(?:{re.escape(delimiter)}|$)'
         cells = [(m[1] if m[1] is not None else m[2]).strip() for m in re.finditer(pattern, line)]
-        # The pattern matches once more at the end of the line, unless a delimiter stands there.
+        # The pattern matches once more at the end of the line, unless the line ends with a delimiter.
         return cells if line.rstrip().endswith(delimiter) else cells[:-1]
     return [cell.strip() for cell in line.split(delimiter)]
 
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:
-    """Whether a cell looks like a number, NaN and inf included."""
+    """Whether a cell is a number, NaN or infinity."""
     return _NUMBER.fullmatch(cell.replace(",", ".", 1) if decimal_comma else cell) is not None
 
 
 def comment_sign(line: str) -> str:
-    """The comment sign a line begins with, or ""."""
+    """The comment sign with which a line begins, or ""."""
     text = line.lstrip()
     return next((sign for sign in COMMENT_SIGNS if text.startswith(sign)), "")
 
 
 def detect(lines: list[str], path: object) -> Dialect:
-    """The dialect of a file from its first lines.
+    """Detect the dialect of a file from its first lines.
 
     Raises
     ------
     ReadError
-        If no line looks like numbers, or the header does not fit the rows.
+        If no line holds numbers, or the header has another number of columns than the rows.
     """
     body = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not comment_sign(line)]
     if not body:
-        raise ReadError(f"{path} holds no rows, only comments or blank lines; was the recording interrupted?")
+        raise ReadError(
+            f"{path} holds no rows, only comments or blank lines",
+            advice="Check whether the recording was interrupted.",
+        )
     delimiter, decimal_comma = _delimiter([line for _, line in body])
     rows = [(k, split(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
     if start is None or not any(numeric):
         shown = body[-1][1].strip()[:80]
-        raise ReadError(f"{path} has no row of numbers in its first {len(lines)} lines; the last of them: {shown!r}")
+        raise ReadError(f"{path} has no row of numbers in its first {len(lines)} lines; the last of them is {shown!r}")
     first_line, fields = rows[start][0], len(numeric)
     data = [cells for _, cells in rows[start:] if len(cells) == fields]
     trailing = fields > 1 and all(cells[-1] == "" for cells in data)
@@ -120,33 +123,33 @@ def detect(lines: list[str], path: object) -> Dialect:
     header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
     comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
     where = (path, first_line)
-    names, units = _parted(header, body, comments, data[0][:columns], delimiter, where) or _header(
-        header, body, comments, columns, delimiter, where
-    )
+    names, units = _parted(
+        header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
+    ) or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     integers = tuple(all(re.fullmatch(r"[+-]?\d+", row[c]) for row in data) for c in range(columns))
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
     return Dialect(
-        delimiter,
-        decimal_comma,
-        fields,
-        columns,
-        first_line,
-        names,
-        units,
-        stated,
-        sign,
-        first_row,
-        integers,
-        _stated_rate(comments),
-        stamps,
+        delimiter=delimiter,
+        decimal_comma=decimal_comma,
+        fields=fields,
+        columns=columns,
+        first_line=first_line,
+        names=names,
+        column_units=units,
+        units=stated,
+        comment=sign,
+        first_row=first_row,
+        integers=integers,
+        rate=_stated_rate(comments),
+        stamps=stamps,
     )
 
 
 def _delimiter(lines: list[str]) -> tuple[str, bool]:
-    """The delimiter and decimal sign under which most lines are rows of equally many numbers."""
+    """The delimiter and decimal sign with which most cells are numbers and most lines have the same number of cells."""
     sample = lines[len(lines) // 2 :][-200:] if len(lines) > 4 else lines[-2:]
     best, best_score = (",", False), (-1.0, -1.0, -1)
     for delimiter in (",", ";", "\t", "|", BLANKS):
@@ -165,14 +168,14 @@ def _delimiter(lines: list[str]) -> tuple[str, bool]:
 
 
 def _numeric_columns(rows: list[list[str]], decimal_comma: bool) -> list[bool]:
-    """For each field of the usual number of fields, whether most rows hold a number there."""
+    """For each field of a row of the usual length, whether most rows hold a number in it."""
     fields = Counter(map(len, rows[len(rows) // 2 :])).most_common(1)[0][0]
     body = [row for row in rows[len(rows) // 2 :] if len(row) == fields]
     return [2 * sum(is_number(row[c], decimal_comma) for row in body) > len(body) for c in range(fields)]
 
 
 def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
-    """Whether a line is a row of the recording: numbers where numbers belong, or nothing."""
+    """Whether a line is a row of the recording: its numeric fields hold numbers or are empty."""
     if len(cells) != len(numeric):
         return False
     there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted]
@@ -181,7 +184,7 @@ def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
 
 
 def _trimmed(cells: list[str], columns: int) -> list[str]:
-    """Cells without empty ones behind the last column."""
+    """Cells without empty ones after the last column."""
     while len(cells) > columns and cells[-1] == "":
         cells = cells[:-1]
     return cells
@@ -195,18 +198,18 @@ def _parted(
     delimiter: str,
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Names and units where the delimiter parts the stamps too, and a name stands for both halves; None elsewhere.
+    """Names and units if the delimiter also splits the time stamps, which have one name; None if it does not.
 
     Raises
     ------
     ReadError
-        If it parts the fraction of a second from the rest.
+        If it splits the fraction of a second from the rest.
     """
     at = parted_stamp(row)
     if at is None or any(len(cells) == len(row) for _, cells in header):
         return None
     try:
-        names, units = _header(header, body, comments, len(row) - 1, delimiter, where)
+        names, units = _header(header, body, comments=comments, columns=len(row) - 1, delimiter=delimiter, where=where)
     except ReadError:
         return None
     if not names:
@@ -214,8 +217,8 @@ def _parted(
     if delimiter != BLANKS:
         raise ReadError(
             f"{where[0]}, line {where[1]}: the time stamps have a comma before the fraction of a second "
-            f"({','.join(row[at : at + 2])!r}), and commas part the columns too; write a point there, or put the "
-            "stamps in quotes"
+            f"({','.join(row[at : at + 2])!r}), and commas separate the columns too",
+            advice="Write a point there, or put the time stamps in quotes.",
         )
     return (*names[:at], "date", *names[at:]), (*units[:at], "", *units[at:]) if units else ()
 
@@ -229,7 +232,7 @@ def _header(
     where: tuple[object, int],
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the columns from the lines above the numbers."""
-    # A header may part its names otherwise than the rows their numbers: by commas over blanks, for instance.
+    # A header may have another delimiter than the rows, for example commas above blanks.
     texts = dict(body)
     header = [(k, _named_cells(texts[k], columns, delimiter) or c) for k, c in header]
     units: tuple[str, ...] = ()
@@ -250,30 +253,30 @@ def _header(
     if not names and header and len(header[-1][1]) > 1:
         at, cells = header[-1]
         raise ReadError(
-            f"{where[0]}: the header in line {at} names {len(cells)} columns, but line {where[1]} has {columns} "
-            "values; repair the header, or name the columns with columns=[...] in their order and delete it"
+            f"{where[0]}: the header in line {at} names {len(cells)} columns, but line {where[1]} has {columns} values",
+            advice="Repair the header, or delete it and name the columns in their order with {--columns}.",
         )
     return names, units
 
 
 def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """The cells of a comment that holds as many as there are columns, or nothing."""
+    """The cells of a comment that has one for each column; otherwise none."""
     text = line.strip()[len(comment_sign(line)) :].strip()
     text = re.sub(r"^(units?|columns?|fields?|header)\s*[:=]\s*", "", text, flags=re.IGNORECASE)
     return _cells(text, columns, delimiter)
 
 
 def _named_cells(line: str, columns: int, delimiter: str) -> list[str]:
-    """The cells of a line with names of its own delimiter, or nothing."""
+    """The cells of a header that may have its own delimiter; none if no cell is a known name or a unit."""
     cells = _cells(line, columns, delimiter)
     return cells if any(recognise(cell).axis or is_unit(cell) for cell in cells) else []
 
 
 def _cells(text: str, columns: int, delimiter: str) -> list[str]:
-    """As many cells as there are columns, by the delimiter of the rows, by commas or by blanks; or nothing."""
+    """One cell for each column, split by the delimiter of the rows, by commas or by blanks; otherwise none."""
     ways = [split(text, delimiter), split(text, ",")]
     if not re.search(r"[,;\t|]", text):
-        # A blank inside "gyro_x [rad/s]", or before the bracket, parts no columns.
+        # A blank inside or before the brackets of "gyro_x [rad/s]" does not separate columns.
         ways.append(_NAME_IN_BLANKS.findall(text))
     fitting = [cells for way in ways if len(cells := _trimmed([clean(c) for c in way], columns)) == columns]
     return max(fitting, key=lambda cells: sum(bool(recognise(c).axis) for c in cells), default=[])
@@ -312,7 +315,7 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Whether a unit of time in a comment is that of the stamps: minutes and hours may be how long it took."""
+    """Whether a unit of time in a comment is that of the stamps; minutes and hours may be the length instead."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

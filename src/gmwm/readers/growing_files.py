@@ -1,4 +1,4 @@
-"""Text that is still being written: a file that grows, or standard input, as a stream of pieces."""
+"""Text that is still being written: a file that grows, or standard input, as a stream."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ import os
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from gmwm._arrays import as_rate
 from gmwm.errors import ReadError
+from gmwm.options import ReadOptions
 from gmwm.readers.api import require_time
-from gmwm.readers.axis_units import checked_units
 from gmwm.readers.base import Layout, registered
 from gmwm.readers.byte_sources import FileSource
-from gmwm.readers.columns import Columns, choose
-from gmwm.readers.scale_factors import checked_increments, checked_scale
-from gmwm.readers.streams import Stream, first_rows, streamed, tell, understand
+from gmwm.readers.columns import choose
+from gmwm.readers.reading_warnings import warn
+from gmwm.readers.streams import Stream, first_rows, streamed, understand
 from gmwm.readers.text import TextReader
 
 POLL = 0.2
@@ -204,18 +203,8 @@ class _Whole(FileSource):
         return cast("BinaryIO", _Live(self.begin, self.lines))
 
 
-def growing_stream(
-    lines: Lines,
-    path: Path,
-    rate: float | None = None,
-    columns: Columns | None = None,
-    units: Mapping[str, str] | None = None,
-    *,
-    scale: Mapping[str, float] | None = None,
-    increments: bool | Sequence[str] = (),
-    patience: float = 5.0,
-) -> Stream:
-    """A text that grows as a stream of pieces, to be iterated over once; waits for the first lines.
+def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
+    """A growing text as a stream, to be iterated over once; waits for the first lines.
 
     Parameters
     ----------
@@ -223,8 +212,8 @@ def growing_stream(
         Its lines as they come.
     path : Path
         What it is called in messages.
-    rate, columns, units, scale, increments
-        As of `read`.
+    options : ReadOptions, optional
+        Of these rate, columns, units, scale and increments.
     patience : float
         Seconds after which a few lines must do to understand it.
 
@@ -233,18 +222,17 @@ def growing_stream(
     ReadError, UnitError, DataError, OptionError
         As `read`.
     """
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units, factors, integrals = checked_units(units), checked_scale(scale), checked_increments(increments)
+    options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
     if not head:
-        raise ReadError(f"{path} holds no whole line; was the recording interrupted?")
+        raise ReadError(f"{path} holds no whole line", advice="Check whether the recording was interrupted.")
     reader, layout = _text_layout(path, head)
-    choice = streamed(choose(layout, columns, path))
-    require_time(layout, choice, declared_rate, path)
+    choice = streamed(choose(layout, options.columns, path))
+    require_time(layout, choice, options.rate, path)
     wanted = list(choice.columns.values())
     first = first_rows(reader.rows(_Head(path, head), layout, wanted), choice)
-    found = understand(layout, choice, first, path, declared_rate, declared_units, factors, integrals)
-    tell(found, path)
+    found = understand(layout, choice, first, path=path, options=options)
+    warn(found.remarks, stacklevel=2)
     return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
 
 

@@ -1,7 +1,7 @@
-"""HDF5 files: data sets, tables of records, groups; and what of it MATLAB's newer files share.
+"""HDF5 files: data sets, tables of records and groups, also those of newer MATLAB files.
 
-Only what lies in the file itself is read: links to other files, virtual and external data sets are not
-followed. Attributes named unit or units tell a unit, those named rate and the like tell the rate.
+Only data in the file itself are read. Links to other files, virtual and external data sets are not followed. Attributes
+named unit or units state a unit, and attributes such as rate state the rate.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gmwm.readers.arrays import (
     part_of,
     split_path,
 )
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import require_ratio
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -48,19 +48,19 @@ class Hdf5Reader(Reader):
         return 1.0 if head.startswith(MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the data sets that belong together."""
+        """The columns of the data sets of the same length."""
         return layouts_of(arrays_in(path), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the data sets."""
         return chunks_of(layout, wanted, path)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Any row."""
+        """Marks for blocks of rows; a file can be read from any row on."""
         return marks_of(layout)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
-        """Rows from one on."""
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """The chunks from a row on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 
@@ -78,10 +78,10 @@ def arrays_in(path: Path) -> list[Array]:
     found: list[Array] = []
     try:
         with library.File(path, "r") as file:
-            _collect(library, file, "", path, found, 0)
+            _collect(library, file, where="", path=path, found=found, depth=0)
     except GmwmError:
         raise
-    except Exception as error:  # the library raises whatever a damaged file makes it stumble over
+    except Exception as error:  # the library raises any type of error for a damaged file
         raise _damaged(path, error) from error
     return found
 
@@ -91,13 +91,19 @@ def _library(path: Path) -> Any:
         import h5py  # type: ignore[import-untyped]
     except ImportError as error:
         raise MissingDependencyError(
-            f"{path} is an HDF5 file, for which h5py is needed: pip install 'gmwm[hdf5]'"
+            f"{path} is an HDF5 file, and h5py is not installed", advice="Install it with `pip install 'gmwm[hdf5]'`."
         ) from error
     return h5py
 
 
 def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array], depth: int) -> None:
-    """The arrays of a group and of those in it."""
+    """Append the arrays of a group and of the groups in it to `found`.
+
+    Raises
+    ------
+    ReadError
+        If there are too many.
+    """
     found += _stated_rates(group, where)
     for key in group:
         if not isinstance(group.get(key, getlink=True), library.HardLink):
@@ -107,7 +113,7 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
         if len(found) > MAX_ARRAYS or depth > _DEPTH:
             raise ReadError(f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}")
         if isinstance(node, library.Group):
-            _collect(library, node, name, path, found, depth + 1)
+            _collect(library, node, where=name, path=path, found=found, depth=depth + 1)
         elif isinstance(node, library.Dataset):
             found += _dataset(node, name, path)
 
@@ -119,7 +125,9 @@ def _dataset(node: Any, name: str, path: Path) -> list[Array]:
         return []
     packed = min(node.id.get_storage_size(), path.stat().st_size)  # a damaged file may claim more than there is
     require_ratio(int(np.prod(node.shape, dtype=object)) * node.dtype.itemsize, packed, f"{path}:{name}")
-    found = fields_of(name, node.shape, node.dtype, _Rows(path, node.name, len(node.shape)), _unit(node))
+    found = fields_of(
+        name, node.shape, dtype=node.dtype, rows=_Rows(path, node.name, len(node.shape)), unit=_unit(node)
+    )
     return found + _stated_rates(node, split_path(name)[0])
 
 
@@ -142,7 +150,7 @@ class _Rows:
 
 
 def _unit(node: Any) -> str:
-    """The unit that an attribute states; "" if none does, or several."""
+    """The unit that an attribute states; "" if none does."""
     for key in ("units", "unit", "Units", "Unit", "UNITS"):
         text = _attribute(node, key)
         if isinstance(text, bytes):
@@ -153,7 +161,7 @@ def _unit(node: Any) -> str:
 
 
 def _stated_rates(node: Any, where: str) -> list[Array]:
-    """Rates in attributes, as arrays of one number."""
+    """The rates that attributes state, as arrays of one number."""
     rates = []
     for key in node.attrs:
         if isinstance(key, str) and is_rate(key):
@@ -165,7 +173,7 @@ def _stated_rates(node: Any, where: str) -> list[Array]:
 
 
 def _attribute(node: Any, key: str) -> Any:
-    """A single short value; None for a long one, which a damaged file may claim to have and take minutes to give."""
+    """The value of a short attribute; None for a long one, which may take minutes to read from a damaged file."""
     if key not in node.attrs:
         return None
     known = node.attrs.get_id(key)
@@ -173,4 +181,4 @@ def _attribute(node: Any, key: str) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> ReadError:
-    return ReadError(f"{path} is no complete HDF5 file ({first_line(error)}); was it copied whole?")
+    return ReadError(f"{path} is not a complete HDF5 file ({first_line(error)})", advice="Copy the file again.")

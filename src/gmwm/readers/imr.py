@@ -1,4 +1,4 @@
-"""NovAtel's .imr: the raw measurements of an inertial sensor as Waypoint converts them, with a header of 512 bytes.
+"""NovAtel's .imr files: raw measurements of an inertial sensor, converted by Waypoint, after a header of 512 bytes.
 
 Source: NovAtel, Waypoint documentation, "IMR File" (docs.novatel.com).
 """
@@ -16,13 +16,14 @@ import numpy as np
 
 from gmwm.errors import ReadError
 from gmwm.imu_records import record
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.waypoint import record_channels, record_chunks, record_marks, require_times, whole_records
+from gmwm.remarks import Quantity, Remark
 
 _SIGNATURE = b"$IMURAW\0"
 _HEADER_BYTES = 512
-# Behind the signature and the byte order: version, increments of angle? of velocity?, rate, two scales, two kinds of
-# time, bias of time, name of the sensor. What follows is of no use here.
+# After the signature and the byte order: version, whether angles and velocities are increments, rate, two scales, two
+# types of time, bias of time, name of the sensor. The rest of the header is not used.
 _FIELDS = "dii3diid32s"
 _ORDERS = {0: "<", 1: ">"}
 _CLOCKS = {1: "UTC", 2: "GPS"}
@@ -30,13 +31,13 @@ _CLOCKS = {1: "UTC", 2: "GPS"}
 
 @dataclass(frozen=True)
 class _Header:
-    """What the header says: byte order, which sensors give increments, rate (Hz), scales to deg and m/s, notes."""
+    """The header: byte order, sensors that give increments, rate (Hz), scales to deg and m/s, and remarks."""
 
     order: str
     increments: tuple[bool, bool]
     rate: float
     scales: tuple[float, float]
-    notes: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 @register
@@ -47,65 +48,78 @@ class ImrReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".imr",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with $IMURAW and a zero."""
+        """1 for the signature $IMURAW with a zero byte."""
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Time and six axes, as the header scales them."""
+        """Time and six axes, with the scales of the header."""
         header = _header(path)
         dtype = record("i4", header.order)
         whole_records(path, dtype, _HEADER_BYTES)
-        way_out = "; does the byte order in its header (the ninth byte: 0 little-endian, 1 big-endian) hold?"
-        require_times(path, dtype, _HEADER_BYTES, way_out)
+        advice = "Check the byte order in its header, the ninth byte: 0 is little-endian, 1 is big-endian."
+        require_times(path, dtype, _HEADER_BYTES, advice)
         channels = record_channels(("deg/s", "m/s²"), header.scales, header.increments)
-        return (Layout(channels, rate=header.rate, notes=(*header.notes, *_pace(path, header)), state=header),)
+        return (Layout(channels, rate=header.rate, remarks=(*header.remarks, *_rate(path, header)), state=header),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """Counts and times as they stand in the file."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Counts and times of the file."""
         header: _Header = layout.state
         return record_chunks(path, record("i4", header.order), _HEADER_BYTES, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Any record."""
+        """Marks for blocks of records; a file can be read from any record on."""
         return record_marks(path, record("i4", layout.state.order), _HEADER_BYTES)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
-        """Records from one on."""
-        return record_chunks(path, record("i4", layout.state.order), _HEADER_BYTES, wanted, mark.row)
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """The chunks from a record on."""
+        return record_chunks(
+            path, record("i4", layout.state.order), offset=_HEADER_BYTES, wanted=wanted, first=mark.row
+        )
 
 
 def _header(path: Path) -> _Header:
-    """The header, checked field by field."""
+    """Read the header and check each field.
+
+    Raises
+    ------
+    ReadError
+        If the signature is missing, the header is cut off, or a field has a value that it cannot have.
+    """
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)
     if not head.startswith(_SIGNATURE):
-        raise ReadError(f"{path} does not begin with $IMURAW and a zero, as an .imr file does")
+        raise ReadError(f"{path} does not begin with $IMURAW and a zero byte, as an .imr file does")
     if len(head) < _HEADER_BYTES:
-        raise ReadError(f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes; was it cut off?")
+        raise ReadError(
+            f"{path} ends within its header, after {len(head)} of {_HEADER_BYTES} bytes", advice="Copy the file again."
+        )
     if head[8] not in _ORDERS:
-        raise ReadError(f"{path}: the byte order in its header must be 0 or 1, got {head[8]}")
+        raise ReadError(f"{path}: the byte order in its header is {head[8]}, expected 0 or 1")
     order = _ORDERS[head[8]]
     _, angle, velocity, rate, gyro, accel, clock, _, _, name = struct.unpack_from(order + _FIELDS, head, 9)
     for what, value in (("bDeltaTheta", angle), ("bDeltaVelocity", velocity)):
         if value not in (0, 1):
-            raise ReadError(f"{path}: {what} in its header must be 0 or 1, got {value}")
+            raise ReadError(f"{path}: {what} in its header is {value}, expected 0 or 1")
     for what, value in (("dDataRateHz", rate), ("dGyroScaleFactor", gyro), ("dAccelScaleFactor", accel)):
         if not (math.isfinite(value) and value > 0):
-            raise ReadError(f"{path}: {what} in its header must be a positive number, got {value:g}")
+            raise ReadError(f"{path}: {what} in its header is {value:g}, expected a positive number")
     sensor = name.split(b"\0")[0].decode("latin-1").strip()
-    kinds = " and ".join(
-        f"{'increments' if flag else 'rates'} of {what}" for what, flag in (("angle", angle), ("velocity", velocity))
-    )
-    notes = [f"{kinds}; increments times the rate" if angle or velocity else kinds]
-    notes += [f"sensor {sensor!r}"] if sensor else []
-    notes += [f"times are seconds of the {_CLOCKS[clock]} week"] if clock in _CLOCKS else []
-    return _Header(order, (bool(angle), bool(velocity)), rate, (gyro, accel), tuple(notes))
+    remarks = [
+        Remark.of("increments", name, source="file") for name, flag in (("gyro", angle), ("accel", velocity)) if flag
+    ]
+    remarks += [Remark.of("sensor-named", name=sensor)] if sensor else []
+    remarks += [Remark.of("time-read", form="week", clock=_CLOCKS[clock])] if clock in _CLOCKS else []
+    return _Header(order, (bool(angle), bool(velocity)), rate=rate, scales=(gyro, accel), remarks=tuple(remarks))
 
 
-def _pace(path: Path, header: _Header) -> tuple[str, ...]:
-    """A remark where the first time stamps contradict the rate of the header."""
+def _rate(path: Path, header: _Header) -> tuple[Remark, ...]:
+    """A remark if the first time stamps contradict the rate of the header by more than 1 %.
+
+    The header may state the rate of the device instead of that of the records, so this is not a warning.
+    """
     times = np.fromfile(path, record("i4", header.order), 2048, offset=_HEADER_BYTES)["time"].astype(np.float64)
     interval = float(np.median(np.diff(times))) if times.size > 1 else 1 / header.rate
     if abs(interval * header.rate - 1) <= 0.01:
         return ()
-    return (f"the header states {header.rate:g} Hz, the first time stamps {1 / interval:.6g} Hz: the stamps are used",)
+    stated, stamps = Quantity(header.rate, "Hz"), Quantity(1 / interval, "Hz")
+    return (Remark.of("rate-stated", rate=stated, used="no", stamps=stamps),)

@@ -1,4 +1,4 @@
-"""The CSV of kalibr_bagcreater: seven names that fix their units, as the tool copies them into ROS messages."""
+"""CSV of kalibr_bagcreater: seven column names with fixed units, because the tool copies them into ROS messages."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import ClassVar
 from gmwm.readers.base import Channel, Layout, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.text import TextReader
+from gmwm.remarks import Remark
 
 _HEADER = b"timestamp,omega_x,omega_y,omega_z,alpha_x,alpha_y,alpha_z"
 _UNITS = {"timestamp": "ns", "omega": "rad/s", "alpha": "m/s²"}
@@ -27,7 +28,8 @@ class KalibrReader(TextReader):
         return 0.9 if first.strip().replace(b" ", b"") == _HEADER else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns with the units that Kalibr gives them."""
+        """The columns with Kalibr's units."""
         found = super().layout(source)
         channels = tuple(Channel(c.name, _UNITS.get(c.name.partition("_")[0], ""), c.axis) for c in found.channels)
-        return replace(found, channels=channels, notes=(*found.notes, "columns and units of Kalibr's imu0.csv"))
+        known = Remark.of("layout-known", format="Kalibr's imu0.csv")
+        return replace(found, channels=channels, remarks=(*found.remarks, known))

@@ -49,7 +49,7 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     with path.open("rb") as file:
         head = file.read(_HEADER)
         if len(head) < _HEADER or head[126:128] not in (b"IM", b"MI"):
-            raise ReadError(f"{path} is no complete MATLAB file: its header is cut off or damaged")
+            raise ReadError(f"{path} is not a complete MATLAB file: its header is cut off or damaged")
         data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
     order = "<" if head[126:128] == b"IM" else ">"
     packed = unpacked = 0
@@ -62,7 +62,7 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
             packed, unpacked = packed + len(element.data), unpacked + len(content)
             element = _element(memoryview(content), 0, order, path)
         if element.kind == _MATRIX:
-            yield from _matrix(element.data, order, path, "", 0)
+            yield from _matrix(element.data, order, path=path, where="", depth=0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,10 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
     name = f"{where}/{_text(parts[2].data)}" if where and len(parts[2].data) else where or _text(parts[2].data)
     kind = flags[0] & 0xFF
     if kind in _CLASSES and not (flags[0] >> 8) & _LOGICAL_OR_COMPLEX:
-        yield name, _numbers(_element(data, at, order, path), _CLASSES[kind], shape, order, path, name)
+        yield (
+            name,
+            _numbers(_element(data, at, order, path), _CLASSES[kind], shape=shape, order=order, path=path, name=name),
+        )
     elif kind == _STRUCT and shape and int(np.prod(shape, dtype=object)) == 1 and depth < _DEPTH:
         length = _integers(_element(data, at, order, path), order, path)
         names = _element(data, _element(data, at, order, path).end, order, path)
@@ -118,7 +121,9 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
         for first in range(0, len(names.data), length[0]):
             field = _element(data, at, order, path)
             at = field.end
-            yield from _matrix(field.data, order, path, f"{name}/{_text(names.data[first:][: length[0]])}", depth + 1)
+            yield from _matrix(
+                field.data, order, path=path, where=f"{name}/{_text(names.data[first:][: length[0]])}", depth=depth + 1
+            )
 
 
 def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, path: Path, name: str) -> NDArray[Any]:
@@ -155,11 +160,13 @@ def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
             out += unpacker.decompress(data[start : start + _PIECE])
             require_ratio(unpacked + len(out), packed + len(data), path)
     except zlib.error as error:
-        raise ReadError(f"{path} is damaged ({error}); was it copied whole?") from error
+        raise ReadError(f"{path} is damaged ({error})", advice="Copy the file again.") from error
     if not unpacker.eof:
         raise _cut(path)
     return bytes(out)
 
 
 def _cut(path: Path) -> ReadError:
-    return ReadError(f"{path} is no complete MATLAB file: a part of it ends behind its end; was it copied whole?")
+    return ReadError(
+        f"{path} is not a complete MATLAB file: a part of it ends behind its end", advice="Copy the file again."
+    )

@@ -1,7 +1,7 @@
-"""MATLAB's .mat: versions 5 to 7 by `gmwm.readers.mat5`, version 7.3, which is HDF5, by h5py.
+"""MATLAB's .mat files: versions 5 to 7 by `gmwm.readers.mat5`, version 7.3, which is HDF5, by h5py.
 
-Besides arrays under names that say what they are, two layouts of the field are known: `data_imu`, a table of
-time, accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
+Arrays are recognised by their names. Two layouts of other programs are known: `data_imu`, a table of time,
+accelerometers and gyroscopes (kalibr_allan), and a structure with `wb`, `fb`, `t` and `freq` (NaveGo).
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import ClassVar
 
 from gmwm.errors import ReadError
 from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
-from gmwm.readers.base import Chunk, Layout, Reader, register
+from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.hdf5 import MAGIC, arrays_in
 from gmwm.readers.mat5 import variables
+from gmwm.remarks import Remark
 from gmwm.signals import AXES
 
 _NAVEGO = {"t": (("time",), ("s",)), "wb": (AXES[:3], ("rad/s",) * 3), "fb": (AXES[3:], ("m/s²",) * 3)}
@@ -31,28 +32,29 @@ class MatlabReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".mat",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with the text of a .mat file, or is HDF5 behind one."""
+        """1 for the text with which .mat files of versions 5 to 7.3 begin."""
         return 1.0 if head.startswith((b"MATLAB 5.0 MAT-file", b"MATLAB 7.3 MAT-file")) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the arrays that belong together."""
+        """The columns of the arrays of the same length."""
         with path.open("rb") as file:
             head = file.read(512 + len(MAGIC))
         newer = head[512:] == MAGIC or head.startswith(b"MATLAB 7.3")
         found = arrays_in(path) if newer else _older(path)
-        notes: tuple[str, ...] = ()
+        remarks: tuple[Remark, ...] = ()
         arrays = [_known(array, found) for array in found if not array.name.startswith("#")]
         if any(array.axes for array in arrays):
-            notes = ("columns and units of a layout that is known by its names",)
-        return layouts_of(arrays, path, notes)
+            navego = any(array.axes in {axes for axes, _ in _NAVEGO.values()} for array in arrays)
+            remarks = (Remark.of("layout-known", format="NaveGo" if navego else "kalibr_allan"),)
+        return layouts_of(arrays, path, remarks)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the arrays."""
         return chunks_of(layout, wanted, path)
 
 
 def _known(array: Array, others: Sequence[Array]) -> Array:
-    """An array with its columns named, if it is one of the layouts that are known."""
+    """The array with roles and units of its columns, if it belongs to one of the known layouts."""
     where, own = split_path(array.name)
     turned = upright(array)
     if own == "data_imu" and turned.columns == 7:

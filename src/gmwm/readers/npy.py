@@ -1,4 +1,4 @@
-"""NumPy's .npy and .npz, without pickles: the header is checked against the file before memory is asked for."""
+"""NumPy's .npy and .npz files, without pickles. The header is checked against the size of the file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers.arrays import Array, chunks_of, fields_of, first_line, layouts_of, marks_of, part_of
-from gmwm.readers.base import Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import ZIP, MemberSource, open_archive, require_ratio
 
 _MAGIC = b"\x93NUMPY"
@@ -42,10 +42,10 @@ class NpyReader(Reader):
                 np.memmap(path, dtype, "r", offset, shape, "F" if order else "C") if np.prod(shape) else np.empty(shape)
             )
         except (ValueError, OSError) as error:
-            raise ReadError(f"{path} cannot be mapped ({error}); was it copied whole?") from error
+            raise ReadError(f"{path} cannot be mapped ({error})", advice="Copy the file again.") from error
         return layouts_of(fields_of("", shape, dtype, partial(part_of, array)), path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the mapped file."""
         return chunks_of(layout, wanted, path)
 
@@ -53,7 +53,7 @@ class NpyReader(Reader):
         """Any row."""
         return marks_of(layout)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Rows from one on."""
         return chunks_of(layout, wanted, path, mark.row)
 
@@ -80,7 +80,7 @@ class NpzReader(Reader):
         arrays = [array for member in members for array in self._member(path, member)]
         return layouts_of(arrays, path)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Rows of the arrays, each unpacked once."""
         return chunks_of(layout, wanted, path)
 
@@ -92,18 +92,18 @@ class NpzReader(Reader):
             try:
                 shape, order, dtype = _header(file, source)
             except _PicklesError:
-                return []  # texts and settings beside the numbers; they are never opened
+                return []  # texts and settings, which are never unpickled
             _require_size(shape, dtype, member.file_size - file.tell(), source)
         packed = _Packed(source, shape, order, dtype)
         return fields_of(name, shape, dtype, packed)
 
 
 class _PicklesError(ReadError):
-    """The array holds Python objects, which only a pickle could bring back."""
+    """The array holds Python objects, which only a pickle can restore."""
 
 
 class _Packed:
-    """An array in an archive, unpacked when first asked for and kept."""
+    """An array in an archive, unpacked on first use."""
 
     def __init__(self, source: MemberSource, shape: tuple[int, ...], fortran: bool, dtype: np.dtype[Any]) -> None:
         self._source, self._shape, self._fortran, self._dtype = source, shape, fortran, dtype
@@ -116,28 +116,39 @@ class _Packed:
                 size = int(np.prod(self._shape, dtype=object)) * self._dtype.itemsize
                 data = file.read(size)
             if len(data) != size:
-                raise ReadError(f"{self._source} holds {len(data)} bytes, expected {size}; was it copied whole?")
+                raise ReadError(
+                    f"{self._source} holds {len(data)} bytes, expected {size}", advice="Copy the file again."
+                )
             flat = np.frombuffer(data, self._dtype)
             self._kept = flat.reshape(self._shape, order="F" if self._fortran else "C")
         return part_of(self._kept, start, stop, axis)
 
 
 def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Shape, order and type of an array, from the head of its file; Python objects are refused."""
+    """Shape, order and type of an array, from the header of its file.
+
+    Raises
+    ------
+    ReadError
+        If the header is damaged, or the array holds Python objects or empty elements.
+    """
     try:
         version = npy_format.read_magic(file)
-        # Version 3 differs from 2 in the encoding of names alone: an accent may come out as two letters.
+        # Version 3 differs from version 2 only in the encoding of names.
         read = npy_format.read_array_header_1_0 if version == (1, 0) else npy_format.read_array_header_2_0
         shape, order, dtype = read(file)
     except GmwmError:
         raise
-    except Exception as error:  # the header is a Python expression: NumPy raises whatever it stumbles over in it
-        raise ReadError(f"{name} is no complete NumPy file ({first_line(error)}); was it copied whole?") from error
+    except Exception as error:  # the header is a Python expression, for which NumPy raises any type of error
+        raise ReadError(
+            f"{name} is not a complete NumPy file ({first_line(error)})", advice="Copy the file again."
+        ) from error
     if dtype.itemsize == 0:
-        raise ReadError(f"{name} holds elements without content, no numbers")
+        raise ReadError(f"{name} holds empty elements instead of numbers")
     if dtype.hasobject:
         raise _PicklesError(
-            f"{name} holds Python objects, which are not opened: a file can do harm that way. Save numbers only"
+            f"{name} holds Python objects, which are not read because they can execute code",
+            advice="Save only numbers.",
         )
     return shape, order, dtype
 
@@ -145,4 +156,6 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
 def _require_size(shape: tuple[int, ...], dtype: np.dtype[Any], there: int, name: object) -> None:
     expected = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if expected > there:
-        raise ReadError(f"{name} is cut off: {there} bytes of numbers, expected {expected}; was it copied whole?")
+        raise ReadError(
+            f"{name} is cut off: {there} bytes of numbers, expected {expected}", advice="Copy the file again."
+        )

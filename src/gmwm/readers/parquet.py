@@ -1,4 +1,4 @@
-"""Parquet files, read by Polars a slice of rows at a time."""
+"""Parquet files, read with Polars in slices of rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, register
 from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ _MAGIC = b"PAR1"
 
 @register
 class ParquetReader(Reader):
-    """Parquet, by its signature at both ends of the file."""
+    """Parquet files, recognised by their signature."""
 
     name: ClassVar[str] = "parquet"
     extensions: ClassVar[tuple[str, ...]] = (".parquet", ".pq")
@@ -34,7 +34,7 @@ class ParquetReader(Reader):
         return 1.0 if head.startswith(_MAGIC) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the schema; a column of dates is a time in the unit of its type."""
+        """The columns of the schema. A column of dates is the time, in the unit of its type."""
         import polars as pl
 
         try:
@@ -43,28 +43,30 @@ class ParquetReader(Reader):
             first = scan.head(1).collect()
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
             reason = str(error).splitlines()[0]
-            raise ReadError(f"{path} is no complete Parquet file ({reason}); was it copied whole?") from error
+            raise ReadError(
+                f"{path} is not a complete Parquet file ({reason})", advice="Copy the file again."
+            ) from error
         channels = tuple(
-            Channel(name, dtype.time_unit or "", "time") if isinstance(dtype, pl.Datetime) else Channel(name)
+            Channel(name, dtype.time_unit, "time") if isinstance(dtype, pl.Datetime) else Channel(name)
             for name, dtype in schema.items()
         )
         if first.is_empty():
-            raise ReadError(f"{path} has columns but no rows; was the recording interrupted?")
+            raise ReadError(f"{path} has columns but no rows", advice="Check whether the recording was interrupted.")
         return (Layout(channels, tuple(str(value) for value in first.row(0))),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """Slices of the wanted columns; integers stay int64, all else becomes float64."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """Slices of the wanted columns; integers as int64, all others as float64."""
         return self.chunks_from(path, layout, wanted, Mark(0))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """The slices, by the number of rows that the file states."""
+        """Marks for the slices, by the number of rows that the file states."""
         import polars as pl
 
         rows = int(pl.scan_parquet(path).select(pl.len()).collect().item())
         return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
-        """Slices from a row on."""
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """The chunks from a row on."""
         import polars as pl
 
         names = [layout.channels[k].name for k in wanted]
@@ -74,7 +76,7 @@ class ParquetReader(Reader):
             try:
                 frame = scan.slice(row, ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-                raise ReadError(f"{path} is damaged behind row {row}: {str(error).splitlines()[0]}") from error
+                raise ReadError(f"{path} is damaged after row {row}: {str(error).splitlines()[0]}") from error
             if frame.is_empty():
                 return
             columns = zip(wanted, names, strict=True)
@@ -83,7 +85,13 @@ class ParquetReader(Reader):
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
-    """A column as an array, or an error at the first cell that is no number; `first` is that of the file."""
+    """A column as an array; `first` is its first cell in the file.
+
+    Raises
+    ------
+    ReadError
+        If a cell is empty or is not a number; the message states its row.
+    """
     import polars as pl
 
     dtype = series.dtype
@@ -92,24 +100,25 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
         series = series.to_physical()
     elif not dated and not (dtype.is_numeric() or dtype == pl.Null):
         raise ReadError(
-            f"{path}: column {series.name!r} holds {dtype}, expected numbers; name other columns with columns="
+            f"{path}: column {series.name!r} holds {dtype}, expected numbers",
+            advice="Name other columns with {--columns}.",
         )
     if series.null_count():
         at = row + int(np.argmax(series.is_null().to_numpy())) + 1
         raise ReadError(
-            f"{path}: column {series.name!r} has no value in row {at}; remove or fill such rows first "
-            "(a sample that is missing is a gap, not a zero)"
+            f"{path}: column {series.name!r} has no value in row {at}",
+            advice="Remove such rows, or leave the column out with {--columns}.",
         )
     if dated:
         times = times_of(series, first)
         if (unknown := np.isnat(times)).any():
             at = int(np.argmax(unknown))
             raise ReadError(
-                f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}; "
-                'repair it, or leave the column out with columns={"time": None} and pass rate='
+                f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}",
+                advice="Repair the row, or leave the column out with {--columns=time:none} and pass {--rate}.",
             )
         return times.view(np.int64)
     integer = series.dtype.is_integer()
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
-        raise ReadError(f"{path}: column {series.name!r} holds numbers beyond 2^63; is it damaged?")
+        raise ReadError(f"{path}: column {series.name!r} holds integers above 2⁶³")
     return np.ascontiguousarray(series.cast(pl.Int64 if integer else pl.Float64).to_numpy())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers.api import one_layout
-from gmwm.readers.assembly import Assembly, Piece, Tally, Understood
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
+from gmwm.readers.chunks import Chunk, ChunkBuilder, Interpretation, RowSummary
 from gmwm.readers.running_clock import KEPT
 from gmwm.readers.streams import Stream
 
@@ -31,7 +31,7 @@ SHORTEST = 2 * KEPT
 class Part:
     """Consecutive rows of a recording in a file: small, and to be sent to other processes.
 
-    Iterate over it for its pieces, as over a Stream. Their segments are counted from 0 for the one that the part before
+    Iterate over it for its chunks, as over a Stream. Their segments are counted from 0 for the one that the part before
     ends with, so that a part with a gap right before it begins with segment 1.
 
     Attributes
@@ -44,10 +44,10 @@ class Part:
         The reader's name.
     topic : str or None
         Which recording of the file, if it was asked for.
-    found : Understood
+    found : Interpretation
         What the first rows of the recording say.
     size : int
-        Samples in a piece, at the most.
+        Samples in a chunk, at the most.
     back, begin, end : Mark
         From where on time stamps are looked at, where its rows begin and where they end.
     last : bool
@@ -60,7 +60,7 @@ class Part:
     bytes: int
     format: str
     topic: str | None
-    found: Understood
+    found: Interpretation
     size: int
     back: Mark
     begin: Mark
@@ -78,16 +78,16 @@ class Part:
         """Number of the row behind its last one; None for a whole recording whose rows were not counted."""
         return None if self.whole else self.end.row
 
-    def __iter__(self) -> Iterator[Piece]:
-        return iter(Passage(self))
+    def __iter__(self) -> Iterator[Chunk]:
+        return iter(PartReader(self))
 
     def __repr__(self) -> str:
         rows = "all rows" if self.whole else f"rows {self.first} to {self.end.row}"
         return f"Part({rows} of {self.path})"
 
 
-class Passage:
-    """A part that is read once; `tally` is known behind the last piece.
+class PartReader:
+    """Reads a part once; `summary` is known after the last chunk.
 
     Raises
     ------
@@ -95,24 +95,24 @@ class Passage:
         At what `read` refuses, when it is reached; and if the file is not there, or is not the same any more.
     """
 
-    tally: Tally
+    summary: RowSummary
 
     def __init__(self, part: Part) -> None:
         self._part = part
 
-    def __iter__(self) -> Iterator[Piece]:
+    def __iter__(self) -> Iterator[Chunk]:
         part = self._part
         self._reader, self._layout = _opened(part)
         wanted = list(part.found.choice.columns.values())
-        assembly = Assembly(part.found, part.size, part.first, self._before())
+        builder = ChunkBuilder(part.found, part.size, part.first, self._before())
         if part.whole:
             chunks = self._reader.chunks(part.path, self._layout, wanted)
         else:
             chunks = self._reader.chunks_from(part.path, self._layout, wanted, part.begin)
         row = part.first
-        for chunk in chunks:
-            row += next(iter(chunk.values())).size
-            yield from assembly.take(chunk)
+        for rows in chunks:
+            row += next(iter(rows.values())).size
+            yield from builder.add(rows)
             if part.stop is not None and row >= part.stop:
                 break
         if part.stop is not None and row != part.stop:
@@ -120,8 +120,8 @@ class Passage:
                 f"{part.path} has other rows than when it was divided: was it written to meanwhile, or is it read with "
                 "another version of gmwm here?"
             )
-        yield from assembly.end(self._behind())
-        self.tally = assembly.tally()
+        yield from builder.end(self._behind())
+        self.summary = builder.summary()
 
     def _before(self) -> NDArray[Any] | None:
         """The stamps of the rows before the first, those that say of it whether it begins a segment."""
@@ -149,40 +149,7 @@ class Passage:
 
 
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
-    """The recording as parts that follow one another, of about the same length.
-
-    Rows can be begun with anywhere in Parquet, .npy, HDF5, .imu and .imr; in text too, whose lines are counted first,
-    in a pass over the file that parses no numbers. Any other format is one part. Parts begin where the reader's chunks
-    do (2¹⁸ or 2²⁰ rows, 8 MB of text), so that a short recording makes fewer of them.
-
-    Parameters
-    ----------
-    stream : Stream
-        Of `gmwm.stream`.
-    count : int
-        How many parts, at the most.
-
-    Returns
-    -------
-    tuple of Part
-        In order. A part can be pickled; where it is read the file must be under the same path.
-
-    Raises
-    ------
-    OptionError
-        If the count is none, or the stream comes from no file.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, gmwm
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "static.imu.npy")
-    >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
-    >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
-    >>> [(part.first, part.stop) for part in source.parts(2)]
-    [(0, 1048576), (1048576, 3000000)]
-    >>> folder.cleanup()
-    """
+    """Split a recording into consecutive parts: see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
         raise OptionError(f"count must be a whole number of parts, 1 or more; got {count!r}")
     origin = stream._origin
@@ -194,14 +161,34 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         )
     marks = origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
-    common = (origin.path, origin.path.stat().st_size, origin.reader.name, origin.topic, stream._found, stream._size)
+    whole = Part(
+        path=origin.path,
+        bytes=origin.path.stat().st_size,
+        format=origin.reader.name,
+        topic=origin.topic,
+        found=stream._found,
+        size=stream._size,
+        back=Mark(0),
+        begin=Mark(0),
+        end=Mark(0),
+        last=True,
+        whole=True,
+    )
     if not cuts:
-        return (Part(*common, Mark(0), Mark(0), Mark(0), True, whole=True),)
+        return (whole,)
     edges = [0, *cuts, len(marks) - 1]
     pace = stream._found.pace
     reach = 0 if pace is None else pace.before
     return tuple(
-        Part(*common, _back(marks, a, reach), marks[a], marks[b], b == len(marks) - 1) for a, b in pairwise(edges)
+        replace(
+            whole,
+            back=_back(marks, a, reach),
+            begin=marks[a],
+            end=marks[b],
+            last=b == len(marks) - 1,
+            whole=False,
+        )
+        for a, b in pairwise(edges)
     )
 
 

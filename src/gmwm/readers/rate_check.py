@@ -1,4 +1,4 @@
-"""Whether time stamps can be used as they are: in order, and at one rate from the first to the last."""
+"""Check that time stamps are in order, and that the sampling rate is the same from the first to the last."""
 
 from __future__ import annotations
 
@@ -8,23 +8,34 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError
+from gmwm.remarks import Quantity
 
-_PIECE = 64  # intervals at least: their mean fades the jitter of single stamps
-_PIECES = 64
-_BESIDE = 3  # pieces on each side of a change: a gap or a pause spoils one of them
+# The thresholds separate the made-up clocks of tests/readers/test_steady.py (steady, drifting, jittered, in bursts,
+# with pauses, with one change) and test_timebase.py (out of order, set back), which pin them.
+
+_BLOCK = 64
+"""Intervals in a block, at least: the jitter of single time stamps averages out over them."""
+_BLOCKS = 64
+"""Blocks in a recording, at most: a change is found if it lasts for 3/64 of the recording."""
+_BESIDE = 3
+"""Blocks compared on each side of a change: a gap or a pause affects only one of them."""
 _BESIDE_BURSTS = 8
-_CHANGED = 1.05  # a crystal drifts by less; two settings of a sensor differ by more
-_CHANGED_BURSTS = 1.2  # a piece holds a burst more or less
-_NEAR = 8.0  # intervals: stamps that step back by less are out of order, by more the clock was set
-_SOME = 2  # stamps out of order in any recording, and their share, that are cut out and told
-_SHARE = 1e-3
-_RESETS = 8  # clocks set back in any recording, and their share, that only split it
-_RESET_SHARE = 1e-2
+"""The same if samples come in bursts, whose mean varies more from block to block."""
+_CHANGED = 1.05
+"""Factor between two rates that is a change: oscillators drift by less, the settings of a sensor differ by more."""
+_CHANGED_BURSTS = 1.2
+"""The same if samples come in bursts: a block holds one burst more or less."""
+_NEAR = 8.0
+"""Intervals: a time stamp that steps back by less is out of order; by more, the clock was set back."""
+_SOME, _SHARE = 2, 1e-3
+"""Time stamps out of order that are accepted in any recording, and their accepted share."""
+_RESETS, _RESET_SHARE = 8, 1e-2
+"""Backward steps of the clock that are accepted in any recording, and their share; they split the recording."""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the sampling interval: the sample from which on the new one holds, and both (ticks)."""
+    """A change of the sampling interval: the first sample with the new interval, and both intervals (ticks)."""
 
     index: int
     before: float
@@ -32,23 +43,23 @@ class Change:
 
 
 def require_order(ticks: Vector, nominal: float, origin: float, per_second: float) -> None:
-    """Raise an error where stamps step back so often that they tell neither order nor rate.
+    """Require that time stamps are in order, except for a few.
 
     Parameters
     ----------
     ticks : (N,) array
-        Stamps from the first one on, in their unit.
+        Time stamps minus the first one, in their unit.
     nominal : float
-        Sampling interval in ticks, roughly.
+        Approximate sampling interval in ticks.
     origin : float
-        The first stamp.
+        The first time stamp in ticks.
     per_second : float
         Ticks in a second.
 
     Raises
     ------
     ReadError
-        If more than a few stamps, or a thousandth of them, are out of order.
+        If more than two time stamps, and more than a thousandth of them, are out of order.
     """
     steps = np.diff(ticks)
     back = np.flatnonzero(steps < 0)
@@ -58,19 +69,20 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     first, most = (origin + ticks[back[0] + 1]) / per_second, -float(np.min(steps)) / per_second
     raise ReadError(
         f"the time stamps are not in order: {back.size} of {ticks.size} are earlier than the one before, by up to "
-        f"{most:.3g} s (the first in row {back[0] + 2}, at {first:.6g} s). If the rows stand in the order of "
-        "sampling and only the stamps are loose, leave them out with columns={'time': None} and pass rate= "
-        f"(on average they say {per_second / nominal:.4g} Hz); if the rows are mixed up, sort them by time first"
+        f"{most:.3g} s (the first in row {back[0] + 2}, at {first:.6g} s)",
+        advice="If the rows are not in the order of sampling, sort them by time; if they are, leave the time stamps "
+        "out with {--columns=time:none} and pass {--rate} (on average they show {rate:.4g}).",
+        rate=Quantity(per_second / nominal, "Hz"),
     )
 
 
 def require_one_rate(ticks: Vector, origin: float, per_second: float) -> None:
-    """Raise an error where the sampling rate changes within the recording.
+    """Require that the sampling rate does not change within the recording.
 
     Raises
     ------
     ReadError
-        With both rates, and the time and row of the change.
+        If it changes; the message has both rates, and the time and row of the change.
     """
     change = rate_change(ticks)
     if change is None:
@@ -78,23 +90,24 @@ def require_one_rate(ticks: Vector, origin: float, per_second: float) -> None:
     when = (origin + float(ticks[change.index])) / per_second
     before, after = per_second / change.before, per_second / change.after
     raise ReadError(
-        f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s (row {change.index + 1}, by "
-        "the time stamps), and one recording has one rate: cut the file there and read the parts one at a time"
+        f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s (row {change.index + 1}), "
+        "by the time stamps",
+        advice="Split the file there and read the parts one at a time.",
     )
 
 
 def rate_change(ticks: Vector) -> Change | None:
-    """The first lasting change of the sampling interval by more than 5 %, or None.
+    """Find the first lasting change of the sampling interval by more than 5 %; None if there is none.
 
-    Pieces of at least 64 intervals are compared, three on either side. What counts is the median interval,
-    which gaps do not move, together with the mean, which jitter and rounding do not move: both must change
-    alike, and all pieces of one side must lie beyond all of the other. Where samples are stamped in bursts the
-    median says nothing: there the mean must change by more, and for longer.
+    Blocks of at least 64 intervals are compared, three on either side. The median interval of a block does not depend
+    on gaps, and the mean does not depend on jitter and rounding. Both must change by about the same factor, and all
+    blocks of one side must lie beyond all of the other side. If samples come in bursts, the median has no meaning, and
+    the mean must change by 20 % over eight blocks.
 
     Parameters
     ----------
     ticks : (N,) array
-        Stamps in any unit, in order but for a few.
+        Time stamps in any unit, in order except for a few.
 
     >>> rate_change(np.cumsum(np.repeat([1.0, 2.0], 500)))
     Change(index=499, before=1.0, after=2.0)
@@ -102,7 +115,7 @@ def rate_change(ticks: Vector) -> Change | None:
     steps = np.diff(ticks)
     burst = _burst(steps)
     beside, factor = (_BESIDE, _CHANGED) if burst == 1 else (_BESIDE_BURSTS, _CHANGED_BURSTS)
-    length = max(steps.size // _PIECES, _PIECE, 8 * burst)
+    length = max(steps.size // _BLOCKS, _BLOCK, 8 * burst)
     count = steps.size // length
     if count < 2 * beside:
         return None
@@ -119,7 +132,7 @@ def rate_change(ticks: Vector) -> Change | None:
 
 @dataclass(frozen=True)
 class _Sides:
-    """Pieces before and behind a place: their medians and their ranges."""
+    """Blocks before and after a place: the medians and ranges of both sides."""
 
     before: float
     after: float
@@ -132,20 +145,23 @@ class _Sides:
         return cls(float(np.median(left)), float(np.median(right)), ranges)
 
     def apart(self, factor: float) -> bool:
-        """Whether one side lies beyond the other by more than a factor, and by more than either is wide."""
+        """Whether the sides differ by more than a factor, and by more than the range of either."""
         low, high, first, last = self.ranges
         if self.before <= 0 or self.after <= 0 or (first <= factor * high and low <= factor * last):
             return False
         return max(first - high, low - last) > max(high - low, last - first)
 
     def agrees(self, other: _Sides) -> bool:
-        """Whether both change alike."""
+        """Whether both change by about the same factor."""
         mine, theirs = np.log(self.after / self.before), np.log(other.after / other.before)
         return bool(abs(mine) > np.log(_CHANGED) and abs(mine - theirs) < np.log(_CHANGED_BURSTS))
 
 
 def _burst(steps: Vector) -> int:
-    """How many samples are stamped together: 1 where the median interval is that of uniform sampling."""
+    """Number of samples in a burst; 1 if the median interval is that of uniform sampling.
+
+    Samples come in bursts if more than 5 % of the intervals are longer than 4 medians: gaps are rarer.
+    """
     forward = steps[steps >= 0]
     single = float(np.median(forward)) if forward.size else 0.0
     long = int(np.count_nonzero(forward > 4 * single))
@@ -153,8 +169,8 @@ def _burst(steps: Vector) -> int:
 
 
 def _corner(steps: Vector, low: int, high: int, sides: _Sides) -> int:
-    """The last sample that the old interval leads to, within a range that holds the change."""
+    """The last sample with the old interval, within a range of samples that holds the change."""
     part = steps[low:high]
-    # Each interval votes for the rate it is nearer to: a gap votes no louder than any other.
+    # Each interval has one vote, for the rate that it is nearer to, so a gap counts no more than any other interval.
     votes = np.where(np.abs(part - sides.before) < np.abs(part - sides.after), 1, -1)
     return low + int(np.argmax(np.concatenate(([0], np.cumsum(votes)))))

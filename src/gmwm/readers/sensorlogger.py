@@ -1,7 +1,7 @@
-"""Tables of the phone application Sensor Logger: time,seconds_elapsed,z,y,x, one file a sensor.
+"""Tables of the phone application Sensor Logger: time,seconds_elapsed,z,y,x, one file for each sensor.
 
-The columns name no sensor, the file does: Gyroscope.csv in rad/s, TotalAcceleration.csv in m/s² with
-gravity, Accelerometer.csv without. The columns run z, y, x; the time is in nanoseconds.
+The name of the file states the sensor: Gyroscope.csv in rad/s, TotalAcceleration.csv in m/s² with gravity,
+Accelerometer.csv in m/s² without gravity. The time is in nanoseconds.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import ClassVar
 from gmwm.readers.base import Channel, Layout, register
 from gmwm.readers.byte_sources import FileSource, MemberSource
 from gmwm.readers.text import TextReader
+from gmwm.remarks import Remark
 
 _HEADER = b"time,seconds_elapsed,z,y,x"
 _SENSORS = {
@@ -20,18 +21,15 @@ _SENSORS = {
     "gyroscopeuncalibrated": ("gyro", "rad/s"),
     "totalacceleration": ("accel", "m/s²"),
     "accelerometer": ("accel", "m/s²"),
-    "accelerometeruncalibrated": ("accel", ""),  # m/s² from some phones, g from others: gravity tells
+    "accelerometeruncalibrated": ("accel", ""),  # m/s² from some phones, g from others: inferred from gravity
 }
 WITHOUT_GRAVITY = "accelerometer"
-"""The table whose gravity the phone's own filter has removed."""
-
-REMOVED = "gravity was removed by the phone: this is its filter's noise, not the sensor's"
-"""The remark on such a table."""
+"""The table from which the filter of the phone has removed gravity."""
 
 
 @register
 class SensorLoggerReader(TextReader):
-    """One table of Sensor Logger, known by its header and its name."""
+    """One table of Sensor Logger, recognised by its header and its name."""
 
     name: ClassVar[str] = "sensorlogger"
     extensions: ClassVar[tuple[str, ...]] = (".csv",)
@@ -41,11 +39,11 @@ class SensorLoggerReader(TextReader):
         return 0.9 if head.split(b"\n", 1)[0].strip() == _HEADER and sensor(path) else 0.0
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns, as the name of the table makes them."""
+        """The columns, with the sensor and unit that the name of the table states."""
         found = super().layout(source)
         path = Path(source.member) if isinstance(source, MemberSource) else source.path
         known = _SENSORS.get(sensor(path))
-        if known is None:  # asked for by format=
+        if known is None:  # chosen by the `format` option
             return found
         quantity, unit = known
         channels = [
@@ -53,16 +51,12 @@ class SensorLoggerReader(TextReader):
             if c.name in ("x", "y", "z") else Channel("(elapsed)")
             for c in found.channels
         ]  # fmt: skip
-        return replace(
-            found,
-            channels=tuple(channels),
-            topic=path.stem,
-            notes=(*found.notes, *((REMOVED,) if sensor(path) == WITHOUT_GRAVITY else ())),
-        )
+        removed = (Remark.of("gravity-removed", path.stem),) if sensor(path) == WITHOUT_GRAVITY else ()
+        return replace(found, channels=tuple(channels), topic=path.stem, remarks=(*found.remarks, *removed))
 
 
 def sensor(path: Path) -> str:
-    """Which sensor the name of a table says, in lower case; "" for others.
+    """The sensor that the name of a table states, in lower case; "" for another name.
 
     >>> sensor(Path("Gyroscope.csv")), sensor(Path("Location.csv"))
     ('gyroscope', '')

@@ -1,6 +1,6 @@
-"""`stream`: a recording as pieces in SI units, for files larger than memory.
+"""Stream a recording in SI units, in chunks of samples, from a file that may be larger than memory.
 
-What the first rows say of units and rate holds for all; values, segments and their times are those that `read` gives.
+Units and rate come from the first rows. Values, segments and their times are the same as those of `read`.
 """
 
 from __future__ import annotations
@@ -10,14 +10,12 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import as_rate
-from gmwm._late import LateMethod
-from gmwm.errors import GmwmWarning, InferredUnitWarning, OptionError, TimeBaseWarning
+from gmwm.options import Columns, ReadOptions, as_whole_number
 from gmwm.readers.api import (
     column_words,
     one_layout,
@@ -26,34 +24,45 @@ from gmwm.readers.api import (
     require_time,
     timing_of,
 )
-from gmwm.readers.assembly import Assembly, Understood
-from gmwm.readers.assembly import Piece as Piece
-from gmwm.readers.axis_units import checked_units, resolve, time_unit
-from gmwm.readers.base import Chunk, Layout, Reader, existing_file, find_reader
-from gmwm.readers.columns import Choice, Columns, choose
+from gmwm.readers.axis_units import resolve, time_unit
+from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.chunks import Chunk as Chunk
+from gmwm.readers.chunks import ChunkBuilder, Interpretation
+from gmwm.readers.columns import Choice, choose
+from gmwm.readers.reading_warnings import STAMPS, of_file, warn
 from gmwm.readers.running_clock import Pace
-from gmwm.readers.scale_factors import checked_increments, checked_scale, multiply
-from gmwm.readers.time_stamps import as_stamps, troubles_of
+from gmwm.readers.scale_factors import multiply
+from gmwm.readers.time_stamps import as_stamps
 from gmwm.readers.trimming import Kept, trimmed
+from gmwm.remarks import Remark
 from gmwm.signals import TimeBase
-from gmwm.time_ranges import CUT, kept_stretches, stretch_words
+from gmwm.time_ranges import range_texts
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from gmwm.readers.parts import Part
+    from gmwm.variance.result import WaveletVariance
 
 HEAD = 1 << 18
-"""Rows at least by which units, rate and time stamps are understood, if there are as many."""
+"""Rows from which units, rate and unit of time stamps are found, at least: 44 min at 100 Hz, over which time stamps of
+1 ms give the rate to better than 1e-6 of itself."""
 
-
+CHUNK = 1_000_000
+"""Samples in a piece, if no other number is asked for."""
 LARGE = 300_000_000
-"""Bytes of a file from which on commands and fleets read it in pieces."""
+"""Size of a file (bytes) from which commands and fleets stream it. It is a choice: smaller files fit into the memory of
+any computer together with the copies that an estimate needs."""
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is better read in pieces."""
+    """Whether commands and fleets stream a file instead of reading it."""
     return path.is_file() and path.stat().st_size >= LARGE
 
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """Where the rows of a recording come from: file, reader, columns, and the topic that was asked for."""
+    """The file of a recording, its reader, the columns that are read, and the topic that was given."""
 
     path: Path
     reader: Reader
@@ -61,66 +70,175 @@ class Origin:
     wanted: tuple[int, ...]
     topic: str | None
 
-    def chunks(self) -> Iterator[Chunk]:
+    def chunks(self) -> Iterator[Rows]:
         """All rows."""
         return self.reader.chunks(self.path, self.layout, self.wanted)
 
 
 class Stream:
-    """A recording in a file, piece by piece; made by `gmwm.stream`. Each iteration reads the file anew.
+    """A recording in a file, to iterate over chunk by chunk. Each iteration reads the file again.
 
     Attributes
     ----------
     source : str
-        Where it comes from.
+        The file.
     rate : float
         Samples per second (Hz).
     axes : tuple of str
         Names of the axes, gyroscopes first.
     time_base : TimeBase
-        What the time stamps say: those of all rows once they were read to the end, of the first ones before.
-    notes : tuple of str
-        What was understood, in plain words.
+        Properties of the time stamps: of the first rows, and of all rows after an iteration to the end.
+    remarks : tuple of Remark
+        How the file was understood.
     """
-
-    wavelet_variance: ClassVar[LateMethod[..., Any]] = LateMethod(
-        "gmwm.streaming.passes:stream_variance",
-        "The wavelet variance of each axis, as wavelet_variance(levels=…, exact=…, robust=…, confidence=…).",
-    )
-
-    parts: ClassVar[LateMethod[..., Any]] = LateMethod(
-        "gmwm.readers.parts:parts_of",
-        "The recording as parts(count) that follow one another, each to be read by itself, on another machine too.",
-    )
 
     def __init__(
         self,
         source: str,
-        found: Understood,
-        chunks: Callable[[], Iterator[Chunk]],
+        found: Interpretation,
+        chunks: Callable[[], Iterator[Rows]],
         size: int,
         origin: Origin | None = None,
         kept: Kept | None = None,
     ) -> None:
-        self.source, self.rate, self.axes, self.notes = source, found.rate, found.choice.axes, found.notes
+        self.source, self.rate, self.axes, self.remarks = source, found.rate, found.choice.axes, found.remarks
         self.time_base = found.timing.base
         self._found, self._chunks, self._size, self._origin, self._kept = found, chunks, size, origin, kept
         if kept is not None:
-            self.notes = (*self.notes, f"{CUT}kept {stretch_words(kept)}")
+            self.remarks = (*self.remarks, Remark.of("cut", known="no", ranges=range_texts(kept)))
 
-    def __iter__(self) -> Iterator[Piece]:
-        everything = pieces(self._found, self._chunks(), self._size, self.source, self._ended)
+    def wavelet_variance(
+        self,
+        *,
+        levels: int | None = None,
+        exact: int = 14,
+        robust: bool = False,
+        efficiency: float = 0.6,
+        passes: int = 2,
+        confidence: float = 0.95,
+        threads: int | None = None,
+        scheduler: str | Client | None = None,
+        workers: int | None = None,
+        parts: int | None = None,
+        done: Callable[[int], None] | None = None,
+    ) -> dict[str, WaveletVariance]:
+        """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
+
+        Up to level `exact` the result is that of `gmwm.wavelet_variance`. Each further level takes the coefficients at
+        every τ/64-th sample, see `WaveletAccumulator`. Segments between gaps are measured together; no coefficient
+        spans a gap.
+
+        Parameters
+        ----------
+        levels : int, optional
+            Number of levels J; by default all that have a coefficient.
+        exact : int
+            Number of levels that take every coefficient, 6 to 24.
+        robust, efficiency : bool, float
+            As for `gmwm.wavelet_variance`.
+        passes : 2 or 1
+            Number of times that a robust estimate reads the recording. Two passes are exact and give the slope, see
+            `SecondPass`. One pass agrees to 1e-4 with the estimate from all coefficients, and to 5e-3 at a level with
+            so many outliers that only the median is left.
+        confidence : float
+            Confidence level of the limits, between 0 and 1.
+        threads : int, optional
+            Number of axes to process in parallel; by default the number of processors.
+        scheduler, workers, parts : optional
+            To read parts of the recording in other processes: a Dask scheduler, or a number of processes to start here,
+            and the number of parts; see `spread_variance`.
+        done : callable, optional
+            Called in this thread with the number of samples so far after every piece. A second pass continues the
+            count, up to twice the number of samples.
+
+        Returns
+        -------
+        dict of axis name to WaveletVariance
+
+        Raises
+        ------
+        ReadError, DataError
+            If `read` would refuse the data, when the data are reached; or if the recording changed between two passes.
+        OptionError
+            If an option is unknown or out of range.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib, gmwm
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "static.parquet")
+        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
+        >>> gmwm.stream(path).wavelet_variance()
+        {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
+        >>> folder.cleanup()
+        """
+        from gmwm.streaming.passes import stream_variance
+
+        return stream_variance(
+            self,
+            levels=levels,
+            exact=exact,
+            robust=robust,
+            efficiency=efficiency,
+            passes=passes,
+            confidence=confidence,
+            threads=threads,
+            scheduler=scheduler,
+            workers=workers,
+            parts=parts,
+            done=done,
+        )
+
+    def parts(self, count: int) -> tuple[Part, ...]:
+        """Split the recording into consecutive parts of about the same length, to be read in other processes.
+
+        Parquet, .npy, HDF5, .imu and .imr can be read from any row. So can text, whose lines are counted first in a
+        pass that parses no numbers. Any other format is one part. Parts begin where the chunks of the reader do (2¹⁸ or
+        2²⁰ rows, 8 MB of text), so a short recording has fewer parts.
+
+        Parameters
+        ----------
+        count : int
+            Largest number of parts.
+
+        Returns
+        -------
+        tuple of Part
+            In order. A part can be pickled; where it is read, the file must have the same path.
+
+        Raises
+        ------
+        OptionError
+            If the count is not a positive integer, or the stream does not come from a file.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib, gmwm
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "static.imu.npy")
+        >>> np.save(path, np.random.default_rng(1).normal(size=3_000_000))
+        >>> source = gmwm.stream(path, 1000.0, ["gyro_x"], {"gyro": "deg/s"})
+        >>> [(part.first, part.stop) for part in source.parts(2)]
+        [(0, 1048576), (1048576, 3000000)]
+        >>> folder.cleanup()
+        """
+        from gmwm.readers.parts import parts_of
+
+        return parts_of(self, count)
+
+    def __iter__(self) -> Iterator[Chunk]:
+        everything = build_chunks(self._found, self._chunks(), size=self._size, path=self.source, ended=self._ended)
         if self._kept is None:
             return everything
-        return trimmed(everything, self._kept, self.rate, lambda: self.time_base, self._ended)
+        return trimmed(everything, self._kept, rate=self.rate, base=lambda: self.time_base, ended=self._ended)
 
     def _ended(self, base: TimeBase) -> None:
         self.time_base = base
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # In another process the file is opened anew.
+        # Another process opens the file again.
         if self._origin is None:
-            raise TypeError("a recording that is still being made cannot be sent to another process")
+            raise TypeError("a recording that is still being written cannot be sent to another process")
         origin = self._origin
         return _again, (origin.path, origin.reader.name, origin.topic, self._found, self._size, self._kept)
 
@@ -134,7 +252,7 @@ def stream(
     columns: Columns | None = None,
     units: Mapping[str, str] | None = None,
     *,
-    chunk: int = 1_000_000,
+    chunk: int = CHUNK,
     format: str | None = None,
     scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (),
@@ -143,37 +261,38 @@ def stream(
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
 ) -> Stream:
-    """A static recording from a file, in rad/s and m/s², a piece at a time: for files larger than memory.
+    """Stream a static recording from a file in rad/s and m/s², chunk by chunk, for files larger than memory.
 
-    Units, rate and the unit of time stamps are understood from the first rows, 2¹⁸ of them or more; after that memory
-    does not grow with the file, if it is text, Parquet, .npy, HDF5 or .imu. What is packed as a whole (.npz, zip,
-    MATLAB) is unpacked as a whole. The values are those of `read`, bit for bit; a gap in the time stamps begins a new
-    segment, as there. Of a file of more rows `read` knows the rate from all of them: pass `rate` where jitter makes a
-    difference. `.wavelet_variance()` measures all axes in one pass.
+    Units, rate and the unit of time stamps come from the first rows, at least 2¹⁸ of them. Memory does not grow with
+    the file if it is text, Parquet, .npy, HDF5 or .imu; files that are compressed as a whole (.npz, zip, MATLAB) are
+    unpacked as a whole. The values are the same as those of `read`, and gaps in the time stamps begin segments as
+    there. For a longer file `read` finds the rate from all rows; pass `rate` if jitter makes a difference.
+    `.wavelet_variance()` measures all axes in one pass.
 
     Parameters
     ----------
     path, rate, columns, units, format, scale, increments, topic, start, stop, skip
-        As of `read`; behind `stop` nothing is read.
+        As for `read`. Nothing after `stop` is read.
     chunk : int
-        Samples in a piece, at the most.
+        Samples in a chunk, at most.
 
     Returns
     -------
     Stream
-        Iterate over it for its pieces, as often as wanted.
+        Iterate over it to get the chunks, as often as needed.
 
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        As `read`; what is wrong behind the first rows is told when it is reached.
+        As `read`. An error after the first rows is raised when the iteration reaches it.
 
     Warns
     -----
     InferredUnitWarning
-        If the accelerometers' unit was told from their norm.
+        If the unit of the accelerometers was inferred from their norm.
     TimeBaseWarning
-        At the end, if time stamps repeat, step backward or jitter, or say another rate than the first ones.
+        If the file states another rate than its time stamps show; and at the end of an iteration, if time stamps
+        repeat, step backward or jitter, or show another rate than the first rows.
 
     Examples
     --------
@@ -182,119 +301,114 @@ def stream(
     >>> path = pathlib.Path(folder.name, "static.csv")
     >>> rows = "".join(f"{k / 100 + (k > 5):.2f},{(-1) ** k * 0.1}\\n" for k in range(16))
     >>> _ = path.write_text("time,gyro_x [rad/s]\\n" + rows)
-    >>> sorted({(piece.segment, piece.values["gyro_x"].size <= 4) for piece in stream(path, chunk=4)})
+    >>> sorted({(chunk.segment, chunk.values["gyro_x"].size <= 4) for chunk in stream(path, chunk=4)})
     [(0, True), (1, True)]
     >>> folder.cleanup()
     """
-    if isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1:
-        raise OptionError(f"chunk must be a whole number of samples, 1 or more; got {chunk!r}")
-    declared_rate = None if rate is None else as_rate(rate)
-    declared_units = checked_units(units)
-    factors, integrals = checked_scale(scale), checked_increments(increments)
-    kept = kept_stretches(start, stop, skip) if start is not None or stop is not None or skip else None
+    options = ReadOptions(
+        rate=rate, columns=columns, units={} if units is None else units, start=start, stop=stop, skip=skip,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+    )  # fmt: skip
+    return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
+
+
+def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int = CHUNK) -> Stream:
+    """The recording in a file, as `stream` gives it, by options that are checked; all its segments are kept."""
     file = existing_file(path)
-    reader = find_reader(file, format)
-    layout = one_layout(reader, file, topic)
-    choice = streamed(choose(layout, columns, file))
-    require_time(layout, choice, declared_rate, file)
+    reader = find_reader(file, options.format)
+    layout = one_layout(reader, file, options.topic)
+    choice = streamed(choose(layout, options.columns, file))
+    require_time(layout, choice, options.rate, file)
     wanted = list(choice.columns.values())
     head = first_rows(reader.chunks(file, layout, wanted), choice)
-    found = understand(layout, choice, head, file, declared_rate, declared_units, factors, integrals)
-    tell(found, file)
-    origin = Origin(file, reader, layout, tuple(wanted), topic)
-    return Stream(str(path), found, origin.chunks, int(chunk), origin, kept)
+    found = understand(layout, choice, head, path=file, options=options)
+    warn(found.remarks, stacklevel=3)
+    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
+    return Stream(
+        source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.stretches
+    )
 
 
-def _again(path: Path, format: str, topic: str | None, found: Understood, size: int, kept: Kept | None) -> Stream:
-    """A stream as it was made elsewhere; all there is to warn of was told there."""
+def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
+    """The stream that was pickled. Its warnings were given when it was made."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         layout = one_layout(reader, path, topic)
-    origin = Origin(path, reader, layout, tuple(found.choice.columns.values()), topic)
-    return Stream(str(path), found, origin.chunks, size, origin, kept)
+    origin = Origin(path, reader, layout=layout, wanted=tuple(found.choice.columns.values()), topic=topic)
+    return Stream(source=str(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
 
 
 def streamed(choice: Choice) -> Choice:
-    """The columns of which pieces are made: axes and time."""
-    return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.notes)
+    """The columns that are streamed: axes and time."""
+    return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
 
 
-def first_rows(chunks: Iterable[Chunk], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
-    """So many rows of each column or more, or all there are."""
-    taken, count = [], 0
-    for chunk in chunks:
-        taken.append(chunk)
-        count += next(iter(chunk.values())).size
+def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
+    """At least `rows` rows of each column, or all rows of a shorter recording."""
+    parts, count = [], 0
+    for some in chunks:
+        parts.append(some)
+        count += next(iter(some.values())).size
         if count >= rows:
             break
-    return {role: np.concatenate([part[k] for part in taken] or [np.empty(0)]) for role, k in choice.columns.items()}
+    return {role: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for role, k in choice.columns.items()}
 
 
 def understand(
     layout: Layout,
     choice: Choice,
     head: Mapping[str, NDArray[Any]],
+    *,
     path: Path,
-    rate: float | None,
-    units: Mapping[str, str],
-    factors: Mapping[str, float],
-    integrals: Sequence[str],
-) -> Understood:
-    """What the first rows of a recording say of all of it, by the arguments of `read`, checked."""
+    options: ReadOptions,
+) -> Interpretation:
+    """Find units, rate and time stamps from the first rows, with the options of `read`."""
+    rate, units, integrals = options.rate, options.units, options.integrals
     words = {role: column_words(layout, choice, role, path) for role in choice.columns}
     for role, column in head.items():
         require_samples(column.size, words[role])
         require_finite_rows(column, words[role])
-    time, time_notes = timing_of(layout, choice, units, head, rate)
+    time, time_remarks = timing_of(layout, choice, units=units, raw=head, rate=rate)
     stamps, pace = head.get("time"), None
     if stamps is not None:
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
-    scale_notes = multiply(layout, choice, factors, integrals, ones, time.base.rate)
+    scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
     numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
-    scales = resolve(layout, choice, units, numbers, time.base.rate, integrals)
+    scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     found = {
         axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
     }
-    notes = (
-        *layout.notes, *choice.notes, *scale_notes, *scales.notes, *scales.inferred, *time_notes, *time.notes
-    )  # fmt: skip
-    # Of the stamps themselves the end will tell; a rate that the file states beside them is known now.
-    stated = set(time.troubles) - set(troubles_of(time.base, len(next(iter(head.values())))))
-    doubts = (*scales.doubts, *sorted(stated))
-    return Understood(choice, words, found, time, pace, notes, scales.inferred, doubts)
+    # The remarks on the time stamps of all rows follow at the end of an iteration.
+    about_time = (remark for remark in time.remarks if remark.code not in STAMPS)
+    remarks = (*layout.remarks, *choice.remarks, *scale_remarks, *scales.remarks, *time_remarks, *about_time)
+    return Interpretation(
+        choice=choice, words=words, factors=found, timing=time, pace=pace, remarks=of_file(remarks, path)
+    )
 
 
-def tell(found: Understood, path: object) -> None:
-    """Warn of what was only inferred."""
-    for category, sentences in ((InferredUnitWarning, found.inferred), (GmwmWarning, found.doubts)):
-        for sentence in sentences:
-            warnings.warn(f"{path}: {sentence}", category, stacklevel=3)
-
-
-def pieces(
-    found: Understood,
-    chunks: Iterable[Chunk],
+def build_chunks(
+    found: Interpretation,
+    rows: Iterable[Rows],
     size: int,
     path: object,
     ended: Callable[[TimeBase], None] = lambda base: None,
-) -> Iterator[Piece]:
-    """The pieces that chunks of a file make, of `size` samples at the most; `ended` is told what all stamps say.
+) -> Iterator[Chunk]:
+    """Build chunks of at most `size` samples from the rows of a file; at the end, call `ended` with the time base.
 
     Raises
     ------
     ReadError, DataError
-        At what `read` refuses, when it is reached.
+        If `read` would raise it, when the iteration reaches it.
     """
-    assembly = Assembly(found, size)
-    for chunk in chunks:
-        yield from assembly.take(chunk)
-    yield from assembly.end()
-    tally = assembly.tally()
-    troubles = tally.troubles(found)
+    builder = ChunkBuilder(found, size)
+    for some in rows:
+        yield from builder.add(some)
+    yield from builder.end()
+    summary = builder.summary()
+    remarks = summary.remarks(found)
     if found.pace is not None:
-        ended(tally.time_base(found))
-    for sentence in troubles:
-        warnings.warn(f"{path}: {sentence}", TimeBaseWarning, stacklevel=2)
+        ended(summary.time_base(found))
+    warn(of_file(remarks, path), stacklevel=2)

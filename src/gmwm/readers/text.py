@@ -1,8 +1,7 @@
-"""CSV and text tables: read block by block, each block parsed by Polars.
+"""CSV and other text tables, read in blocks that Polars parses.
 
-The header is ours, the numbers are Polars': it gets a schema, so nothing is inferred from the first rows.
-Polars fills short rows with nulls without a word; a null is therefore looked up in the text, line by line,
-and told with its line number. That search runs only when something is wrong.
+The header is parsed here, and Polars gets a schema, so it infers nothing from the first rows. Polars fills short rows
+with nulls without an error. If a block has a null, its lines are searched for the first bad one, which the error names.
 """
 
 from __future__ import annotations
@@ -18,34 +17,34 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 import numpy as np
 
 from gmwm.errors import ReadError
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.column_names import recognise, unit_of
 from gmwm.readers.dialect import BLANKS, Dialect, comment_sign, detect, is_number, split
 from gmwm.readers.text_stamps import UNIT, Midnights, is_stamp, is_time_of_day, times_of, what_is_wrong
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     import polars as pl
 
 BLOCK_BYTES = 8 << 20
-"""Bytes in a block: large enough to parse in parallel, small enough to stay in the cache of pages."""
+"""Bytes in a block: large enough to parse in parallel, small enough that several fit into memory."""
 
 LINE_BYTES = 8 * BLOCK_BYTES
-"""Bytes in a line that are not waited for any longer."""
+"""Most bytes in a line: a longer one is no row of a table."""
 
 TAIL_BYTES, TAIL_LINES = 1 << 16, 1000
-"""Where and with how many lines the last one is compared, if it has no line end."""
-_ENOUGH = 10  # lines that say how long numbers are
+"""Bytes and lines at the end of a file with which a last line without a line end is compared."""
+_ENOUGH = 10  # lines from which the usual length of a number is known; pinned by tests/readers/test_stamps.py
 
-_BIG_INTEGER = 15  # digits that float64 always holds
+_BIG_INTEGER = 15  # digits that float64 always holds exactly
 _BLANK_LINE, _BLANK_START = re.compile(rb"\n(?=[ \t\r]*\n)"), re.compile(rb"[ \t\r]*\n")
 _BLANK_BEGIN = re.compile(rb"\A(?:[ \t\r]*\n)+")
-_NO_END = "the last line has no line end: if the recording was cut off there, its last value may lack digits"
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a block of lines begins: its first byte, the byte up to which was read before it, and its first line."""
+    """Beginning of a block of lines: its first byte, the byte up to which the file was read, and its first line."""
 
     begin: int
     reached: int
@@ -62,24 +61,24 @@ class TextReader(Reader):
     def sniff(self, path: Path, head: bytes) -> float:
         """0.5 if the first bytes are text that holds a digit, 0.1 if they are any other text."""
         if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-            return 0.5  # UTF-16: ours, to be refused with the way out
+            return 0.5  # UTF-16, for which `layout` raises an error with advice
         control = sum(head.count(bytes([c])) for c in (*range(9), *range(14, 32)))
         if control:
             return 0.0
         return 0.5 if re.search(rb"\d", head) else 0.1
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns by header, comment or number."""
+        """The columns, with names from the header or a comment."""
         return (self.layout(FileSource(path)),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """One chunk a block; a column whose first rows hold long integers stays int64."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """One chunk for each block; a column whose first rows hold long integers stays int64."""
         return self.rows(FileSource(path), layout, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """The blocks; their rows are counted, which takes a pass over the file, but parses no number.
+        """Marks for the blocks. Their rows are counted in a pass over the file that parses no numbers.
 
-        None where a column holds times of day, whose midnights must be followed from the first.
+        There are no marks if a column holds times of day, whose midnights must be counted from the first row.
         """
         if any(map(is_time_of_day, layout.state.first_row)):
             return ()
@@ -92,32 +91,33 @@ class TextReader(Reader):
             row += count
         return (*marks, Mark(row))
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
-        """The chunks of the blocks from one on."""
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
+        """The chunks from a block on."""
         return self.rows(FileSource(path), layout, wanted, mark.place)
 
     def layout(self, source: FileSource) -> Layout:
-        """The columns of the text that a source holds, packed or not."""
+        """The columns of a text, from a file or unpacked."""
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
-        told, channels = _told_by_stamps(dialect), []
+        time, channels = _time_by_content(dialect), []
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
             if dialect.stamps[k]:
-                channels.append(Channel(name, UNIT, "time" if k == told else ""))
+                channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
                 channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
-        # Packed bytes say themselves whether they are whole.
-        notes = (_NO_END,) if source.seekable and _is_open(source, dialect.delimiter) else ()
+        # Compressed formats detect by themselves whether they are complete.
+        open_end = source.seekable and _is_open(source, dialect.delimiter)
+        remarks = (Remark.of("no-line-end"),) if open_end else ()
         return Layout(
-            tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, notes=notes, state=dialect
+            tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, remarks=remarks, state=dialect
         )
 
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
-    ) -> Iterator[Chunk]:
-        """The numbers of the text that a source holds, from the first or from the block at a place on."""
+    ) -> Iterator[Rows]:
+        """Give the numbers of a text, from the first row or from the block at a place on."""
         dialect: Dialect = layout.state
         parser = _Parser(source, dialect, layout, tuple(wanted))
         for begin, block in _blocks(source, dialect.first_line, place):
@@ -126,8 +126,8 @@ class TextReader(Reader):
                 yield chunk
 
 
-def _told_by_stamps(dialect: Dialect) -> int | None:
-    """The column that is the time because dates with times stand in it, or times of day, where no name says time."""
+def _time_by_content(dialect: Dialect) -> int | None:
+    """The column that is the time because it holds dates or times of day; None if a name states the time."""
     if not dialect.names or any(recognise(name).axis == "time" for name in dialect.names):
         return None
     found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
@@ -135,27 +135,39 @@ def _told_by_stamps(dialect: Dialect) -> int | None:
 
 
 def _head_lines(source: FileSource) -> list[str]:
-    """The first whole lines as text; the marks some programs put in front are removed or refused."""
+    """The first complete lines as text, without a byte order mark.
+
+    Raises
+    ------
+    ReadError
+        If the text is UTF-16, binary, or has bare carriage returns as line ends.
+    """
     with source.open() as file:
         head = file.read(HEAD_BYTES)
         more = bool(file.read(1))
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ReadError(f"{source} is UTF-16 text; save it as UTF-8 (in a spreadsheet: 'CSV UTF-8')")
+        raise ReadError(f"{source} is UTF-16 text", advice="Save it as UTF-8 (in a spreadsheet: CSV UTF-8).")
     if b"\0" in head:
-        raise ReadError(f"{source} is binary, no text (it holds zero bytes); name its format with format=")
+        raise ReadError(f"{source} is not text: it holds zero bytes", advice="Name its format with {--format}.")
     if b"\n" not in head and head.rstrip(b"\r").count(b"\r"):
-        raise ReadError(f"{source} ends its lines with bare carriage returns; convert them to line feeds first")
+        raise ReadError(f"{source} has bare carriage returns as line ends", advice="Convert them to line feeds first.")
     if more and b"\n" in head:
         head = head[: head.rfind(b"\n") + 1]
     try:
         text = head.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = head.decode("latin-1")  # a degree sign in the header; numbers are ASCII either way
+        text = head.decode("latin-1")  # for example a degree sign in the header; numbers are ASCII in either encoding
     return text.replace("\r\n", "\n").split("\n")
 
 
 def _is_open(source: FileSource, delimiter: str) -> bool:
-    """Whether the last line ends with the file, without a line end; an error if its last number was cut off there."""
+    """Whether the last line has no line end.
+
+    Raises
+    ------
+    ReadError
+        If its last number has fewer digits than those of all lines before.
+    """
     with source.open() as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - TAIL_BYTES))
@@ -166,20 +178,21 @@ def _is_open(source: FileSource, delimiter: str) -> bool:
     others = [cell for cell in others if is_number(cell)]
     if len(others) >= _ENOUGH and is_number(cut) and _lacks_digits(cut, others):
         raise ReadError(
-            f"{source} ends within a number: its last line ends in {cut!r}, without a line end, and the lines before "
-            f"in numbers as {others[-1]!r}; was it cut off? Remove the last line"
+            f"{source} ends within a number: its last line ends in {cut!r} without a line end, the lines before in "
+            f"numbers like {others[-1]!r}",
+            advice="Remove the last line.",
         )
     return True
 
 
 def _lacks_digits(cell: str, others: Sequence[str]) -> bool:
-    """Whether a number is shorter than all others are, or has not the exponent that all of them have."""
+    """Whether a number is shorter than all others, or lacks the exponent that all others have."""
     powers = [len(other.lower().partition("e")[2].lstrip("+-")) for other in (cell, *others)]
     return len(cell) < min(map(len, others)) or powers[0] < min(powers[1:])
 
 
 def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> Iterator[tuple[Place, bytes]]:
-    """Blocks of whole lines from `first_line` on, or from the one at a place, each with its place."""
+    """Blocks of complete lines from `first_line` on, or from the block at a place on, each with its place."""
     with source.open() as file:
         line, rest, reached = first_line, b"", 0
         if place is not None:
@@ -198,9 +211,7 @@ def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> 
             if end == 0:
                 rest += read
                 if len(rest) > LINE_BYTES:
-                    raise ReadError(
-                        f"{source} has a line of more than {LINE_BYTES >> 20} MB behind line {line}: no table"
-                    )
+                    raise ReadError(f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line}")
                 continue
             block, rest = rest + read[:end], read[end:]
             yield begin, block
@@ -210,7 +221,7 @@ def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> 
 
 
 class _Parser:
-    """Blocks of text into arrays."""
+    """Parse blocks of text into arrays."""
 
     def __init__(self, source: FileSource, dialect: Dialect, layout: Layout, wanted: tuple[int, ...]) -> None:
         import polars as pl
@@ -223,12 +234,12 @@ class _Parser:
         self.midnights = {k: Midnights() for k, first in self.stamps.items() if is_time_of_day(first)}
         numbers = [k for k in wanted if k not in self.stamps]
         self.schema |= {str(k): pl.Int64 if k in self.long else pl.Float64 for k in numbers}
-        # The last column is always read: a short row shows there, whichever axes are wanted.
+        # The last column is always read, because a short row has a null there.
         self.projection = sorted({*wanted, dialect.columns - 1})
         self.sign = dialect.comment.encode()
 
-    def parse(self, block: bytes, line: int) -> Chunk | None:
-        """The numbers of a block that begins in `line`, or None if it holds none."""
+    def parse(self, block: bytes, line: int) -> Rows | None:
+        """The numbers of a block that begins in `line`; None if it has no row."""
         frame = self._table(block, line)
         if frame is None:
             return None
@@ -247,7 +258,7 @@ class _Parser:
         return chunk
 
     def count(self, block: bytes, line: int) -> int:
-        """How many rows `parse` finds in a block; only where quotes or comments are in it, it is parsed."""
+        """Number of rows in a block that begins in `line`. It is parsed only if it holds quotes or comments."""
         if b'"' in block or (self.sign and self.sign in block):
             frame = self._table(block, line)
             return 0 if frame is None else frame.height
@@ -256,13 +267,19 @@ class _Parser:
         return block.count(b"\n") - blank + (not ended)
 
     def _table(self, block: bytes, line: int) -> pl.DataFrame | None:
-        """The columns of a block, or None if it has no row."""
+        """The columns of a block; None if it has no row.
+
+        Raises
+        ------
+        ReadError
+            At the first bad line.
+        """
         import polars as pl
 
         if block.isspace():
             return None
         try:
-            # Polars takes the columns from the first line, be it blank.
+            # Polars finds the number of columns in the first line, even if it is blank.
             frame = self._frame(self._plain(_BLANK_BEGIN.sub(b"", block, count=1)))
             if any(series.null_count() for series in frame):
                 frame = self._frame(_without_blank_lines(self._plain(block)))
@@ -287,13 +304,13 @@ class _Parser:
             columns=self.projection,
             separator=self.dialect.delimiter,
             decimal_comma=self.dialect.decimal_comma,
-            # Polars looks at every line for a comment sign: only where there is one.
+            # Polars searches every line for the comment sign, so it is passed only if there is one.
             comment_prefix=self.dialect.comment if self.sign and self.sign in block else None,
             quote_char='"' if b'"' in block else None,
         )
 
     def _plain(self, block: bytes) -> bytes:
-        """A block whose cells have no blanks around them and whose runs of blanks are one."""
+        """The block without blanks around cells, and with single blanks as delimiters."""
         if self.dialect.delimiter == BLANKS:
             block = re.sub(rb"[ \t\r]+", b" ", block)
             return re.sub(rb"(?m)^ | $", b"", block)
@@ -302,20 +319,27 @@ class _Parser:
         return block
 
     def _explain(self, block: bytes, line: int) -> None:
-        """Raise the error that the first bad line of a block deserves."""
+        """Raise the error for the first bad line of a block.
+
+        Raises
+        ------
+        ReadError
+            With the file, the line, the column and the content of the cell.
+        """
         d = self.dialect
         for number, text in self._lines(block, line):
             cells = split(text, d.delimiter)
             if len(cells) not in {d.fields, d.columns} and not (len(cells) > d.columns and not any(cells[d.columns :])):
                 raise ReadError(
                     f"{self.source}, line {number}: {len(cells)} values, expected {d.columns} as in line "
-                    f"{d.first_line}; {_to_do(block, line, number)} ({text.strip()[:60]!r})"
+                    f"{d.first_line} ({text.strip()[:60]!r})",
+                    advice=_advice(block, line, number),
                 )
             for k in self.wanted:
                 self._explain_cell(cells[k], k, number)
 
     def _lines(self, block: bytes, line: int) -> Iterator[tuple[int, str]]:
-        """The rows of a block that begins in `line`, each with its line."""
+        """The rows of a block that begins in `line`, each with the number of its line."""
         for number, raw in enumerate(block.split(b"\n"), line):
             try:
                 text = raw.decode("utf-8").strip("\r")
@@ -325,45 +349,48 @@ class _Parser:
                 yield number, text
 
     def _explain_stamp(self, block: bytes, line: int, column: int, row: int) -> NoReturn:
-        """Raise the error of the stamp in a row of a block, counted from 0."""
+        """Raise the error for the time stamp in a row of a block, counted from 0."""
         number, text = next(islice(self._lines(block, line), row, None))
         cell = split(text, self.dialect.delimiter)[column]
         raise ReadError(
             f"{self.source}, line {number}: column {self._name(column)!r} holds "
-            f"{what_is_wrong(cell, self.stamps[column])}; {_to_do(block, line, number)}, or leave the column out with "
-            'columns={"time": None} and pass rate='
+            f"{what_is_wrong(cell, self.stamps[column])}",
+            advice=_advice(block, line, number)
+            + " Or leave the column out with {--columns=time:none} and pass {--rate}.",
         )
 
     def _name(self, column: int) -> str:
         return self.layout.channels[column].name or f"number {column}"
 
     def _explain_cell(self, cell: str, column: int, line: int) -> None:
+        """Raise the error for a cell, if it is bad."""
         name = self._name(column)
         if cell == "":
             raise ReadError(
-                f"{self.source}, line {line}: column {name!r} is empty; remove or fill such rows first "
-                "(a sample that is missing is a gap, not a zero)"
+                f"{self.source}, line {line}: column {name!r} is empty",
+                advice="Remove such rows, or leave the column out with {--columns}.",
             )
         if column in self.stamps:
             return
         if not is_number(cell, self.dialect.decimal_comma):
             raise ReadError(
-                f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number; remove the "
-                "line, or leave the column out with columns="
+                f"{self.source}, line {line}: column {name!r} holds {cell[:40]!r}, expected a number",
+                advice="Remove the line, or leave the column out with {--columns}.",
             )
         if column in self.long and not re.fullmatch(r"[+-]?\d+", cell):
             raise ReadError(
                 f"{self.source}, line {line}: column {name!r} holds {cell!r} among integers of more than "
-                f"{_BIG_INTEGER} digits; write all of them as integers"
+                f"{_BIG_INTEGER} digits",
+                advice="Write all of them as integers.",
             )
 
 
-def _to_do(block: bytes, line: int, number: int) -> str:
+def _advice(block: bytes, line: int, number: int) -> str:
     """What to do about a bad line of a block that begins in `line`."""
     last = not block.endswith(b"\n") and number == line + block.count(b"\n")
-    return "the file ends there: was it cut off?" if last else "repair or remove the line"
+    return "The file ends there; if it was cut off, remove the line." if last else "Repair or remove the line."
 
 
 def _without_blank_lines(block: bytes) -> bytes:
-    """A block without empty lines, which Polars takes for rows of nulls."""
+    """The block without blank lines, which Polars reads as rows of nulls."""
     return re.sub(rb"(?m)^[ \t\r]*\n", b"", block)

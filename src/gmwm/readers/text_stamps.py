@@ -1,9 +1,9 @@
-"""Time stamps written as text: dates with times (ISO 8601), and times of day; to whole nanoseconds.
+"""Read time stamps that are text: dates with times (ISO 8601) and times of day, to the nanosecond.
 
     2024-05-01T12:00:00.123456789Z   2024-05-01 12:00:00,123+02:00   2024/05/01 12:00:00   20240501T120000   12:00:00.5
 
-The year stands first, or the date is refused: 05/01/2024 is a day in January to some and in May to others. A time
-with an offset is counted in UTC, one without as it stands. Up to nine digits of a second are read.
+The year must come first: 05/01/2024 is a day in January for some readers and in May for others. A time with an offset
+is converted to UTC; a time without one is read as UTC. Up to nine decimals of a second are read.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     import polars as pl
 
 UNIT = "ns"
-"""What stamps are counted in: since 1970, times of day since midnight."""
+"""Unit in which time stamps are counted, dates from 1970 and times of day from midnight."""
 
 _SECOND = 10**9
 _DAY = 86_400 * _SECOND
@@ -36,13 +37,13 @@ _DATED = (
     r"\s*(?P<zone>[Zz]|[+-]\d\d(?::?\d\d)?)?\s*(?P<name>UTC|GMT)?(?:\[[^\]]*\])?$"
 )
 _YEARS = (1700, 2199)
-_SEPARATED = re.compile(r"\d[:Tt]\d")  # what sets a stamp apart from a number
+_SEPARATED = re.compile(r"\d[:Tt]\d")  # never in a number
 _LOOKS = re.compile(r"\d[-/.]\d\d?[-/.]\d|\d{4}-?\d\d-?\d\d[Tt]|\d:\d\d")
 _DATE_ALONE = re.compile(r"\d{4}([-/.])\d\d?\1\d\d?|\d\d?([-/.])\d\d?\2\d{2,4}")
 _DAY_OR_MONTH = re.compile(r"\d\d?([-/.])\d\d?\1\d{2,4}\b.*")
 
-_WANTED = "expected seconds or parts of them, or dates and times as 2024-05-01T12:00:00.123Z (ISO 8601)"
-_OUT = 'leave it out with columns={"time": None} and pass rate='
+_WANTED = "expected numbers, or dates and times such as 2024-05-01T12:00:00.123Z (ISO 8601)"
+_OR_LEAVE_OUT = "or leave it out with {--columns=time:none} and pass {--rate}."
 
 
 def is_stamp(cell: str) -> bool:
@@ -58,12 +59,14 @@ def is_stamp(cell: str) -> bool:
 
 
 def is_time_of_day(cell: str) -> bool:
-    """Whether a stamp has no date."""
+    """Whether a time stamp has no date."""
     return _match(_CLOCK, cell) is not None
 
 
 def parted_stamp(row: Sequence[str]) -> int | None:
-    """Where in a row a stamp begins that goes on in the next cell: after the date, or before the fraction of a second.
+    """Index of the cell in which a time stamp begins that ends in the next cell; None if there is none.
+
+    The split is after the date, or before the fraction of a second.
 
     >>> parted_stamp(["2024-05-01", "12:00:00.5", "0.1"]), parted_stamp(["7", "2024-05-01 12:00:00", "500", "0.1"])
     (0, 1)
@@ -76,84 +79,82 @@ def parted_stamp(row: Sequence[str]) -> int | None:
 
 
 def holds_stamps(layout: Layout, column: int) -> bool:
-    """Whether a column is one of stamps, by its first row."""
+    """Whether a column holds dates or times of day, by its first row."""
     return column < len(layout.first_row) and is_stamp(layout.first_row[column])
 
 
-def described(cell: str) -> str:
-    """How a column that begins with this stamp is understood.
+def described(cell: str) -> Remark:
+    """The remark on how a column that begins with this time stamp is read.
 
-    >>> described("2024-05-01T12:00:00Z")
-    'time: dates and times (ISO 8601), UTC'
+    >>> described("2024-05-01T12:00:00Z").facts["form"]
+    'utc'
     """
     if is_time_of_day(cell):
-        return "time: times of day, counted from midnight; a step back of more than 12 h is the next midnight"
+        return Remark.of("time-read", form="clock")
     zone = _zone(cell)
     if zone and zone[0] not in "+-":
-        return "time: dates and times (ISO 8601), UTC"
+        return Remark.of("time-read", form="utc")
     if zone:
-        return f"time: dates and times (ISO 8601) with an offset ({zone} in the first row), counted in UTC"
-    return (
-        "time: dates and times (ISO 8601) without an offset, counted as UTC; of local times a change to or from "
-        "summer time shows as a gap or a step back of an hour"
-    )
+        return Remark.of("time-read", form="offset", offset=zone)
+    return Remark.of("time-read", form="local")
 
 
 def require_readable(cell: str, path: object) -> None:
-    """An error where a time column begins with a date or time that is not read, with what is wrong with it.
+    """Require that the first cell of a time column is a number, or a date or time that can be read.
 
     Raises
     ------
     ReadError
-        If the cell has no time, no date that everyone understands, or no seconds.
+        If it is a date without a time, with day and month in an unknown order, or without seconds.
     """
     text = cell.strip()
     if is_stamp(text) or not _LOOKS.search(text):
         return
     if _DATE_ALONE.fullmatch(text):
         raise ReadError(
-            f"{path}: the time column holds dates without times ({text!r}); if the times stand in another column, name "
-            f'that one, as columns={{"time": "<column name or index>"}}; or {_OUT}'
+            f"{path}: the time column holds dates without times ({text!r})",
+            advice="If another column holds the times, name it as time with {--columns}, " + _OR_LEAVE_OUT,
         )
     if _DAY_OR_MONTH.fullmatch(text):
         raise ReadError(
-            f"{path}: the time column holds dates of which day and month cannot be told apart ({text!r}), {_WANTED}; "
-            f"write them with the year first, or {_OUT}"
+            f"{path}: day and month of the dates in the time column cannot be distinguished ({text!r}); {_WANTED}",
+            advice="Write the dates with the year first, " + _OR_LEAVE_OUT,
         )
     raise ReadError(
-        f"{path}: the time column holds dates or times in a form that is not read ({text!r}), {_WANTED}; convert it, "
-        f"or {_OUT}"
+        f"{path}: the dates or times in the time column cannot be read ({text!r}); {_WANTED}",
+        advice="Convert the column, " + _OR_LEAVE_OUT,
     )
 
 
 def what_is_wrong(cell: str, first: str) -> str:
-    """What is to be said of a stamp that is not understood where the first row of its column has another."""
+    """Description of a time stamp that cannot be read, compared with the first row of its column."""
     text = cell.strip()
     if is_stamp(text) and is_time_of_day(text) == is_time_of_day(first):
         if bool(_zone(text)) == bool(_zone(first)):
-            return f"{text!r}, a time that there is not"
+            return f"{text!r}, a time that does not exist"
         return f"{text!r}, {'with' if _zone(text) else 'without'} an offset from UTC, unlike the first row ({first!r})"
     return f"{text[:40]!r}, expected a time as in the first row ({first!r})"
 
 
 def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
-    """Stamps as datetime64[ns], in UTC; times of day on the first day of 1970.
+    """Parse time stamps to datetime64[ns] in UTC, times of day on the first day of 1970.
 
     Parameters
     ----------
     cells : Series of String, without nulls
     first : str
-        The first stamp of the column in the file: whether times of day stand there, and whether offsets do.
+        The first time stamp of the column in the file, which decides between dates and times of day, and whether there
+        are offsets.
 
     Returns
     -------
     (N,) array
-        NaT where a cell is not understood.
+        NaT for a cell that cannot be read.
     """
     zoned = None if is_time_of_day(first) else bool(_zone(first))
     widths = cells.str.len_bytes().to_numpy()
     found = np.empty(widths.size, dtype="M8[ns]")
-    # Some programs leave out zeros at the end: then there are a few widths.
+    # Some programs leave out zeros at the end, so there are a few widths.
     for width in np.unique(widths).tolist():
         those = widths == width
         alike = cells if those.all() else cells.filter(those)
@@ -163,23 +164,23 @@ def times_of(cells: pl.Series, first: str) -> NDArray[np.datetime64]:
 
 
 class Midnights:
-    """Times of day, block by block, as times that go on after midnight.
+    """Continue times of day beyond midnight, block by block.
 
-    A step back of more than 12 h is midnight; one forward of a day but for less than a minute is a stamp out of order
-    beside it. Anything else stays as it is, a gap or a step back as in any other file.
+    A step backward of more than 12 h is midnight. A step forward by a day less at most a minute is a time stamp out of
+    order next to midnight. Any other step stays as it is. Pinned by tests/readers/test_stamps.py.
     """
 
     def __init__(self) -> None:
         self._days, self._last = 0, -1
 
     def continued(self, times: NDArray[Any]) -> NDArray[np.int64]:
-        """The times (ns) that follow those before.
+        """The next times of day (ns), continued from those before.
 
         >>> Midnights().continued(np.array([86_399, 0, 1]) * 10**9) // 10**9
         array([86399, 86400, 86401])
         """
         steps = np.diff(times, prepend=times[0] if self._last < 0 else self._last)
-        # A day or more is no step between times of day: what counts from the start of a recording goes beyond 24 h.
+        # Times of day differ by less than a day. Larger steps occur in times counted from the start of a recording.
         onward, back = (steps > -_DAY) & (steps < -_DAY // 2), (steps > _DAY - 60 * _SECOND) & (steps < _DAY)
         days = self._days + np.cumsum(onward.astype(np.int64) - back)
         self._days, self._last = int(days[-1]), int(times[-1])
@@ -191,7 +192,7 @@ def _match(pattern: str, cell: str) -> re.Match[str] | None:
 
 
 def _zone(cell: str) -> str:
-    """What a stamp says of its offset from UTC, "" for nothing."""
+    """The offset from UTC in a time stamp; "" if there is none."""
     shape = _match(_DATED, cell)
     return (shape["zone"] or shape["name"] or "") if shape else ""
 
@@ -203,14 +204,14 @@ def _offset(zone: str) -> int:
 
 
 def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[np.datetime64] | None:
-    """Stamps of one width with digit below digit, at one offset; None where they are not, or where one is no time."""
+    """Parse time stamps of the same width, form and offset; None if they differ, or one of them is not a time."""
     first = str(cells[0])
     shape = _match(_CLOCK if zoned is None else _DATED, first)
     if shape is None or (zoned is not None and bool(_zone(first)) != zoned):
         return None
     parts = shape.re.groupindex.keys() & {"date", "clock", "fraction"}
     places = {part: [k for k in range(*shape.span(part)) if first[k].isdigit()] for part in parts}
-    # A row of the table is one place in all stamps.
+    # A row of the table is one character position in all time stamps.
     table = np.frombuffer(cells.str.join("").item().encode(), dtype=np.uint8).reshape(-1, width)
     table = np.ascontiguousarray(table.T) - np.uint8(ord("0"))
     moving = np.isin(np.arange(width), [k for part in places.values() for k in part])
@@ -229,7 +230,7 @@ def _side_by_side(cells: pl.Series, width: int, zoned: bool | None) -> NDArray[n
 
 
 def _number(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64]:
-    """The numbers that the digits at some places make; 0 for none."""
+    """The numbers formed by the digits at some positions; 0 for no positions."""
     number = np.zeros(table.shape[1], dtype=np.int64)
     for place in places:
         number *= 10
@@ -238,7 +239,7 @@ def _number(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64
 
 
 def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] | None:
-    """Days since 1970 of dates; None if one of them is not in the calendar."""
+    """Days since 1970 of dates; None if one of them does not exist."""
     year, month, day = (_number(table, part) for part in (places[:4], places[4:6], places[6:]))
     if year.min() < _YEARS[0] or year.max() > _YEARS[1] or month.min() < 1 or month.max() > 12 or day.min() < 1:
         return None
@@ -249,7 +250,7 @@ def _days(table: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.int64] 
 
 
 def _one_by_one(cells: pl.Series, zoned: bool | None) -> NDArray[np.datetime64]:
-    """Stamps each in a form of its own, at any offset; some programs leave out seconds that are zero."""
+    """Parse time stamps of different forms and offsets. Some programs leave out seconds that are zero."""
     import polars as pl
 
     groups = cells.str.extract_groups(_CLOCK if zoned is None else _DATED).struct.unnest()
@@ -264,8 +265,8 @@ def _one_by_one(cells: pl.Series, zoned: bool | None) -> NDArray[np.datetime64]:
         zone = groups["zone"].fill_null("")
         known = zone.unique().to_list()
         shift = zone.replace_strict(known, [_offset(z) for z in known], return_dtype=pl.Int64)
-        told = (zone != "") | groups["name"].is_not_null()
-        date = date.set(told != zoned, None)
+        has_zone = (zone != "") | groups["name"].is_not_null()
+        date = date.set(has_zone != zoned, None)
     clock = clock.str.replace_all(":", "", literal=True).str.pad_end(6, "0")
     text = date + "T" + clock + "." + groups["fraction"].fill_null("0")
     times = text.str.to_datetime("%Y%m%dT%H%M%S%.f", time_unit="ns", strict=False, cache=False)

@@ -1,7 +1,7 @@
-"""What time stamps say: their unit, the rate, the gaps between segments, and how irregular they are.
+"""Analyse time stamps: their unit, the rate, the gaps between segments, and their irregularities.
 
-Stamps are counted in their own unit from the first one on, so that integers stay exact: nanoseconds since
-1970 held as float64 would be known to 256 ns only.
+Time stamps are counted in their own unit from the first one, so that integers stay exact: float64 holds nanoseconds
+since 1970 only to 256 ns.
 """
 
 from __future__ import annotations
@@ -16,25 +16,47 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
-from gmwm.readers.column_names import LONG_TIME_UNITS, TIME_UNITS
 from gmwm.readers.rate_check import require_one_rate, require_order
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import TimeBase
+from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
+
+# Unless a paper is named, these thresholds separate the made-up clocks of tests/readers/test_timebase.py and
+# test_steady.py: uniform, rounded, jittered, in bursts, with lost samples. The tests pin them.
 
 GAP = 1.5
-"""An interval longer than this many sampling intervals is a gap, if the stamps behind it stay behind."""
+"""An interval longer than this many sampling intervals is a gap, if the time stamps after it stay late. One lost sample
+makes an interval of 2, and 1.5 is halfway."""
 
 FARTHEST = 512
-"""Stamps on either side of a long interval that say whether it is a gap, at the most."""
+"""Number of time stamps on either side of a long interval by which a gap is recognised, at most. It bounds the
+memory of a stream."""
 
-_WINDOW = 64  # intervals over which the nominal one is averaged: rounding of single stamps fades
-_SHORT, _LONG = 64, 1024  # stamps over which lost samples and rounding are told apart
-_BY_CHANCE = 0.7  # standard deviation over mean of distances that are those of chance (1), not regular (0)
-_WHOLE = 0.05  # of an interval: how near to whole multiples intervals between lost samples are
-_PLAUSIBLE = (0.1, 1e5)  # Hz, for a unit that nobody named
-_USUAL = 1e4  # Hz, the highest rate that is believed where a lower one is possible
-_EPOCH = (1e9, 2.2e9)  # seconds since 1970 of the years 2001 to 2039
-_RATE_TOLERANCE = 1e-2  # between rate= and the stamps
+_WINDOW = 64
+"""Intervals over which the nominal interval is averaged, so that the rounding of single time stamps averages out."""
+_SHORT, _LONG = 64, 1024
+"""Time stamps over which lost samples are distinguished from rounding: a random walk departs from a line 4 times
+further over 16 times the length, while rounding departs by the same amount."""
+_BY_CHANCE = 0.7
+"""Coefficient of variation of the distances between long intervals above which they are random. It is 1 for an
+exponential distribution and 0 for regular distances."""
+_WHOLE = 0.05
+"""Largest difference of an interval from a multiple of the sampling interval if samples are lost, in intervals."""
+_PLAUSIBLE = (0.1, 1e5)
+"""Range of rates (Hz) that are plausible for a unit of time that is not stated."""
+_USUAL = 1e4
+"""Rate (Hz) above which a unit is not inferred if another unit gives a lower rate: such recordings are rare."""
+_EPOCH = (1e9, 2.2e9)
+"""Seconds since 1970 of the years 2001 to 2039, as time stamps of computers are."""
+_AGREES = 0.05
+"""Relative difference within which a declared rate agrees with time stamps in one unit; units differ by 1000."""
+_RATE_TOLERANCE = 1e-2
+"""Relative difference between a stated or declared rate and the time stamps beyond which they contradict each other.
+The clock of a MEMS gyroscope is specified to 1 % (MPU-6050 datasheet)."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
+"""Relative differences from a declared rate that are remarked and warned of: a crystal has 1e-4 or less."""
+_JITTER = 0.5
+"""Jitter, as a share of the sampling interval, beyond which neighbouring samples may be exchanged."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +66,11 @@ class Stamps:
     Parameters
     ----------
     ticks : (N,) array
-        Stamps minus the first, in `unit`; exact where the file holds integers.
+        Time stamps minus the first, in `unit`; exact if the file holds integers.
     origin : float
-        The first stamp, in `unit`.
+        The first time stamp, in `unit`.
     spacing : float
-        Distance between numbers of the size of the stamps, in `unit`; 0 for integers.
+        Distance of float64 numbers of the size of the time stamps, in `unit`; 0 for integers.
     unit : str
         "s", "ms", "us" or "ns".
     """
@@ -60,60 +82,69 @@ class Stamps:
 
     @property
     def per_second(self) -> int:
-        """How many of the unit a second holds."""
+        """Ticks in a second."""
         return TIME_UNITS[self.unit]
 
 
 @dataclass(frozen=True)
 class Timing:
-    """The time base of a recording and what follows from it: segments, their start times (s), remarks."""
+    """The time base of a recording, its segments, their start times (s), and remarks on the time stamps."""
 
     base: TimeBase
     segments: tuple[tuple[int, int], ...]
     starts: tuple[float, ...]
-    notes: tuple[str, ...]
-    troubles: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
 
 def unstamped(rate: float, samples: int) -> Timing:
-    """The time base of a recording without stamps: one segment at the declared rate."""
-    return Timing(TimeBase(rate), ((0, samples),), (0.0,), (), ())
+    """The time base of a recording without time stamps: one segment at the given rate (Hz)."""
+    return Timing(TimeBase(rate), ((0, samples),), starts=(0.0,), remarks=())
 
 
-def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, str]:
-    """Stamps in their unit, and a remark where the unit was inferred.
+def as_stamps(values: NDArray[Any], unit: str, rate: float | None) -> tuple[Stamps, Remark | None]:
+    """Count time stamps in their unit from the first one; with a remark if the unit is inferred or long.
 
     Parameters
     ----------
     values : (N,) array of int64 or float64
         The column as it stands in the file.
     unit : str
-        One of `TIME_UNITS` or `LONG_TIME_UNITS` where declared or named; "" to infer it.
+        One of `TIME_UNITS` or `LONG_TIME_UNITS` if declared or stated; "" to infer it.
     rate : float or None
-        Declared rate (Hz); it settles the unit where several are possible.
+        Declared rate (Hz), which decides if several units are possible.
+
+    Raises
+    ------
+    UnitError
+        If the unit cannot be inferred.
     """
     integer = values.dtype.kind in "iu"
     ticks = (values - values[0]).astype(np.float64)
     spacing = 0.0 if integer else float(np.spacing(np.max(np.abs(values))))
-    remark = ""
     if unit in LONG_TIME_UNITS:
-        seconds = LONG_TIME_UNITS[unit]  # from here on they are counted in seconds
+        seconds = LONG_TIME_UNITS[unit]
         spacing = float(np.spacing(np.max(np.abs(values.astype(np.float64))))) * seconds
-        return Stamps(
-            ticks * seconds, float(values[0]) * seconds, spacing, "s"
-        ), f"time: stamps in {unit}, taken times {seconds} s"
+        stamps = Stamps(ticks * seconds, float(values[0]) * seconds, spacing, "s")
+        return stamps, Remark.of("time-read", form="long-unit", unit=unit, seconds=seconds)
+    remark = None
     if not unit:
         unit = _inferred_unit(ticks, float(values[0]), rate)
-        remark = f"time: unit {unit} inferred from the size and the interval of the stamps"
+        remark = Remark.of("time-unit-inferred", unit=unit)
     return Stamps(ticks, float(values[0]), spacing, unit), remark
 
 
 def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
-    """The one unit that makes sense of the stamps, or an error that shows what each would mean."""
+    """The only unit in which the time stamps are plausible.
+
+    Raises
+    ------
+    UnitError
+        If several units are plausible, or none; the message has the rate in each unit.
+    """
     interval = nominal_interval(ticks)
     rates = {unit: per_second / interval for unit, per_second in TIME_UNITS.items()}
     if rate is not None:
-        agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= 0.05]
+        agreeing = [unit for unit, value in rates.items() if abs(value / rate - 1) <= _AGREES]
         if agreeing:
             return agreeing[0]
     low, high = _PLAUSIBLE
@@ -123,31 +154,27 @@ def _inferred_unit(ticks: Vector, origin: float, rate: float | None) -> str:
     for choice in (epoch, possible, usual):
         if len(choice) == 1:
             return choice[0]
-    meaning = ", ".join(f"{unit}: {value:.6g} Hz" for unit, value in rates.items())
+    meaning = ", ".join(f"{value:.6g} Hz in {unit}" for unit, value in rates.items())
     raise UnitError(
-        f"the unit of the time column is neither named nor clear: the median interval {interval:.6g} would be "
-        f"a rate of ({meaning}); say which with {_one_of_units()}, or pass rate="
+        f"the unit of the time column is neither stated nor clear: its median interval of {interval:.6g} is a rate of "
+        f"{meaning}",
+        advice="State the unit, for example with {--units=time:s} or {--units=time:ms}, or pass {--rate}.",
     )
 
 
-def _one_of_units() -> str:
-    """What to type for each unit of time."""
-    *first, last = (f'units={{"time": "{unit}"}}' for unit in TIME_UNITS)
-    return f"{', '.join(first)} or {last}"
-
-
 def timing(stamps: Stamps, rate: float | None) -> Timing:
-    """Rate, segments and irregularities of a recording from its stamps.
+    """Rate, segments and irregularities of a recording, from its time stamps.
 
-    The rate is 1 / median interval within segments. Where a clock of the median interval would leave the
-    stamps by more than half a sample within the longest segment (stamps rounded to 10 ms at 128 Hz), it is
-    1 / mean interval between gaps. A declared rate wins within 1 %; beyond 0.1 % it is a trouble, where its clock
-    leaves the stamps of the longest segment by more than a sample and three times their jitter.
+    The rate is 1 / median interval within segments. If a clock of the median interval departs from the time stamps by
+    more than half a sample within the longest segment (for example time stamps at 128 Hz, rounded to 10 ms), the rate
+    is 1 / mean interval between gaps. A declared rate is used if it agrees within 1 %. If the difference is more than
+    0.1 %, and a clock of the declared rate departs from the time stamps of the longest segment by more than a sample
+    and three times their jitter, the remark on it is also a warning.
 
     Raises
     ------
     ReadError
-        If the stamps do not move forward, are not in order, change their rate, or contradict the declared one.
+        If the time stamps do not increase, are not in order, change their rate, or contradict the declared rate.
     """
     ticks, per_second = stamps.ticks, stamps.per_second
     nominal = nominal_interval(ticks, None if rate is None else per_second / rate)
@@ -156,13 +183,12 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
     steps = np.diff(ticks)
     segments = segments_of(ticks, steps, nominal, burst_of(steps, nominal))
     interval, remark = _interval(stamps, steps, segments)
-    found = per_second / interval
-    notes = [remark] if remark else []
-    troubles: list[str] = []
+    measured = per_second / interval
+    remarks = [remark] if remark else []
     by_stamps = interval
     if rate is not None:
-        said = list(_declared(rate, found, stamps.unit))
-        interval, found = per_second / rate, rate
+        _require_agreement(rate, measured, stamps.unit)
+        interval = per_second / rate
     starts = tuple((stamps.origin + float(ticks[first])) / per_second for first, _ in segments)
     inside = np.ones(steps.size, dtype=bool)
     breaks = np.array([first - 1 for first, _ in segments[1:]], dtype=np.int64)
@@ -172,29 +198,41 @@ def timing(stamps: Stamps, rate: float | None) -> Timing:
         scatter = float(np.sqrt(np.mean((steps[inside] - by_stamps) ** 2))) if inside.any() else 0.0
         away = max(last - first for first, last in segments) * abs(interval - by_stamps)
         grave = abs(by_stamps / interval - 1) > _RATE_TROUBLE and away > max(by_stamps, 3 * scatter)
-        (troubles if grave else notes).extend(said)
+        remarks += _about_declared(rate, measured, grave)
     gaps = tuple((int(b) + 1, float(steps[b]) / per_second) for b in breaks if steps[b] > 0)
     duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
-    base = TimeBase(found, True, starts[0], jitter / per_second, gaps, duplicates, backward)
-    return Timing(base, segments, starts, tuple(notes), (*troubles, *troubles_of(base, ticks.size)))
+    base = TimeBase(
+        rate=measured if rate is None else rate,
+        stamped=True,
+        start=starts[0],
+        jitter=jitter / per_second,
+        gaps=gaps,
+        duplicates=duplicates,
+        backward=backward,
+    )
+    return Timing(base, segments, starts=starts, remarks=(*remarks, *about_stamps(base)))
 
 
 def beside_stated(found: Timing, stated: float) -> Timing:
-    """The time base by the stamps, with a trouble where the rate (Hz) that the file states is another one."""
+    """The timing with a remark if the file states another rate (Hz) than the time stamps show."""
     if abs(found.base.rate / stated - 1) <= _RATE_TOLERANCE:
         return found
-    trouble = (
-        f"the file states a rate of {stated:g} Hz, but its time stamps say {found.base.rate:.6g} Hz, which counts; if "
-        "the stamps are wrong, leave them out with columns={'time': None} and pass rate="
+    remark = Remark.of(
+        "rate-contradicted", source="file", rate=Quantity(stated, "Hz"), stamps=Quantity(found.base.rate, "Hz")
     )
-    return replace(found, troubles=(*found.troubles, trouble))
+    return replace(found, remarks=(*found.remarks, remark))
 
 
 def nominal_interval(ticks: Vector, declared: float | None = None) -> float:
-    """The sampling interval before gaps are known, in ticks: robust to gaps, to rounding and to bursts.
+    """Sampling interval in ticks before gaps are known, robust to gaps, rounding and bursts.
 
-    The median of averages over many intervals; the median interval itself where long gaps come so often
-    that the averages hold one each. A declared interval decides if it agrees with either.
+    It is the mean of the middle half of averages over many intervals. If gaps are so frequent that most averages hold
+    one, it is the median interval. A declared interval is used if it agrees with either within 5 %.
+
+    Raises
+    ------
+    ReadError
+        If the time stamps do not increase.
     """
     forward = np.diff(ticks)
     forward = forward[forward >= 0]
@@ -202,29 +240,31 @@ def nominal_interval(ticks: Vector, declared: float | None = None) -> float:
     average = _average(ticks, _WINDOW)
     if average <= 0 and single <= 0:
         raise ReadError(
-            "the time column does not move forward; name another column with columns={'time': ...}, "
-            "or leave it out with columns={'time': None} and pass rate="
+            "the time column does not increase",
+            advice="Name another time column with {--columns}, or leave it out with {--columns=time:none} and pass "
+            "{--rate}.",
         )
-    if declared is not None and min(abs(single / declared - 1), abs(average / declared - 1)) <= 0.05:
+    if declared is not None and min(abs(single / declared - 1), abs(average / declared - 1)) <= _AGREES:
         return declared
     long = forward[forward > GAP * (single or average)]
     if average <= 0 or (single > 0 and long.size <= 0.05 * forward.size):
-        # Long intervals are rare: they are gaps. Rounding makes the average better than one interval.
+        # Less than one interval in 20 is long, so the long ones are gaps: rounding and bursts make more. The average is
+        # better than the median if time stamps are rounded.
         regular = average <= 0 or not 0.5 < average / single < GAP or abs(average / single - 1) <= 1e-9
         return single if regular else average
     if _samples_are_missing(ticks, single, average):
         return single
-    # Long intervals are common: samples come in bursts. Averages over many bursts fade their steps.
+    # Long intervals are common, so samples come in bursts. Averages over many bursts smooth their steps.
     burst = float(np.median(long)) / average if long.size else 1.0
     return _average(ticks, max(_WINDOW, int(8 * burst**2)))
 
 
 def _samples_are_missing(ticks: Vector, single: float, average: float) -> bool:
-    """Whether long intervals are samples lost at random from a clock of the interval `single`.
+    """Whether long intervals are caused by samples lost at random from a clock of the interval `single`.
 
-    Then all intervals are whole multiples of it, the long ones come as irregularly as chance has it, and the stamps
-    leave any uniform clock as a random walk does. Those that are rounded or come in bursts have long intervals at
-    regular distances, and stay near a uniform clock however long they are looked at.
+    If so, all intervals are multiples of it, the distances between long intervals are random, and the time stamps
+    depart from any uniform clock like a random walk. Rounded time stamps and bursts have long intervals at regular
+    distances, and stay near a uniform clock over any length.
     """
     steps = np.diff(ticks)
     if steps.size < 4 * _LONG or not single > 0 or not 1 < average / single < GAP:
@@ -238,16 +278,16 @@ def _samples_are_missing(ticks: Vector, single: float, average: float) -> bool:
 
 
 def _strays(turns: Vector, window: int) -> float:
-    """How far stamps stray from the line through the ends of a window, at most; the median over all windows."""
+    """Largest distance of time stamps from the line through the ends of a window; the median over all windows."""
     count = turns.size // window
-    pieces = turns[: count * window].reshape(count, window)
+    parts = turns[: count * window].reshape(count, window)
     ramp = np.linspace(0.0, 1.0, window)
-    away = pieces - pieces[:, :1] - ramp * (pieces[:, -1:] - pieces[:, :1])
+    away = parts - parts[:, :1] - ramp * (parts[:, -1:] - parts[:, :1])
     return float(np.median(np.ptp(away, axis=1)))
 
 
 def _average(ticks: Vector, window: int) -> float:
-    """The middle half's mean of the interval averaged over `window` intervals; 0 if nothing moves forward."""
+    """Mean of the middle half of averages over `window` intervals; 0 if no time stamp increases."""
     window = max(1, min(window, ticks.size // 8))
     averages = (ticks[window:] - ticks[:-window]) / window
     averages = np.sort(averages[averages > 0])
@@ -256,9 +296,9 @@ def _average(ticks: Vector, window: int) -> float:
 
 
 def burst_of(steps: Vector, nominal: float) -> float:
-    """How many samples are stamped together, roughly; 1 where none are.
+    """Approximate number of samples in a burst; 1 if samples do not come in bursts.
 
-    Samples stamped in bursts follow one another at once, then a long interval: a gap is longer than that.
+    The samples of a burst follow each other at once, and a long interval follows. A gap is longer than that interval.
     """
     ahead = steps > GAP * nominal
     bursts = bool(ahead.any()) and float(np.median(steps[steps >= 0])) < 0.5 * nominal
@@ -266,18 +306,22 @@ def burst_of(steps: Vector, nominal: float) -> float:
 
 
 def reach_of(burst: float, stamps: int) -> int:
-    """How many of so many stamps on either side say whether a long interval is a gap."""
+    """Number of time stamps on either side of a long interval by which a gap is recognised.
+
+    At least 8 give a median that one late time stamp does not move, two bursts average over their steps, and a quarter
+    of all time stamps leaves others to compare with.
+    """
     return int(min(max(8, 2 * np.round(burst)), FARTHEST, max(1, stamps // 4)))
 
 
 def segments_of(ticks: Vector, steps: Vector, nominal: float, burst: float) -> tuple[tuple[int, int], ...]:
-    """Ranges without a gap: cut where stamps step back, and where they jump ahead and stay there."""
+    """Ranges without a gap, cut where time stamps step backward, or jump ahead and stay ahead."""
     backward = np.flatnonzero(steps < 0)
     ahead = np.flatnonzero(steps > GAP * nominal)
     if ahead.size:
         ahead = ahead[steps[ahead] > GAP * burst * nominal]
         walls = np.concatenate(([-1], backward, [steps.size]))
-        ahead = ahead[_stays_ahead(ticks, ahead, nominal, walls, burst)]
+        ahead = ahead[_stays_ahead(ticks, ahead, nominal=nominal, walls=walls, burst=burst)]
     cuts = np.union1d(backward, ahead) + 1
     edges = [0, *(int(c) for c in cuts), ticks.size]
     return tuple(pairwise(edges))
@@ -286,17 +330,17 @@ def segments_of(ticks: Vector, steps: Vector, nominal: float, burst: float) -> t
 def _stays_ahead(
     ticks: Vector, ahead: NDArray[np.int64], nominal: float, walls: NDArray[np.int64], burst: float
 ) -> NDArray[np.bool_]:
-    """For each long interval, whether the stamps after it lag the uniform clock by a lost sample or more.
+    """For each long interval, whether the time stamps after it stay late by a sample or more.
 
-    A stamp that is merely late (a busy host) is followed by short intervals, samples stamped in bursts
-    likewise: medians on both sides, over twice the length of a burst, do not move. A lost sample moves them,
-    or a lost burst where there are bursts.
+    If a time stamp is late because the host was busy, or if samples come in bursts, short intervals follow. The medians
+    on both sides, over twice the length of a burst, are then the same. They differ after a lost sample, or after a lost
+    burst if samples come in bursts.
     """
     width = reach_of(burst, ticks.size)
     wall = np.searchsorted(walls, ahead)
     low, high = walls[wall - 1] + 1, walls[np.minimum(wall, walls.size - 1)]
     result = np.empty(ahead.size, dtype=bool)
-    for begin in range(0, ahead.size, 4096):  # bounded memory where every burst is a candidate
+    for begin in range(0, ahead.size, 4096):  # bounds the memory if every burst is a candidate
         part = slice(begin, begin + 4096)
         offsets = np.arange(width)
         before = np.maximum(ahead[part, None] - offsets, low[part, None])
@@ -307,33 +351,43 @@ def _stays_ahead(
     return result
 
 
-def _interval(stamps: Stamps, steps: Vector, segments: tuple[tuple[int, int], ...]) -> tuple[float, str]:
-    """The sampling interval in ticks, and a remark where it is not the median."""
+def _interval(stamps: Stamps, steps: Vector, segments: tuple[tuple[int, int], ...]) -> tuple[float, Remark | None]:
+    """Sampling interval in ticks, and a remark if it is not the median interval.
+
+    Raises
+    ------
+    ReadError
+        If every interval is a gap.
+    """
     inside = np.ones(steps.size, dtype=bool)
     inside[[first - 1 for first, _ in segments[1:]]] = False
     count = int(np.count_nonzero(inside))
     if count == 0:
-        raise ReadError("no two consecutive time stamps belong together; is this column really the time?")
+        raise ReadError(
+            "there is a gap between any two time stamps", advice="Check that {--columns} names the time column."
+        )
     span = sum(float(stamps.ticks[b - 1] - stamps.ticks[a]) for a, b in segments)
     repeated = int(np.count_nonzero(steps[inside] == 0))
     if repeated <= max(2, 0.005 * count):
-        count -= repeated  # rows written twice; where they are many, stamps were rounded and all samples count
+        # At most 0.5 % repeated: rows were written twice. Rounding repeats more, and then each row is a sample.
+        count -= repeated
     median, mean = float(np.median(steps[inside])), span / count
     longest = max(b - a for a, b in segments) - 1
     if abs(mean - median) <= 2 * stamps.spacing:
-        # One number, read from single intervals or from all of them: all of them know it better.
-        return _shortest_decimal(mean, 4 * stamps.spacing / span, stamps.per_second), ""
+        # Median and mean agree within the resolution of float64, and the mean is more precise.
+        return _shortest_decimal(mean, 4 * stamps.spacing / span, stamps.per_second), None
     if abs(mean - median) * longest <= 0.5 * median:
-        return median, ""
-    by_median = f"would be {stamps.per_second / median:.6g} Hz" if median > 0 else "is 0"
-    return mean, (
-        f"rate from the mean interval: the stamps' median interval {by_median}, but they keep pace with "
-        f"{stamps.per_second / mean:.6g} Hz (rounded, stamped in bursts, or do samples miss at regular distances?)"
+        return median, None
+    remark = Remark.of(
+        "rate-from-mean",
+        rate=Quantity(stamps.per_second / mean, "Hz"),
+        median=Quantity(median / stamps.per_second, "s"),
     )
+    return mean, remark
 
 
 def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> float:
-    """The interval of the rate, or the interval, with the fewest digits within the tolerance of float64."""
+    """The interval rounded to the fewest digits, of itself or of its rate, that lie within the tolerance of float64."""
     tolerance = max(tolerance, 4 * float(np.finfo(np.float64).eps))
     if tolerance > 1e-6:
         return interval
@@ -346,29 +400,49 @@ def _shortest_decimal(interval: float, tolerance: float, per_second: int) -> flo
     return interval
 
 
-def _declared(rate: float, found: float, unit: str) -> Iterator[str]:
-    """Remarks on a declared rate beside the stamps'; an error if they contradict one another."""
-    apart = abs(found / rate - 1)
-    if apart > _RATE_TOLERANCE:
-        known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
-        meant = (u for u, n in known.items() if abs(found * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
-        hint = "".join(f' The stamps are not in {unit}, it seems: pass units={{"time": "{u}"}}.' for u in meant)
-        raise ReadError(
-            f"rate={rate:g} Hz contradicts the time stamps, which say {found:.6g} Hz; drop rate= to use the stamps, "
-            f"or leave them out with columns={{'time': None}}.{hint}"
-        )
-    if apart > _RATE_REMARK:
-        yield (
-            f"the declared rate of {rate:g} Hz counts, though the time stamps say {found:.6g} Hz, {100 * apart:.2g} % "
-            "from it; drop rate= to use the stamps"
-        )
+def _require_agreement(rate: float, measured: float, unit: str) -> None:
+    """Require that a declared rate and that of the time stamps (Hz) differ by 1 % at most.
+
+    Raises
+    ------
+    ReadError
+        If they differ by more; the advice names the unit in which they would agree.
+    """
+    if abs(measured / rate - 1) <= _RATE_TOLERANCE:
+        return
+    known = TIME_UNITS | {u: 1 / seconds for u, seconds in LONG_TIME_UNITS.items()}
+    agreeing = (u for u, n in known.items() if abs(measured * n / TIME_UNITS[unit] / rate - 1) <= _RATE_TOLERANCE)
+    likely = next(agreeing, "")
+    advice = "To use the time stamps, leave {--rate} out; to leave them out, pass {--columns=time:none}."
+    if likely:
+        advice = "The rates agree if the time stamps are in {likely}: pass {--units=@units}. " + advice
+    raise ReadError(
+        f"the rate of {rate:g} Hz contradicts the time stamps, which show {measured:.6g} Hz in {unit}",
+        argument="rate",
+        got=rate,
+        advice=advice,
+        likely=likely,
+        units=f"time:{likely}",
+    )
 
 
-def troubles_of(base: TimeBase, samples: int) -> Iterator[str]:
-    """What is wrong with the stamps, in plain words."""
+def _about_declared(rate: float, measured: float, grave: bool) -> Iterator[Remark]:
+    """A remark if a declared rate and that of the time stamps (Hz) differ; `grave` if it is also a warning."""
+    apart = abs(measured / rate - 1)
+    if apart <= _RATE_REMARK:
+        return
+    declared, stamps = Quantity(rate, "Hz"), Quantity(measured, "Hz")
+    if grave:
+        yield Remark.of("rate-contradicted", source="declared", rate=declared, stamps=stamps, percent=100 * apart)
+    else:
+        yield Remark.of("rate-declared", rate=declared, stamps=stamps, percent=100 * apart)
+
+
+def about_stamps(base: TimeBase) -> Iterator[Remark]:
+    """Remarks on time stamps that step backward, repeat or jitter."""
     if base.backward:
-        yield f"time stamps that step backward: {base.backward}; the recording is split there"
+        yield Remark.of("stamps-backward", count=base.backward)
     if base.duplicates:
-        yield f"time stamps that repeat the one before: {base.duplicates} of {samples}: rows repeated, or rounded?"
-    if base.jitter * base.rate > 0.5:
-        yield f"the stamps jitter by {base.jitter:.3g} s rms, more than half the interval of {1 / base.rate:.3g} s"
+        yield Remark.of("stamps-repeated", count=base.duplicates)
+    if base.jitter * base.rate > _JITTER:
+        yield Remark.of("stamps-jitter", share=base.jitter * base.rate)

@@ -1,4 +1,4 @@
-"""A part of a recording in pieces: between two times, and without what was handled on the way."""
+"""A stream limited to ranges of time: between two times, and without the ranges to skip."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from gmwm.readers.assembly import Piece
+from gmwm.readers.chunks import Chunk
 from gmwm.signals import TimeBase
 from gmwm.time_ranges import ROUNDING, cut_base, require_inside, require_some
 
 Kept = Sequence[tuple[float, float]]
-"""Stretches of time (s), in order."""
+"""Ranges of time (s), in order."""
 
 
 def trimmed(
-    pieces: Iterable[Piece], kept: Kept, rate: float, base: Callable[[], TimeBase], ended: Callable[[TimeBase], None]
-) -> Iterator[Piece]:
-    """What of the pieces lies in the stretches that are kept: the samples that `Imu.between` keeps.
+    chunks: Iterable[Chunk], kept: Kept, rate: float, base: Callable[[], TimeBase], ended: Callable[[TimeBase], None]
+) -> Iterator[Chunk]:
+    """The samples of the chunks that lie in the kept ranges: those that `Imu.between` keeps.
 
-    Behind the last stretch nothing more is read. `ended` is told the time base that there is then, from that of `base`.
+    Behind the last range nothing more is read. `ended` is told the time base that there is then, from that of `base`.
 
     Raises
     ------
@@ -28,12 +28,12 @@ def trimmed(
         At the end, if no segment of 8 samples or more was left, or what was to be skipped lies behind the end.
     """
     clock, cursor, left = _Clock(rate), _Cursor(rate), math.nan
-    for piece in pieces:
-        clock.take(piece)
-        for a, b in clock.inside(piece, kept):
+    for chunk in chunks:
+        clock.update(chunk)
+        for a, b in clock.inside(chunk, kept):
             if not cursor.sizes:
-                left = clock.time(piece, a)
-            yield cursor.numbered(piece, a, b)
+                left = clock.time(chunk, a)
+            yield cursor.numbered(chunk, a, b)
         if not kept or clock.end >= kept[-1][1]:
             break
     require_some(max(cursor.sizes, default=0), kept, clock.end)
@@ -49,28 +49,28 @@ class _Clock:
         self._origin = self._ahead = self.end = 0.0
         self._first, self._begin = 0, 0.0
 
-    def take(self, piece: Piece) -> None:
-        """The piece that follows."""
+    def update(self, chunk: Chunk) -> None:
+        """The chunk that follows."""
         if self._segment < 0:
-            self._origin = piece.start
-        if piece.segment != self._segment:
-            begin = piece.start - self._origin + self._ahead
+            self._origin = chunk.start
+        if chunk.segment != self._segment:
+            begin = chunk.start - self._origin + self._ahead
             if begin < self.end:
                 self._ahead, begin = self._ahead + self.end - begin, self.end
-            self._segment, self._first, self._begin = piece.segment, piece.first, begin
-        self.end = self._begin + (piece.first + len(piece) - self._first) / self._rate
+            self._segment, self._first, self._begin = chunk.segment, chunk.first, begin
+        self.end = self._begin + (chunk.first + len(chunk) - self._first) / self._rate
 
-    def time(self, piece: Piece, k: int) -> float:
+    def time(self, chunk: Chunk, k: int) -> float:
         """When its sample k was taken."""
-        return self._begin + (piece.first + k - self._first) / self._rate
+        return self._begin + (chunk.first + k - self._first) / self._rate
 
-    def inside(self, piece: Piece, kept: Kept) -> Iterator[tuple[int, int]]:
-        """The ranges of it that lie in the stretches."""
-        shift = self._first - piece.first
-        for stretch in kept:
+    def inside(self, chunk: Chunk, kept: Kept) -> Iterator[tuple[int, int]]:
+        """The index ranges of a chunk that lie in the kept ranges of time."""
+        shift = self._first - chunk.first
+        for limits in kept:
             a, b = (
-                int(np.clip(np.ceil((edge - self._begin) * self._rate - ROUNDING) + shift, 0, len(piece)))
-                for edge in stretch
+                int(np.clip(np.ceil((edge - self._begin) * self._rate - ROUNDING) + shift, 0, len(chunk)))
+                for edge in limits
             )
             if a < b:
                 yield a, b
@@ -85,15 +85,15 @@ class _Cursor:
         self._rate, self._count = rate, 0
         self._next = (-1, -1)  # segment and number in the recording of what would follow without a gap
 
-    def numbered(self, piece: Piece, a: int, b: int) -> Piece:
-        """A part of a piece as a piece of what is kept."""
-        start = piece.start + a / self._rate
-        if self._next != (piece.segment, piece.first + a):
+    def numbered(self, chunk: Chunk, a: int, b: int) -> Chunk:
+        """A part of a chunk as a chunk of what is kept."""
+        start = chunk.start + a / self._rate
+        if self._next != (chunk.segment, chunk.first + a):
             self.starts.append(start)
             self.sizes.append(0)
-        self._next = (piece.segment, piece.first + b)
-        values = {axis: v[a:b] for axis, v in piece.values.items()}
-        made = Piece(values, self._count, len(self.sizes) - 1, start)
+        self._next = (chunk.segment, chunk.first + b)
+        values = {axis: v[a:b] for axis, v in chunk.values.items()}
+        made = Chunk(values, self._count, len(self.sizes) - 1, start)
         self.sizes[-1] += b - a
         self._count += b - a
         return made

@@ -1,4 +1,4 @@
-"""PX4's flight logs, .ulg, by pyulog: the gyroscopes and accelerometers of the autopilot, each a recording.
+"""PX4's flight logs (.ulg), read with pyulog: each gyroscope and accelerometer of the autopilot is a recording.
 
 Sources: PX4 guide, "ULog file format"; PX4-Autopilot, msg/SensorCombined.msg, SensorGyro.msg, SensorAccel.msg.
 """
@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from gmwm._text import counted
 from gmwm.errors import MissingDependencyError, ReadError
-from gmwm.readers.base import Channel, Chunk, Layout, Reader, register
+from gmwm.readers.base import Channel, Layout, Reader, Rows, register
+from gmwm.remarks import Remark
 
 _SIGNATURE = b"ULog\x01\x12\x35"
 _AXES = ("x", "y", "z")
@@ -25,19 +25,19 @@ _COMBINED = {f"gyro_rad[{k}]": f"gyro_{axis}" for k, axis in enumerate(_AXES)} |
     f"accelerometer_m_s2[{k}]": f"accel_{axis}" for k, axis in enumerate(_AXES)
 }
 _MESSAGES = {"sensor_combined": _COMBINED, "sensor_gyro": _GYRO, "sensor_accel": _ACCEL}
-_STAMPS = ("timestamp_sample", "timestamp")  # µs; when the sample was taken goes before when it was published
+_STAMPS = ("timestamp_sample", "timestamp")  # µs; the time of the sample is preferred to that of its publication
 _UNITS = {"gyro": "rad/s", "accel": "m/s²", "temperature": "°C"}
-_MOST_FIELDS = 2000  # of a message; types within types could ask for more than any memory holds
+_MOST_FIELDS = 2000  # of a message: sensors have some ten, and nested types could fill any memory
 
 
 class _Watched(io.BufferedReader):
-    """A file that remembers whether a read found less than it asked for."""
+    """A file that records whether a read returned fewer bytes than requested."""
 
     cut = False
 
     def read(self, size: int | None = -1, /) -> bytes:
         data = super().read(size)
-        # Nothing where a message's three bytes of size and type would be is a proper end.
+        # The file ends properly if there is nothing where the three bytes of the next size and type would be.
         self.cut |= len(data) < (size or 0) and not (size == 3 and not data)
         return data
 
@@ -50,78 +50,98 @@ class UlogReader(Reader):
     extensions: ClassVar[tuple[str, ...]] = (".ulg", ".ulog")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """1 if the file begins with ULog and its magic bytes."""
+        """1 for the signature of ULog."""
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """One recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as sensor_gyro_0."""
         log = _loaded(path)
-        dropouts = (f"the log has {counted(len(log.dropouts), 'dropout')}",) if log.dropouts else ()
+        dropouts = (Remark.of("log-dropouts", count=len(log.dropouts)),) if log.dropouts else ()
         found = (_layout(f"{item.name}_{item.multi_id}", _MESSAGES[item.name], item.data) for item in log.data_list)
         layouts = [layout for layout in found if layout is not None]
         if not layouts:
-            raise ReadError(f"{path} holds none of {', '.join(_MESSAGES)}; log them with the profile SDLOG_PROFILE")
-        return tuple(Layout(x.channels, topic=x.topic, notes=dropouts, state=x.state) for x in layouts)
+            raise ReadError(
+                f"{path} holds none of the messages {', '.join(_MESSAGES)}",
+                advice="Log them with the parameter SDLOG_PROFILE.",
+            )
+        return tuple(Layout(x.channels, topic=x.topic, remarks=dropouts, state=x.state) for x in layouts)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
-        """All numbers in one chunk: pyulog holds the log in memory."""
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
+        """All numbers in one chunk, because pyulog holds the log in memory."""
         yield {k: layout.state[k] for k in wanted}
 
 
 def _layout(topic: str, axes: Mapping[str, str], data: Mapping[str, np.ndarray[Any, Any]]) -> Layout | None:
-    """The time and the axes of one message, or None where it lacks one; a temperature that is not there is left out."""
+    """The time and the axes of one message, with its temperature if there is one; None if an axis is missing."""
     stamp = next((name for name in _STAMPS if name in data and np.any(data[name])), None)
     names = [name for name in axes if name in data and (axes[name] != "temperature" or np.all(np.isfinite(data[name])))]
     if stamp is None or not {name for name in axes if axes[name] != "temperature"} <= set(names):
         return None
     channels = [Channel(stamp, "us", "time")]
     channels += [Channel(name, _UNITS[axes[name].split("_")[0]], axes[name]) for name in names]
-    # Microseconds since the start: int64 holds them.
+    # int64 holds the microseconds since the start exactly.
     columns = [data[stamp].astype(np.int64), *(data[name].astype(np.float64) for name in names)]
     return Layout(tuple(channels), topic=topic, state=dict(enumerate(columns)))
 
 
 def _loaded(path: Path) -> Any:
-    """The log with its sensor messages; an error if it is cut off or damaged anywhere."""
+    """Load the sensor messages of a log.
+
+    Raises
+    ------
+    MissingDependencyError
+        If pyulog is not installed.
+    ReadError
+        If the log is cut off or damaged.
+    """
     try:
         from pyulog import ULog  # type: ignore[import-untyped]
     except ImportError as error:
         raise MissingDependencyError(
-            f"{path} is a PX4 log, for which pyulog is not installed: pip install 'gmwm[px4]'"
+            f"{path} is a PX4 log, and pyulog is not installed", advice="Install it with `pip install 'gmwm[px4]'`."
         ) from error
-    said = io.StringIO()  # pyulog prints what it finds wrong
+    printed = io.StringIO()  # pyulog prints its complaints
     try:
-        with redirect_stdout(said), _Watched(io.FileIO(path)) as file:
+        with redirect_stdout(printed), _Watched(io.FileIO(path)) as file:
             _require_small(path, ULog(file, parse_header_only=True).message_formats)
-        with redirect_stdout(said), _Watched(io.FileIO(path)) as file:
+        with redirect_stdout(printed), _Watched(io.FileIO(path)) as file:
             log = ULog(file, list(_MESSAGES))
     except ReadError:
         raise
-    except Exception as error:  # whatever pyulog stumbles over
-        raise ReadError(f"{path} is no ULog that pyulog understands: {error or type(error).__name__}") from error
+    except Exception as error:  # pyulog raises any type of error for a damaged file
+        raise ReadError(f"pyulog cannot read {path}: {str(error) or type(error).__name__}") from error
     if log.file_corruption:
-        raise ReadError(f"{path} is damaged: {said.getvalue().strip() or 'a message in it cannot be'}; copy it again")
+        reason = printed.getvalue().strip() or "a message is invalid"
+        raise ReadError(f"{path} is damaged: {reason}", advice="Copy it again.")
     if file.cut:
         raise ReadError(
-            f"{path} ends within a message: was it cut off? Copy it again; if the autopilot lost its power, save what "
-            f"is whole with pyulog.ULog('{path}').write_ulog('whole.ulg')"
+            f"{path} ends within a message",
+            advice="Copy it again. If the autopilot lost its power, save the complete messages with "
+            "`pyulog.ULog('{name}').write_ulog('complete.ulg')`.",
+            name=str(path),
         )
     return log
 
 
 def _require_small(path: Path, formats: Mapping[str, Any]) -> None:
-    """An error if a message, with the types within it, would have more fields than any sensor's."""
+    """Require that no message, with its nested types, has more than `_MOST_FIELDS` fields.
+
+    Raises
+    ------
+    ReadError
+        If one has more, or a type contains itself.
+    """
     sizes: dict[str, int] = {}
 
     def size(name: str, above: tuple[str, ...] = ()) -> int:
         if name in above:
-            raise ReadError(f"{path}: the type {name!r} in it contains itself")
+            raise ReadError(f"{path} is damaged: the type {name!r} contains itself")
         if name not in sizes:
             inner = (max(1, count) * (size(of, (*above, name)) if of in formats else 1)
                      for of, count, _ in formats[name].fields)  # fmt: skip
             sizes[name] = sum(inner)
         if sizes[name] > _MOST_FIELDS:
-            raise ReadError(f"{path}: the message {name!r} in it has more than {_MOST_FIELDS} fields; is it damaged?")
+            raise ReadError(f"{path} is damaged: the message {name!r} has more than {_MOST_FIELDS} fields")
         return sizes[name]
 
     for name in formats:

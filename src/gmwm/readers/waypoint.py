@@ -1,7 +1,7 @@
-"""Bare binary .imu records of six sensors, as surveyors exchange them.
+"""Binary .imu records of six types of sensors, as used in surveying.
 
-The file does not say which sensor it is of. Records of 56 bytes have one scale whichever it is; of those with 32
-bytes there are four, so the user names the type: `format="imu:LN200"`.
+The file does not state its sensor. All records of 56 bytes have the same scale. There are four types of records of 32
+bytes, so the user names the type: `format="imu:LN200"`.
 """
 
 from __future__ import annotations
@@ -18,32 +18,41 @@ from gmwm._arrays import Vector
 from gmwm._text import counted
 from gmwm.errors import GmwmWarning, ReadError
 from gmwm.imu_records import TYPES, RecordType
-from gmwm.readers.base import HEAD_BYTES, Channel, Chunk, Layout, Mark, Reader, register
+from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
+from gmwm.remarks import Quantity, Remark
 from gmwm.signals import AXES, axis_quantity
 from gmwm.units import STANDARD_GRAVITY
 
 BLOCK = 1 << 18
 """Records in a chunk."""
 
-_SLOWEST, _SHORTEST = 10.0, 1e-6  # s: intervals that the stamps of an inertial sensor can have
-_LATEST = 1e10  # s: beyond the seconds of any week, and of any year since 1970
+# The limits separate the records of every type and byte order in tests/readers/test_waypoint.py and test_imr.py.
+_SLOWEST, _SHORTEST = 10.0, 1e-6
+"""Longest and shortest interval (s) between the time stamps of an inertial sensor."""
+_LATEST = 1e10
+"""Time (s) that no time stamp reaches, neither as seconds of a week nor since 1970."""
+_IN_ORDER = 0.9
+"""Share of intervals that must be plausible: gaps and resets of the clock are rarer."""
+_NEAR_GRAVITY = 0.2
+"""Relative difference from gravity within which accelerometers at rest are plausible: the accelerometer scales of
+different types of records are equal or differ by a factor of 1.5 or more."""
 
 
 class RecordReader(Reader):
-    """One type of .imu file, which the user named; no content tells it."""
+    """One type of .imu file, which the user names."""
 
     extensions: ClassVar[tuple[str, ...]] = ()
     kind: ClassVar[RecordType]
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0: a type is never guessed."""
+        """0, because a type is never guessed."""
         return 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
         """Time and six axes, if the records have the size of this type."""
         return (_layout(path, self.kind, self.kind.name),)
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Counts and times as they stand in the file."""
         return record_chunks(path, self.kind.dtype, 0, wanted)
 
@@ -51,27 +60,33 @@ class RecordReader(Reader):
         """Any record."""
         return record_marks(path, self.kind.dtype)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
-        return record_chunks(path, self.kind.dtype, 0, wanted, mark.row)
+        return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
 @register
 class ImuReader(Reader):
-    """Bare .imu records of a type that nobody named."""
+    """.imu records whose type the user has not named."""
 
     name: ClassVar[str] = "imu"
     extensions: ClassVar[tuple[str, ...]] = (".imu",)
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.6 if records of either size have plausible times; 0.1 for one record in a file of this extension."""
+        """0.6 if records of either size have plausible times; 0.1 for a single record and this extension."""
         fitting = [_times(head, kind) for kind in _fitting(head)]
         if any(times.size > 1 for times in fitting):
             return 0.6
         return 0.1 if fitting and path.suffix.lower() in self.extensions else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """Time and six axes where the scale is known, or an error that shows what each type would mean."""
+        """Time and six axes, if the scale is known.
+
+        Raises
+        ------
+        ReadError
+            If several types have records of this size; the message has the gravity in each.
+        """
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
         fitting = _fitting(head)
@@ -79,17 +94,18 @@ class ImuReader(Reader):
             return (_layout(path, fitting[0], " or ".join(kind.name for kind in fitting)),)
         if not fitting:
             raise ReadError(
-                f"{path} does not begin with .imu records: neither those of 32 nor those of 56 bytes would have times "
-                "in order"
+                f"{path} does not begin with .imu records: neither with 32 nor with 56 bytes are their times in order"
             )
         meaning = ", ".join(f"{_gravity(head, kind):.3g} m/s² as {kind.name}" for kind in fitting)
         likely = [kind for kind in fitting if _heavy(head, kind)] or fitting
         raise ReadError(
-            f"{path} holds records without a scale, as several sensors have them; by their accelerometers gravity "
-            f"would be {meaning}. Name the sensor: {_options(likely)}"
+            f"{path} holds records of 32 bytes, whose scale depends on the sensor; its accelerometers show {meaning}",
+            argument="format",
+            advice="Name the sensor with {--format}; these fit: {formats}.",
+            formats=_formats(likely),
         )
 
-    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Chunk]:
+    def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Counts and times as they stand in the file."""
         kind: RecordType = layout.state
         return record_chunks(path, kind.dtype, 0, wanted)
@@ -98,15 +114,15 @@ class ImuReader(Reader):
         """Any record."""
         return record_marks(path, layout.state.dtype)
 
-    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Chunk]:
+    def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
         """Records from one on."""
-        return record_chunks(path, layout.state.dtype, 0, wanted, mark.row)
+        return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
 def _register(of: RecordType) -> None:
     @register
     class Named(RecordReader):
-        __doc__ = f"Bare .imu records of the type {of.name}."
+        __doc__ = f".imu records of the type {of.name}."
         name = of.format
         kind = of
 
@@ -118,30 +134,55 @@ for _type in TYPES:
 def record_channels(
     units: tuple[str, str], scales: tuple[float, float], increments: tuple[bool, bool] = (True, True)
 ) -> tuple[Channel, ...]:
-    """The columns of a record: time in s, gyroscopes and accelerometers in the units given, after their scales."""
+    """The columns of a record: time in s, and gyroscopes and accelerometers with their units, scales and increments."""
     sensors = zip(("gyro", "accel"), units, scales, increments, strict=True)
     found = {name: (unit, flag, scale) for name, unit, scale, flag in sensors}
     axes = (
-        Channel(axis, unit, axis, flag, scale) for axis in AXES for unit, flag, scale in (found[axis_quantity(axis)],)
+        Channel(axis, unit, axis=axis, increments=flag, scale=scale)
+        for axis in AXES
+        for unit, flag, scale in (found[axis_quantity(axis)],)
     )
     return (Channel("time", "s", "time"), *axes)
 
 
 def whole_records(path: Path, dtype: np.dtype[Any], offset: int = 0) -> int:
-    """How many records follow the header, or an error if there are none or the last one is not whole."""
+    """Number of records after the header.
+
+    Raises
+    ------
+    ReadError
+        If there are none, or the last one is incomplete.
+    """
     records, over = divmod(path.stat().st_size - offset, dtype.itemsize)
     if over:
         raise ReadError(
-            f"{path} is no whole number of records: {counted(records, 'record')} of {dtype.itemsize} bytes and "
-            f"{counted(over, 'byte')} more; was it cut off, or is it of another format?"
+            f"{path} holds {counted(records, 'record')} of {dtype.itemsize} bytes and {counted(over, 'byte')} more",
+            advice="Copy it again, or name another format with {--format}.",
         )
     if records < 1:
-        raise ReadError(f"{path} holds no records; was the recording interrupted?")
+        raise ReadError(f"{path} holds no records", advice="Check whether the recording was interrupted.")
     return int(records)
 
 
-def require_times(path: Path, dtype: np.dtype[Any], offset: int = 0, way_out: str = "") -> None:
-    """An error if the first records have no times: they are of another kind then."""
+def require_times(
+    path: Path, dtype: np.dtype[Any], offset: int = 0, advice: str = "", formats: tuple[str, ...] = ()
+) -> None:
+    """Require that the first records have plausible times.
+
+    Parameters
+    ----------
+    path, dtype, offset
+        The file, the type of a record, and the size of the header (bytes).
+    advice : str
+        Template of what to do, with the fact `formats`.
+    formats : tuple of str
+        Values of the `format` option that fit better.
+
+    Raises
+    ------
+    ReadError
+        If they have not, so that the records are of another type.
+    """
     with path.open("rb") as file:
         file.seek(offset)
         head = file.read(HEAD_BYTES)
@@ -149,20 +190,22 @@ def require_times(path: Path, dtype: np.dtype[Any], offset: int = 0, way_out: st
     if not _plausible(times):
         first = ", ".join(f"{t:.6g}" for t in times[:4])
         raise ReadError(
-            f"{path}: as records of {dtype.itemsize} bytes its times would be {first}, which are none{way_out}"
+            f"{path}: as records of {dtype.itemsize} bytes its times are not plausible ({first})",
+            advice=advice,
+            formats=formats,
         )
 
 
 def record_marks(path: Path, dtype: np.dtype[Any], offset: int = 0) -> tuple[Mark, ...]:
-    """Where the blocks of records behind a header begin, and their end."""
+    """Marks for the blocks of records after a header, and one at the end."""
     records = whole_records(path, dtype, offset)
     return (*(Mark(row) for row in range(0, records, BLOCK)), Mark(records))
 
 
 def record_chunks(
     path: Path, dtype: np.dtype[Any], offset: int, wanted: Sequence[int], first: int = 0
-) -> Iterator[Chunk]:
-    """Blocks of records from one on, each field as float64."""
+) -> Iterator[Rows]:
+    """Give blocks of records from the record `first` on, each field as float64."""
     names = dtype.names or ()
     with path.open("rb") as file:
         file.seek(offset + first * dtype.itemsize)
@@ -171,30 +214,37 @@ def record_chunks(
 
 
 def _layout(path: Path, kind: RecordType, name: str) -> Layout:
+    """The layout of records of one type, with a warning if the accelerometers do not show gravity."""
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
     others = [other for other in _fitting(head) if other.dtype != kind.dtype]
-    size = others[0].dtype.itemsize if others else 0
-    require_times(path, kind.dtype, 0, f"; records of {size} bytes fit: {_options(others)}" if others else "")
+    advice = "Records of the other size fit; name their type with {--format}, one of {formats}." if others else ""
+    require_times(path, kind.dtype, 0, advice, _formats(others))
     whole_records(path, kind.dtype)
+    remarks: list[Remark] = []
     if not _heavy(head, kind):
         better = [other for other in TYPES if other.dtype == kind.dtype and _heavy(head, other)]
-        hint = f": if it is of another sensor, {_options(better)}" if better else ""
-        message = (
-            f"{path}: as {name} its accelerometers show {_gravity(head, kind):.3g} m/s² where gravity is 9.81{hint}"
+        gravity = Quantity(_gravity(head, kind), "m/s²")
+        known = "yes" if better else "no"
+        doubtful = Remark.of(
+            "record-type-doubtful", str(path), type=name, gravity=gravity, better=known, formats=_formats(better)
         )
-        warnings.warn(message, GmwmWarning, stacklevel=2)
-    note = f"{name}: increments of {kind.gyro:.4g} rad and {kind.accel:.4g} m/s a count, times the rate"
+        remarks.append(doubtful)
+        warnings.warn(GmwmWarning(doubtful), stacklevel=2)
+    for sensor, factor, unit in (("gyro", kind.gyro, "rad"), ("accel", kind.accel, "m/s")):
+        remarks.append(Remark.of("scaled", sensor, factor=factor, unit=unit, source="format", type=name))
+        remarks.append(Remark.of("increments", sensor, source="file"))
     channels = record_channels(("rad/s", "m/s²"), (kind.gyro, kind.accel))
-    return Layout(channels, notes=(note,), state=kind)
+    return Layout(channels, remarks=tuple(remarks), state=kind)
 
 
-def _options(kinds: Sequence[RecordType]) -> str:
-    return "pass " + " or ".join(f"format='{kind.format}'" for kind in kinds)
+def _formats(kinds: Sequence[RecordType]) -> tuple[str, ...]:
+    """Values of the `format` option for some types."""
+    return tuple(kind.format for kind in kinds)
 
 
 def _fitting(head: bytes) -> list[RecordType]:
-    """The types whose records would have plausible times."""
+    """The types whose records have plausible times."""
     return [kind for kind in TYPES if len(head) >= kind.dtype.itemsize and _plausible(_times(head, kind))]
 
 
@@ -207,17 +257,17 @@ def _times(head: bytes, kind: RecordType) -> Vector:
 
 
 def _plausible(times: NDArray[Any]) -> bool:
-    """Whether numbers can be the stamps of a recording (s): no other bytes look like them by accident."""
+    """Whether numbers can be the time stamps of a recording (s)."""
     with np.errstate(all="ignore"):
         if not times.size or not np.all(np.abs(times) < _LATEST):
             return False
         steps = np.diff(times)
         possible = np.mean((steps >= 0) & (steps <= _SLOWEST)) if steps.size else 1.0
-        return bool(possible >= 0.9 and (not steps.size or np.median(steps) >= _SHORTEST))
+        return bool(possible >= _IN_ORDER and (not steps.size or np.median(steps) >= _SHORTEST))
 
 
 def _gravity(head: bytes, kind: RecordType) -> float:
-    """The norm of the mean specific force in the first records if they are of this type (m/s²)."""
+    """Norm of the mean specific force (m/s²) in the first records, read as this type."""
     times = _times(head, kind)
     rate = 1 / float(np.median(np.diff(times))) if times.size > 1 else np.nan
     means = [float(np.mean(_column(head, kind.dtype, axis))) for axis in AXES[3:]]
@@ -225,5 +275,5 @@ def _gravity(head: bytes, kind: RecordType) -> float:
 
 
 def _heavy(head: bytes, kind: RecordType) -> bool:
-    """Whether the accelerometers feel gravity, within a fifth, if the records are of this type; one tells nothing."""
-    return not abs(_gravity(head, kind) / STANDARD_GRAVITY - 1) > 0.2
+    """Whether the accelerometers show gravity if the records are of this type; true for a single record."""
+    return not abs(_gravity(head, kind) / STANDARD_GRAVITY - 1) > _NEAR_GRAVITY

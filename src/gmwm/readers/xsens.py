@@ -1,9 +1,9 @@
 """Text exported by Xsens MT Manager: comments with //, PacketCounter, SampleTimeFine, Acc_X … OriInc_q3.
 
-Acc is in m/s² and Gyr in rad/s. Where an export has increments only, VelInc (m/s) is the accelerometer's
-integral over a sample, and OriInc the quaternion of the rotation in it: its vector part is half the angle.
-SampleTimeFine counts 0.1 ms. Recorders without that clock leave it empty; there PacketCounter, which goes
-up by one a sample and wraps at 2¹⁶, with the update rate from the comments, shows where packets were lost.
+Acc is in m/s² and Gyr in rad/s. If an export has only increments, VelInc (m/s) is the integral of the accelerometer
+over a sample, and OriInc is the quaternion of the rotation in a sample, whose vector part is half the angle.
+SampleTimeFine counts 0.1 ms. If it is empty, PacketCounter, which increases by one for each sample and wraps at 2¹⁶,
+gives the time with the update rate in the comments.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from gmwm.readers.base import Channel, Chunk, Layout, Mark, register
+from gmwm.readers.base import Channel, Layout, Mark, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.dialect import Dialect
 from gmwm.readers.text import Place, TextReader
+from gmwm.remarks import Quantity, Remark
 
 _TICK_US = 100
 _WRAP = 1 << 16
@@ -35,13 +36,13 @@ _INCREMENTS = {
 
 @register
 class XsensReader(TextReader):
-    """Text of Xsens MT Manager, with increments where there is nothing else."""
+    """Text of Xsens MT Manager, with increments if there are no rates."""
 
     name: ClassVar[str] = "xsens"
     extensions: ClassVar[tuple[str, ...]] = (".txt", ".csv")
 
     def sniff(self, path: Path, head: bytes) -> float:
-        """0.9 if comments with // stand above a header with PacketCounter and an inertial column."""
+        """0.9 for comments with // above a header with PacketCounter and an inertial column."""
         known = re.search(rb"(?m)^PacketCounter\b.*\b(Acc_X|Gyr_X|VelInc_X|OriInc_q1)\b", head)
         return 0.9 if known and head.removeprefix(b"\xef\xbb\xbf").startswith(b"//") else 0.0
 
@@ -51,7 +52,7 @@ class XsensReader(TextReader):
         dialect: Dialect = found.state
         names = {channel.name for channel in found.channels}
         time = self._time(found, dialect)
-        channels, notes = [], [*found.notes]
+        channels, remarks = [], [*found.remarks]
         for channel in found.channels:
             unit, axis = _SIGNALS.get(channel.name) or _INCREMENTS.get(channel.name, ("", ""))
             increments = channel.name in _INCREMENTS
@@ -59,25 +60,27 @@ class XsensReader(TextReader):
                 channels.append(Channel(channel.name, "us" if time == "SampleTimeFine" else "s", "time"))
             elif axis and not (increments and any(a == axis and n in names for n, (_, a) in _SIGNALS.items())):
                 half_angle = channel.name.startswith("OriInc")
-                channels.append(Channel(channel.name, unit, axis, increments, 2.0 if half_angle else 1.0))
+                channels.append(
+                    Channel(channel.name, unit, axis=axis, increments=increments, scale=2.0 if half_angle else 1.0)
+                )
             else:
                 channels.append(Channel(channel.name))
         used = [c.name for c in channels if c.increments]
         if used:
-            notes.append(f"increments times the rate: {', '.join(used)}")
-        if time == "PacketCounter":
-            notes.append(f"time from PacketCounter, at the {dialect.rate:g} Hz of the comments")
-        return replace(found, channels=tuple(channels), notes=tuple(notes))
+            remarks += [Remark.of("increments", name, source="file") for name in used]
+        if time == "PacketCounter" and dialect.rate is not None:
+            remarks.append(Remark.of("time-read", form="packets", rate=Quantity(dialect.rate, "Hz")))
+        return replace(found, channels=tuple(channels), remarks=tuple(remarks))
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """The blocks; none where packets are counted, as a counter that wraps must be followed from the first."""
+        """Marks for the blocks; none if PacketCounter gives the time, whose wraps are counted from the first row."""
         counted = any(c.name == "PacketCounter" and c.axis == "time" for c in layout.channels)
         return () if counted else super().marks(path, layout)
 
     def rows(
         self, source: FileSource, layout: Layout, wanted: Sequence[int], place: Place | None = None
-    ) -> Iterator[Chunk]:
-        """The numbers, with ticks as microseconds, counted packets as seconds."""
+    ) -> Iterator[Rows]:
+        """The numbers, with SampleTimeFine in microseconds and PacketCounter in seconds."""
         names = {k: layout.channels[k].name for k in wanted}
         last = packets = None
         for chunk in super().rows(source, layout, wanted, place):
@@ -88,7 +91,7 @@ class XsensReader(TextReader):
                 elif name == "PacketCounter" and layout.channels[k].axis == "time":
                     counter = chunk[k].astype(np.int64)
                     steps = np.diff(counter, prepend=counter[0] if last is None else last) % _WRAP
-                    # A counter that was set back, not wrapped, would look like a gap of minutes: it is one.
+                    # A counter that was reset looks like a gap of minutes, as samples were lost there.
                     packets = (packets[-1] if packets is not None else 0) + np.cumsum(steps)
                     last = counter[-1]
                     out[k] = packets / layout.state.rate
@@ -96,7 +99,7 @@ class XsensReader(TextReader):
 
     @staticmethod
     def _time(found: Layout, dialect: Dialect) -> str:
-        """The column that tells the time: the clock, or the counter where the clock is empty."""
+        """The time column: SampleTimeFine, or PacketCounter if SampleTimeFine is empty; "" if there is neither."""
         names = [channel.name for channel in found.channels]
         if "SampleTimeFine" in names and dialect.integers[names.index("SampleTimeFine")]:
             return "SampleTimeFine"

@@ -52,7 +52,7 @@ class Remark:
         known = message(code)
         if missing := known.needs(facts) - facts.keys():
             raise KeyError(f"{code} needs the facts {', '.join(sorted(missing))}")
-        return cls(code, known.severity, subject, facts, known.advice_for(facts))
+        return cls(code, known.severity, subject=subject, facts=facts, advice=known.advice_for(facts))
 
     @property
     def message(self) -> Message:
@@ -99,8 +99,8 @@ class Remark:
 
 
 def sorted_remarks(remarks: Iterable[Remark]) -> list[Remark]:
-    """Each remark once, the gravest first; remarks of one severity keep their order."""
-    return sorted(dict.fromkeys(remarks), key=lambda remark: remark.severity)
+    """Each remark once, the gravest first. Within a severity they keep their order, with how the file was read last."""
+    return sorted(dict.fromkeys(remarks), key=lambda remark: (remark.severity, remark.message.section == "reading"))
 
 
 def _plain(fact: Fact) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 from gmwm._text import duration_text
 from gmwm.calibration.findings import SIZE, rejected
 from gmwm.calibration.summary_text import rows_of
-from gmwm.calibration.tables import SENSORS, by_sensor
+from gmwm.calibration.tables import SENSORS
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
 from gmwm.plots.labels import axis_title
@@ -21,6 +21,7 @@ from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import axis_pictures, sensor_pictures
 from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
@@ -148,7 +149,7 @@ def _settings(calibration: Calibration) -> Facts:
     asked = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
     return [
-        ("Largest model", asked.within),
+        ("Largest model", str(asked.within)),
         ("Weights", asked.weighting),
         ("Criterion", asked.criterion),
         ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),

@@ -186,12 +186,12 @@ def _quantity(label: str) -> tuple[str, str]:
 
 
 def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
-    """A shaded region as a closed line around each stretch without a hole."""
+    """A shaded region as a closed line around each run without a hole."""
     lower, upper = (np.clip(edge, *up.far) for edge in (band.lower, band.upper))
     there = np.isfinite(lower) & np.isfinite(upper)
     xs: list[float | None] = []
     ys: list[float | None] = []
-    for first, last in _stretches(there):
+    for first, last in _runs(there):
         x, low, high = band.x[first:last], lower[first:last], upper[first:last]
         if x.size == 1 and across.type == "log":
             x, low, high = np.array([x[0] / BAR, x[0] * BAR]), np.repeat(low, 2), np.repeat(high, 2)
@@ -213,7 +213,7 @@ def _shade(colour: str, opacity: float) -> str:
     return f"rgba({red},{green},{blue},{opacity:g})"
 
 
-def _stretches(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
+def _runs(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
     """Index ranges in which all are true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
@@ -223,7 +223,9 @@ def _stretches(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int
 
 
 def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
-    said: list[dict[str, Any]] = [_text(text.text, "x domain", text.x, "y domain", text.y) for text in panel.texts]
+    said: list[dict[str, Any]] = [
+        _text(text.text, "x domain", x=text.x, yref="y domain", y=text.y) for text in panel.texts
+    ]
     said += [_opposite(tick, across) for tick in panel.x.opposite]
     title = {"title": {"text": safe(panel.title)}} if panel.title else {}
     return title | {
@@ -253,6 +255,6 @@ def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]
 
 def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
     """A second reading of the horizontal scale, over the panel."""
-    return _text(tick.label, "x", across.at(tick.value), "y domain", 1.0) | {
+    return _text(tick.label, "x", x=across.at(tick.value), yref="y domain", y=1.0) | {
         "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
     }  # fmt: skip

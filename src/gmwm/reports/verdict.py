@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from gmwm._text import duration_text
 from gmwm.calibration.findings import rejected, unusable
-from gmwm.calibration.tables import SENSORS, by_sensor, in_order
+from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
+from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

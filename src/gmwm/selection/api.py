@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.estimation.estimator import measured
 from gmwm.estimation.result import Fit
@@ -23,17 +22,14 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.equivalence import SURELY, as_good
-from gmwm.selection.ranking import Candidate, Ranking
+from gmwm.selection.options import DRAWS, RankingOptions, Weights
+from gmwm.selection.ranking import SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
 
-Weights = Literal["optimal", "diagonal"]
 Data = WaveletVariance | Signal | ArrayLike
 AnyModel = Model | Process | str
-
-DRAWS = 500
-"""Default number of simulated records: the standard error of a probability of 5 % is then 1 %."""
 
 
 def select(
@@ -111,6 +107,25 @@ def select(
     >>> ranking.recommended.structure
     'WN + RW'
     """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+    )  # fmt: skip
+    return select_within(
+        general, data, options, rate=rate, robust=robust, efficiency=efficiency, progress=progress
+    )  # fmt: skip
+
+
+def select_within(
+    general: AnyModel,
+    data: Data | Sequence[WaveletVariance] | Sequence[Signal],
+    options: RankingOptions,
+    *,
+    rate: float | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    progress: Progress | None = None,
+) -> Ranking:
+    """The ranking of every model within a general one, as `select` gives it, by options that are checked."""
     wanted = without_values(as_model(general))
     recordings = _recordings(data, rate, robust, efficiency)
     candidates = [model for model in nested(wanted) if freedom(model) <= len(recordings[0])]
@@ -120,7 +135,7 @@ def select(
             f"{len(recordings[0])}",
             advice="Record longer.",
         )
-    return _ranked(wanted, candidates, recordings, weighting, criterion, confidence, draws, seed, progress)
+    return _ranked(wanted, candidates, recordings, options=options, progress=progress)
 
 
 def rank(
@@ -166,6 +181,9 @@ def rank(
     >>> [candidate.structure for candidate in ranking]
     ['WN + RW', 'GM + WN', 'WN']
     """
+    options = RankingOptions(
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+    )  # fmt: skip
     if isinstance(models, (str, Process, Model)) or not list(models):
         raise OptionError(
             argument="models", expected='a list of candidates such as ["WN + RW", "GM + WN"]', got=models,
@@ -181,7 +199,7 @@ def rank(
                 advice="Record longer, or leave this model out.",
             )
     unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
-    return _ranked(_union(unique), unique, recordings, weighting, criterion, confidence, draws, seed, progress)
+    return _ranked(_union(unique), unique, recordings, options=options, progress=progress)
 
 
 def _union(models: Sequence[Model]) -> Model:
@@ -238,41 +256,51 @@ def _ranked(
     general: Model,
     candidates: Sequence[Model],
     recordings: Sequence[WaveletVariance],
-    weighting: Weights,
-    criterion: Method,
-    confidence: float,
-    draws: int,
-    seed: int,
+    *,
+    options: RankingOptions,
     progress: Progress | None,
 ) -> Ranking:
-    if not isinstance(weighting, str) or weighting not in get_args(Weights):
-        raise OptionError(argument="weighting", expected="'optimal' or 'diagonal'", got=weighting)
-    if not isinstance(criterion, str) or criterion not in get_args(Method):
-        raise OptionError(argument="criterion", expected="'asymptotic' or 'bootstrap'", got=criterion)
-    if isinstance(confidence, bool) or not isinstance(confidence, int | float) or not 0.5 <= confidence < 1:
-        raise OptionError(argument="confidence", expected="at least 0.5 and less than 1", got=confidence)
-    for name, value, least in (("draws", draws, 100), ("seed", seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
-            raise OptionError(argument=name, expected=f"an integer of at least {least}", got=value)
+    weighting, draws, seed = options.weighting, options.draws, options.seed
     explored = [explore(general, candidates, wv, weighting, progress=progress) for wv in recordings]
-    criteria = _criteria(explored, len(candidates), criterion, draws, seed)
+    criteria = _criteria(explored, len(candidates), method=options.criterion, draws=draws, seed=seed)
     made = [_candidate(model, k, explored, criteria[k]) for k, model in enumerate(candidates)]
     made = _related(made)
     made = _sorted(made)
     made = [replace(c, difference=_score(c) - _score(made[0])) for c in made]
-    chosen = _equivalent(made, explored, confidence, draws, seed)
-    simplest = min(chosen, key=lambda c: (c.parameters, _score(c)))
-    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is simplest) for c in made]
+    chosen = _equivalent(made, explored, confidence=options.confidence, draws=draws, seed=seed)
+    made = [replace(c, equivalent=any(c is other for other in chosen), recommended=c is chosen[0]) for c in made]
     first = explored[0]
-    return Ranking(tuple(made), general, first.general, weighting, first.matrix, first.wavelet, confidence)
+    return Ranking(
+        candidates=tuple(made),
+        within=general,
+        general=first.general,
+        weighting=weighting,
+        weighting_matrix=first.matrix,
+        wavelet=first.wavelet,
+        confidence=options.confidence,
+    )
+
+
+def _levels(made: Sequence[Candidate]) -> dict[str, float]:
+    """The criterion of each structure, the same for those that differ by no more than the numerical error.
+
+    ARMA(1,1) and GM + WN have one curve; the last digits of their criteria must not choose between them.
+    """
+    level: dict[str, float] = {}
+    least = -np.inf
+    for c in sorted(made, key=_score):
+        if not _score(c) - least <= SAME * abs(_score(c)):
+            least = _score(c)
+        level[c.structure] = least
+    return level
 
 
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
     """Sort by the criterion; a model with the same fit as a smaller one comes after it, whatever the last digits."""
-    score = {c.structure: _score(c) for c in made}
+    level = _levels(made)
     return sorted(
         made,
-        key=lambda c: (score[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
+        key=lambda c: (level[c.same_as or c.structure], c.same_as is not None, c.parameters, freedom(c.model)),
     )
 
 
@@ -283,7 +311,17 @@ def _score(candidate: Candidate) -> float:
 def _candidate(model: Model, place: int, explored: Sequence[Explored], wic: Criterion) -> Candidate:
     fits = tuple(e.fits[place] for e in explored)
     parameters = max(len(columns_of(fit.model, fit.diagnostics.acts_as)[0]) for fit in fits)
-    return Candidate(model, fits, wic, _out_of_sample(fits), 0.0, parameters, False, False, None)
+    return Candidate(
+        model=model,
+        fits=fits,
+        wic=wic,
+        out_of_sample=_out_of_sample(fits),
+        difference=0.0,
+        parameters=parameters,
+        equivalent=False,
+        recommended=False,
+        same_as=None,
+    )
 
 
 def _out_of_sample(fits: Sequence[Fit]) -> float | None:
@@ -306,7 +344,7 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
         variances = None
         if method == "bootstrap":
             wv = e.general.wavelet_variance
-            variances = simulated_variances(e.general.model, Setting.of(wv), draws, seed + r)
+            variances = simulated_variances(e.general.model, Design.of(wv), draws, seed + r)
         for fit in e.fits:
             if id(fit) not in known:
                 if variances is None:
@@ -316,9 +354,9 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
                     known[id(fit)] = covariance_trace(variances, implied, e.matrix)
     return [
         Criterion(
-            float(np.mean([e.fits[k].objective for e in explored])),
-            float(np.mean([known[id(e.fits[k])] for e in explored])),
-            method,
+            loss=float(np.mean([e.fits[k].objective for e in explored])),
+            optimism=float(np.mean([known[id(e.fits[k])] for e in explored])),
+            method=method,
         )
         for k in range(count)
     ]
@@ -359,17 +397,18 @@ def _shown(candidate: Candidate) -> Counter[str] | None:
 def _equivalent(
     made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
-    """The candidates that are as good as the best, without those that contain another of them."""
-    best = made[0]
+    """The candidates as good as the best, without those that contain another of them; the simplest first."""
+    best, level = made[0], _levels(made)
     equivalent: list[Candidate] = []
-    for candidate in sorted((c for c in made if c.same_as is None), key=lambda c: (c.parameters, _score(c))):
+    own = (c for c in made if c.same_as is None)
+    for candidate in sorted(own, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue
-        if candidate is not best:
+        if level[candidate.structure] != level[best.structure]:
             if candidate.wic.value - best.wic.value > SURELY:
                 continue
-            if not as_good(explored, candidate.fits, best.fits, 1 - confidence, draws, seed):
+            if not as_good(explored, candidate.fits, rivals=best.fits, size=1 - confidence, draws=draws, seed=seed):
                 continue
         equivalent.append(candidate)
     return equivalent

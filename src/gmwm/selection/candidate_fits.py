@@ -101,7 +101,7 @@ class _Exploration:
         """Store a solution, also for its part without terms that are zero."""
         structure = structure_of(model)
         shown = _shown(model, problem, solution)
-        found = _Solved(model, structure, shown, problem, solution)
+        found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
         self.solved[_key(structure)] = found
         if shown != structure and shown and _key(shown) not in self.solved:
             self.solved[_key(shown)] = self._part(found)
@@ -128,7 +128,9 @@ class _Exploration:
                 if p.structure != found.structure and of_lower_order(p.structure, found.structure)
             ]
             best = min(parts, key=lambda p: p.solution.objective, default=found)
-            if best.solution.objective < found.solution.objective * (1 - NOT_LOWER):
+            square = found.problem.unit**2
+            least, reached = best.solution.objective / square, found.solution.objective / square
+            if not found.problem.as_low(reached, least, NOT_LOWER):
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
@@ -150,7 +152,7 @@ class _Exploration:
         scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
         terms = tuple(t for t in found.solution.terms if t.scale > 0)
         solution = replace(found.solution, scales=scales, terms=terms)
-        return _Solved(model, found.shown, found.shown, problem, solution)
+        return _Solved(model, found.shown, shown=found.shown, problem=problem, solution=solution)
 
 
 def _shown(model: Model, problem: Problem, solution: Solution) -> Counter[str]:
@@ -176,8 +178,12 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
     rows = [problem.shapes, *_ways(explored.general, problem)]
-    if problem.family is not None:
-        rows.append(grid(problem.family, wv.levels, wv.longest, wv.rate, problem.filter).values[::EVERY])
+    if problem.curved_class is not None:
+        rows.append(
+            grid(problem.curved_class, wv.levels, samples=wv.longest, rate=wv.rate, filter=problem.filter).values[
+                ::EVERY
+            ]
+        )
     return np.concatenate(rows), len(problem.shapes)
 
 
@@ -186,7 +192,7 @@ def _ways(general: Fit, problem: Problem) -> list[Matrix]:
     rows = []
     for process in general.model.processes:
         moving = to_find(process)
-        if not moving or type(process) is problem.family or process.scale == 0:
+        if not moving or type(process) is problem.curved_class or process.scale == 0:
             continue
         at = process.nonlinear.reshape(1, -1)
         slopes = process.shape_jacobian(at, problem.levels, problem.rate, problem.filter)[0, :, list(moving)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.estimation.weighting import square_root
 from gmwm.selection.equivalence import axes_of
 from gmwm.selection.ranking import Candidate, Comparison, Ranking
@@ -20,8 +20,8 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
     """
     root = square_root(ranking.weighting_matrix)
     scatter = root @ ranking.wavelet @ root.T
-    setting = Setting.of(first.fit.wavelet_variance)
-    axes = [axes_of(candidate.fit, root, setting) for candidate in (first, second)]
+    design = Design.of(first.fit.wavelet_variance)
+    axes = [axes_of(candidate.fit, root, design) for candidate in (first, second)]
     shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
     residuals = [root @ (c.fit.wavelet_variance.variance - c.fit.implied) for c in (first, second)]
     pull = residuals[0] - residuals[1]
@@ -29,4 +29,4 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
     variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
     variance /= len(first.fits)
     difference = first.wic.value - second.wic.value
-    return Comparison(first, second, difference, float(np.sqrt(max(variance, 0.0))))
+    return Comparison(first=first, second=second, difference=difference, error=float(np.sqrt(max(variance, 0.0))))

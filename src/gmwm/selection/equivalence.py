@@ -19,7 +19,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import Setting
+from gmwm.covariance import Design
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.problem import pose
@@ -67,13 +67,13 @@ class Hypothesis:
         """The hypothesis for a fit; None if the candidate has no noise at some level."""
         wv = fit.wavelet_variance
         try:
-            wavelet = drawn_covariance(fit.model, Setting.of(wv), wv.variance)
+            wavelet = drawn_covariance(fit.model, Design.of(wv), wv.variance)
             matrix = precision(wavelet)
         except GmwmError:
             return None
         if fit.weighting != "optimal":
             matrix = np.diag(1 / np.diag(wavelet))
-        return cls(explored, fit, matrix, wavelet, draws, seed)
+        return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
         """Whether the loss exceeds that of the rival by far more than chance explains, without another fit."""
@@ -82,7 +82,7 @@ class Hypothesis:
         losses = []
         for fit in (self.fit, rival):
             left = self.root @ (fit.wavelet_variance.variance - fit.implied)
-            axes = self.axes if fit is self.fit else axes_of(fit, self.root, Setting.of(fit.wavelet_variance))
+            axes = self.axes if fit is self.fit else axes_of(fit, self.root, Design.of(fit.wavelet_variance))
             losses.append(float(left @ left - np.sum((axes.T @ left) ** 2)))
         size = self.root.shape[0] - self.axes.shape[1]
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
@@ -114,7 +114,7 @@ class Hypothesis:
     @cached_property
     def axes(self) -> Matrix:
         """Directions in which the curve of the candidate can change."""
-        return axes_of(self.fit, self.root, Setting.of(self.fit.wavelet_variance))
+        return axes_of(self.fit, self.root, Design.of(self.fit.wavelet_variance))
 
     @cached_property
     def errors(self) -> Matrix:
@@ -222,10 +222,10 @@ def factor_of(wavelet: Matrix) -> Matrix:
     return np.asarray(deviation[:, None] * axes * np.sqrt(np.maximum(share, 0)))
 
 
-def axes_of(fit: Fit, root: Matrix, setting: Setting) -> Matrix:
+def axes_of(fit: Fit, root: Matrix, design: Design) -> Matrix:
     """Orthonormal directions (J, p) in which the fitted curve can change."""
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
-    slopes = root @ relative_jacobian(fit.model, setting, columns)
+    slopes = root @ relative_jacobian(fit.model, design, columns)
     length = np.linalg.norm(slopes, axis=0)
     if not np.any(length > 0):
         return np.empty((root.shape[0], 0))

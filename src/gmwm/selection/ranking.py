@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, ClassVar, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from gmwm._arrays import Matrix
-from gmwm._late import LateMethod
+from gmwm._tables import aligned
 from gmwm._text import Summarised, counted
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
@@ -22,7 +23,9 @@ from gmwm.remarks import Dialect, Remark, texts
 from gmwm.selection.structure import structure_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem, ViewName
 
 WIDTH = 80
 SAME = 1e-6
@@ -34,7 +37,7 @@ LISTED = 10
 """Number of candidates in a table."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Candidate:
     """A model in a ranking.
 
@@ -116,7 +119,7 @@ class Candidate:
         return f"Candidate({self.structure}, WIC {self.wic.value:.6g}, difference {self.difference:.4g})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Ranking:
     """The candidates, the best first: `ranking[0]`, `ranking["GM + WN"]`, or in a loop.
 
@@ -143,11 +146,6 @@ class Ranking:
     weighting_matrix: Matrix
     wavelet: Matrix
     confidence: float
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.ranking:plot_ranking",
-        "Draw the curves of the best candidates over the data, and their criteria beside them.",
-    )
 
     @property
     def best(self) -> Candidate:
@@ -239,11 +237,7 @@ class Ranking:
             "",
         ]
         head, rows = self.table(limit)
-        widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-        left = {0, 1, len(head) - 1}
-        for row in [head, *rows]:
-            cells = [v.ljust(w) if k in left else v.rjust(w) for k, (v, w) in enumerate(zip(row, widths, strict=True))]
-            lines.append("  ".join(cells).rstrip())
+        lines += aligned([head, *rows], right=range(2, len(head) - 1), indent="")
         if more := len(self.distinct) - len(rows):
             lines.append(f"… and {more} more")
         lines += ["* recommended, = as good as the best model", ""]
@@ -287,11 +281,57 @@ class Ranking:
     def __len__(self) -> int:
         return len(self.candidates)
 
+    def plot(
+        self,
+        *,
+        limit: int = 4,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the best models over the data, their distances from the data, and the criteria.
+
+        Curves often look the same. Their distances from the data, scaled so that the confidence limits are at −1 and 1,
+        show how they differ. Of several recordings, the curves are those of the first.
+
+        Parameters
+        ----------
+        limit : int
+            Number of the best distinct candidates to draw; the recommended one is always drawn.
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+
+        Examples
+        --------
+        >>> from gmwm import QN, RW, WN, select
+        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+        >>> figure = select(WN() + QN() + RW(), x, rate=100.0).plot()
+        >>> figure.axes[2].get_xlabel()
+        'WIC above the best'
+        """
+        from gmwm.plots.ranking import plot_ranking
+
+        return plot_ranking(self, limit=limit, view=view, units=units, path=path)
+
     def __repr__(self) -> str:
         return f"Ranking({counted(len(self), 'model')}, {self.recommended.structure} recommended)"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Comparison(Summarised):
     """The comparison of two candidates.
 
@@ -310,10 +350,6 @@ class Comparison(Summarised):
     difference: float
     error: float
 
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.ranking:plot_candidates", "Draw the two fitted curves over the data."
-    )
-
     @property
     def remark(self) -> Remark:
         """Which model has the smaller criterion, and whether the difference may be chance."""
@@ -329,6 +365,36 @@ class Comparison(Summarised):
     def summary(self) -> str:
         """The comparison as text."""
         return self.remark.text()
+
+    def plot(
+        self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the two candidates over the data, and their distances from the data.
+
+        The title gives the difference of their criteria. Of several recordings, the curves are those of the first.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.ranking import plot_candidates
+
+        return plot_candidates(self, view=view, units=units, path=path)
 
     def __repr__(self) -> str:
         return f"Comparison({self.first.structure} − {self.second.structure}: {self.difference:.4g} ± {self.error:.2g})"

@@ -71,7 +71,7 @@ def _choices(process: Process, count: int) -> list[list[Process]]:
 
 def freedom(model: Model) -> int:
     """Number of parameters to estimate."""
-    return len(model.names) - len(model.fixed)
+    return len(model.names) - len(model.fixed_names)
 
 
 def terms_of(processes: Iterable[Process]) -> Counter[str]:

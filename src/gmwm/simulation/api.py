@@ -14,6 +14,7 @@ from gmwm._arrays import Vector, as_rate
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.remarks import Remark
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.simulation.components import SimulatedImu, SimulatedSignal
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY
@@ -89,7 +90,7 @@ def simulate(
     Returns
     -------
     Imu, or SimulatedImu with `components=True`
-        The recording in SI units; its notes state the truth of each axis and the seed. A `SimulatedImu` holds it as
+        The recording in SI units; its remarks state the model of each axis and the seed. A `SimulatedImu` holds it as
         `imu`, and the latent processes as `components["gyro_x"]["WN"]`.
 
     Raises
@@ -104,8 +105,8 @@ def simulate(
     >>> imu = simulate({"gyro_x": "WN(sigma2=4e-8) + RW(gamma2=1e-14)"}, rate=100.0, duration=10.0, seed=1)
     >>> imu
     Imu(gyro_x: 1000 samples at 100 Hz, 10 s)
-    >>> imu.notes[0]
-    'gyro_x is simulated: WN(sigma2=4e-08) + RW(gamma2=1e-14)'
+    >>> imu.remarks[0].facts
+    {'model': 'WN(sigma2=4e-08) + RW(gamma2=1e-14)', 'seed': 1}
     >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, seed=1, components=True)
     >>> simulated["gyro_x"]["WN"]
     Signal(gyro_x WN, 1000 samples at 100 Hz, rad/s)
@@ -133,9 +134,9 @@ def simulate(
             else:
                 arrays[axis] = _finished(model.simulate(n, rate, generator), offset, steps.get(axis))
     imu = Imu.from_arrays(arrays, rate, source=f"simulation with seed {seed}")
-    notes = [f"{axis} is simulated: {truth[axis]}" for axis in imu.axes]
-    imu = replace(imu, notes=(*notes, f"seed {seed}; an axis draws from its own stream of it"))
-    return SimulatedImu(imu, made) if components else imu
+    remarks = tuple(Remark.of("simulated", axis, model=str(truth[axis]), seed=seed) for axis in imu.axes)
+    imu = replace(imu, remarks=remarks)
+    return SimulatedImu(imu=imu, axes=made) if components else imu
 
 
 def simulate_signal(
@@ -285,7 +286,7 @@ def _simulated(
         total += drawn[term]
         parts[term] = Signal(drawn[term], rate, unit, f"{axis} {term}".strip())
     signal = Signal(_finished(total, offset, step), rate, unit, axis)
-    return SimulatedSignal(signal, parts, model, offset, step)
+    return SimulatedSignal(signal=signal, components=parts, model=model, offset=offset, resolution=step)
 
 
 def _finished(path: Vector, offset: float, step: float | None) -> Vector:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from gmwm._late import LateMethod
 from gmwm.errors import DataError
 from gmwm.processes.model import Model
 from gmwm.signals import Imu, Signal
@@ -17,8 +17,10 @@ from gmwm.writers import write_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
+    from gmwm.plots.view import UnitSystem
 
-@dataclass(frozen=True, eq=False, repr=False)
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedSignal:
     """A path of a model with the path of each of its terms: X_t = offset + Σ_k X_t^(k).
 
@@ -49,7 +51,15 @@ class SimulatedSignal:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
-        return SimulatedSignal, (self.signal, dict(self.components), self.model, self.offset, self.resolution)
+        made = partial(
+            SimulatedSignal,
+            signal=self.signal,
+            components=dict(self.components),
+            model=self.model,
+            offset=self.offset,
+            resolution=self.resolution,
+        )
+        return made, ()
 
     def __getitem__(self, term: str) -> Signal:
         try:
@@ -60,16 +70,38 @@ class SimulatedSignal:
     def __iter__(self) -> Iterator[str]:
         return iter(self.components)
 
+    def plot(self, *, units: UnitSystem = "si", path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
+        """Draw the simulated signal over time and, below it, each latent process.
+
+        Gravity is subtracted from the signal, and the title says so. All panels have the same scale, unless a curve
+        would be flat.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; any other unit stays as it is.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.series import plot_components
+
+        return plot_components(self, units=units, path=path)
+
     def __repr__(self) -> str:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
 
-    plot: ClassVar[LateMethod[..., MatplotlibFigure]] = LateMethod(
-        "gmwm.plots.series:plot_components",
-        'The signal over time and each latent process under it, as plot(units="si"|"datasheet", path=…).',
-    )
 
-
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedImu:
     """A simulated recording with the latent processes of each axis.
 
@@ -88,7 +120,7 @@ class SimulatedImu:
         object.__setattr__(self, "axes", MappingProxyType(dict(self.axes)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return SimulatedImu, (self.imu, dict(self.axes))
+        return partial(SimulatedImu, imu=self.imu, axes=dict(self.axes)), ()
 
     @property
     def components(self) -> dict[str, Mapping[str, Signal]]:

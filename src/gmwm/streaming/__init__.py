@@ -1,4 +1,4 @@
-"""Curves of recordings that come in pieces: over gaps, all axes at once."""
+"""Curves of recordings that come in chunks: over gaps, all axes at once."""
 
 from gmwm.streaming.passes import measured_pairs, stream_variance
 

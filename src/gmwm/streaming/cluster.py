@@ -6,7 +6,6 @@ import asyncio
 import concurrent.futures
 import pickle
 import queue
-import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -16,9 +15,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import BREATH
-from gmwm.errors import GmwmError, OptionError, TimeBaseWarning
-from gmwm.readers.assembly import Tally
-from gmwm.readers.parts import Part, Passage
+from gmwm.errors import GmwmError, OptionError
+from gmwm.options import as_confidence
+from gmwm.readers.chunks import RowSummary
+from gmwm.readers.parts import Part, PartReader
+from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.streams import Stream
 from gmwm.streaming.passes import accumulators, feed
 from gmwm.streaming.scheduling import connected, library
@@ -101,6 +102,7 @@ def spread_variance(
     ...     curves = spread_variance(gmwm.stream("a_month.parquet"), workers=8)
     ...     curves = spread_variance(gmwm.stream("/shared/a_month.parquet"), scheduler="tcp://10.0.0.5:8786")
     """
+    as_confidence(confidence)
     require_robust(robust, efficiency)
     if robust:
         pairs = spread_pairs(
@@ -110,9 +112,9 @@ def spread_variance(
         return {axis: pair[1] for axis, pair in pairs.items()}
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts, done, retries)
+        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
         first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
-    _tell(stream, crew.tally)
+    _tell(stream, crew.summary)
     return {axis: one.result(confidence) for axis, one in first.items()}
 
 
@@ -134,12 +136,13 @@ def spread_pairs(
 
     Parameters and errors are those of `spread_variance`.
     """
+    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts, done, retries)
+        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
         first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
         classical = {axis: one.result(confidence) for axis, one in first.items()}
         if passes == 1:
@@ -147,16 +150,15 @@ def spread_pairs(
         else:
             second = crew.measure({axis: one.second_pass(efficiency).part for axis, one in first.items()})
             found = {axis: one.result(confidence) for axis, one in second.items()}
-    _tell(stream, crew.tally)
+    _tell(stream, crew.summary)
     return {axis: (classical[axis], found[axis]) for axis in stream.axes}
 
 
-def _tell(stream: Stream, tally: Tally) -> None:
-    """What is wrong with the recording as a whole: errors and warnings."""
-    troubles = tally.troubles(stream._found)
-    stream._ended(tally.time_base(stream._found))
-    for sentence in troubles:
-        warnings.warn(f"{stream.source}: {sentence}", TimeBaseWarning, stacklevel=3)
+def _tell(stream: Stream, summary: RowSummary) -> None:
+    """Raise the errors and give the warnings that concern the recording as a whole."""
+    remarks = summary.remarks(stream._found)
+    stream._ended(summary.time_base(stream._found))
+    warn(of_file(remarks, stream.source), stacklevel=3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,16 +166,16 @@ class _Measured(Generic[G]):
     """What a worker knows of a part: each axis, and what is to be told at the end."""
 
     axes: Mapping[str, G]
-    tally: Tally
+    summary: RowSummary
 
     def followed_by(self, later: _Measured[G]) -> _Measured[G]:
         """Of two parts; a gap between them is one."""
         axes: dict[str, G] = {}
         for axis, one in self.axes.items():
-            if later.tally.parted:
+            if later.summary.parted:
                 one.gap()
             axes[axis] = one.merge(later.axes[axis])
-        return _Measured(axes, self.tally.followed_by(later.tally))
+        return _Measured(axes, self.summary.followed_by(later.summary))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,19 +199,19 @@ def _unpacked(packed: bytes) -> Any:
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     """The work of a worker. What is wrong in the file comes back as it is: it would be no better a second time."""
-    passage = Passage(part)
+    reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
-        feed(passage, axes)
+        feed(reader, axes)
     except GmwmError as error:
         return error
-    return _Measured(axes, passage.tally)
+    return _Measured(axes, reader.summary)
 
 
 class _Crew:
     """The workers of a cluster and the parts of a recording that they are given, at most some for each at once."""
 
-    tally: Tally
+    summary: RowSummary
 
     def __init__(
         self, client: Any, stream: Stream, parts: int | None, done: Callable[[int], None] | None, retries: int
@@ -245,7 +247,7 @@ class _Crew:
         finally:
             with suppress(Exception):  # the scheduler may be gone
                 self._client.cancel([*running.values(), begin], force=True)
-        self.tally = joined.tally
+        self.summary = joined.summary
         return joined.axes
 
     def _threads(self) -> int:
@@ -276,7 +278,7 @@ class _Crew:
         except lost as error:
             raise GmwmError(f"{self._source}: the scheduler was lost, or what it held; begin again") from error
         if isinstance(answer, _Measured):
-            self._samples += answer.tally.stop - answer.tally.first
+            self._samples += answer.summary.stop - answer.summary.first
             if self._done is not None:
                 self._done(self._samples)
         return answer

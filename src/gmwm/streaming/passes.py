@@ -1,4 +1,4 @@
-"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next piece is read."""
+"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next chunk is read."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Protocol
 from gmwm._arrays import Vector
 from gmwm._threads import BREATH, in_threads, processors
 from gmwm.errors import DataError, OptionError
-from gmwm.readers.assembly import Piece
+from gmwm.options import as_confidence
+from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import EXACT, Gathering
+from gmwm.variance.open_segments import EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ class Source(Protocol):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes that are measured; pieces may have more."""
+        """Names of the axes that are measured; chunks may have more."""
         ...
 
     @property
@@ -41,7 +42,7 @@ class Source(Protocol):
         """Samples per second (Hz)."""
         ...
 
-    def __iter__(self) -> Iterator[Piece]: ...
+    def __iter__(self) -> Iterator[Chunk]: ...
 
 
 def stream_variance(
@@ -59,56 +60,8 @@ def stream_variance(
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis of a recording of any length; a robust one reads it twice, unless told not to.
-
-    Levels up to `exact` are those of `wavelet_variance`; each further one takes the coefficients at every τ/64-th
-    sample, see `WaveletAccumulator`. Segments between gaps are measured together, no coefficient lies across a gap.
-
-    Parameters
-    ----------
-    stream : Stream
-        Of `gmwm.stream`.
-    levels : int, optional
-        Number of levels J; all that have a coefficient by default.
-    exact : int
-        Levels of which every coefficient is taken, 6 to 24.
-    robust, efficiency : bool, float
-        As for `wavelet_variance`.
-    passes : 2 or 1
-        How often a robust one reads the recording: twice it is exact and knows the slope, see `SecondPass`; once it is
-        that of all coefficients to 1e-4 (5e-3 at a level with so many outliers that only the median is left).
-    confidence : float
-        Level of the limits, between 0 and 1.
-    threads : int, optional
-        Axes that are worked on at once; as many as there are processors by default.
-    scheduler, workers, parts : optional
-        Where others are to read the recording, a part each: a Dask scheduler, or a number of processes begun here; see
-        `spread_variance`.
-    done : callable, optional
-        Called with the number of samples so far after every piece, in the calling thread; in a second pass the count
-        goes on, to twice the number of samples.
-
-    Returns
-    -------
-    dict of axis name to WaveletVariance
-
-    Raises
-    ------
-    ReadError, DataError
-        At what `read` refuses, when it is reached; or if the recording has changed when it is read again.
-    OptionError
-        If an option is not one of those it may be.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, gmwm
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "static.parquet")
-    >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
-    >>> gmwm.stream(path).wavelet_variance()
-    {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
-    >>> folder.cleanup()
-    """
+    """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
+    as_confidence(confidence)
     require_robust(robust, efficiency)
     if scheduler is not None or workers is not None:
         from gmwm.streaming.cluster import spread_variance
@@ -143,6 +96,7 @@ def measured_pairs(
 
     Parameters and errors are those of `stream_variance`.
     """
+    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(f"passes must be 2 or 1, got {passes!r}")
@@ -168,25 +122,25 @@ def measured_pairs(
 
 def _pass(
     stream: Source,
-    measured: Mapping[str, Gathering],
+    measured: Mapping[str, SegmentedAccumulator],
     threads: int | None,
     done: Callable[[int], None] | None,
     again: int | None = None,
 ) -> int:
-    """All pieces into all axes, or again so many samples; how many there were."""
+    """All chunks into all axes, or again so many samples; how many there were."""
     pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
     running: list[Future[None]] = []
     samples = segment = 0
     try:
-        for piece in stream:
+        for chunk in stream:
             # While it was read the one before was worked on.
             _await(running)
             if done is not None and samples:
                 done(samples + (again or 0))
-            after_gap = piece.segment != segment
-            taken = piece if again is None else _until(piece, again)
-            running = [pool.submit(_take, one, taken[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = taken.first + len(taken), taken.segment
+            after_gap = chunk.segment != segment
+            kept = chunk if again is None else _until(chunk, again)
+            running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
+            samples, segment = kept.first + len(kept), kept.segment
             if again is not None and samples >= again:
                 break  # what has come since belongs to no pass; of what is odd in the file the first one told
         _await(running)
@@ -197,11 +151,11 @@ def _pass(
     return samples
 
 
-def _until(piece: Piece, end: int) -> Piece:
-    """What of a piece lies before sample `end`."""
-    if piece.first + len(piece) <= end:
-        return piece
-    return replace(piece, values={axis: v[: end - piece.first] for axis, v in piece.values.items()})
+def _until(chunk: Chunk, end: int) -> Chunk:
+    """What of a chunk lies before sample `end`."""
+    if chunk.first + len(chunk) <= end:
+        return chunk
+    return replace(chunk, values={axis: v[: end - chunk.first] for axis, v in chunk.values.items()})
 
 
 def whole(source: Source) -> Stream:
@@ -223,16 +177,16 @@ def accumulators(
     }
 
 
-def feed(pieces: Iterable[Piece], measured: Mapping[str, Gathering]) -> None:
-    """Give pieces as they come to the accumulators of some axes, one after the other."""
+def feed(chunks: Iterable[Chunk], measured: Mapping[str, SegmentedAccumulator]) -> None:
+    """Give chunks as they come to the accumulators of some axes, one after the other."""
     segment = 0
-    for piece in pieces:
+    for chunk in chunks:
         for axis, one in measured.items():
-            _take(one, piece[axis], piece.segment != segment)
-        segment = piece.segment
+            _take(one, chunk[axis], chunk.segment != segment)
+        segment = chunk.segment
 
 
-def _take(one: Gathering, values: Vector, after_gap: bool) -> None:
+def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:
     if after_gap:
         one.gap()
     one.update(values)

@@ -1,4 +1,4 @@
-"""Where work goes that is spread over processes or machines: a Dask scheduler that runs, or one of our own."""
+"""Connect to a Dask scheduler, or start worker processes on this machine."""
 
 from __future__ import annotations
 
@@ -11,38 +11,39 @@ from typing import TYPE_CHECKING, Any
 
 from gmwm._threads import processors
 from gmwm.errors import GmwmError, GmwmWarning, MissingDependencyError, OptionError
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     from distributed import Client
 
 PATIENCE = 10
-"""Seconds in which a scheduler must answer."""
+"""Time (s) within which a scheduler must answer: a choice, above the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""What a worker process begins with: a terminal sends Ctrl-C to all, and the process that began it ends it."""
+"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent ends the workers."""
 
 
 @contextmanager
 def connected(scheduler: str | Client | None = None, workers: int | None = None) -> Iterator[Client]:
-    """A client of Dask: of a scheduler that runs already, or of worker processes of this machine.
+    """Connect to a Dask scheduler, or to worker processes that are started on this machine.
 
-    What was begun here ends with the block; a client that is passed is left as it is.
+    Processes that are started here end with the block. A client that is passed is not closed.
 
     Parameters
     ----------
     scheduler : str, distributed.Client or None
-        Address of a scheduler, as tcp://10.0.0.5:8786; or a client of one; None to begin worker processes here. These
-        import the script that runs: it must hold its work under `if __name__ == "__main__":`.
+        Address of a scheduler, such as tcp://10.0.0.5:8786, or a client; None to start worker processes here. These
+        import the script that runs, which must have its work under `if __name__ == "__main__":`.
     workers : int, optional
-        How many worker processes, of one thread each; as many as there are processors by default.
+        Number of worker processes with one thread each; by default the number of processors.
 
     Raises
     ------
     MissingDependencyError
         If distributed is not installed.
     OptionError
-        If no scheduler answers, or workers are asked for that are not ours to begin.
+        If no scheduler answers, or both `scheduler` and `workers` are given.
     GmwmError
-        If worker processes do not begin.
+        If worker processes do not start.
 
     Warns
     -----
@@ -54,13 +55,17 @@ def connected(scheduler: str | Client | None = None, workers: int | None = None)
     >>> with connected("127.0.0.1") as client:
     ...     client.submit(sum, [1, 2]).result()
     Traceback (most recent call last):
-    gmwm.errors.OptionError: scheduler must be an address as tcp://10.0.0.5:8786, got '127.0.0.1'
+    gmwm.errors.OptionError: scheduler must be an address such as tcp://10.0.0.5:8786; got '127.0.0.1'
     """
     distributed = library()
     if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
-        raise OptionError(f"workers must be a whole number of processes, 1 or more; got {workers!r}")
+        raise OptionError(argument="workers", expected="a whole number of processes, 1 or more", got=workers)
     if scheduler is not None and workers is not None:
-        raise OptionError("workers= is how many processes to begin here, scheduler= has its own: pass one of them")
+        raise OptionError(
+            "a scheduler has its own workers, so their number cannot be given",
+            argument="workers",
+            advice="Pass either {--scheduler} or {--workers}.",
+        )
     if isinstance(scheduler, distributed.Client):
         yield scheduler
         return
@@ -76,7 +81,7 @@ def connected(scheduler: str | Client | None = None, workers: int | None = None)
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without a word of asyncio on what Ctrl-C leaves unfinished where workers are just begun."""
+    """Suppress asyncio's messages about tasks that Ctrl-C interrupts while workers start."""
     logger = logging.getLogger("asyncio")
     before, logger.disabled = logger.disabled, True
     try:
@@ -86,18 +91,25 @@ def _quiet() -> Iterator[None]:
 
 
 def library() -> Any:
-    """The package distributed, or an error that says how to install it."""
+    """Import the package distributed.
+
+    Raises
+    ------
+    MissingDependencyError
+        If it is not installed.
+    """
     try:
         import distributed
     except ImportError as error:
         raise MissingDependencyError(
-            "work is spread over processes and machines by Dask, which is not installed: pip install 'gmwm[dask]'"
+            "several processes or machines need Dask, which is not installed",
+            advice="Install it with `pip install 'gmwm[dask]'`.",
         ) from error
     return distributed
 
 
 def _processes(distributed: Any, workers: int, folder: str) -> Any:
-    """A scheduler in this process, with workers of one thread: Polars begins none beside it."""
+    """Start a scheduler in this process, with workers of one thread, also for Polars."""
     try:
         return distributed.LocalCluster(
             n_workers=workers,
@@ -111,27 +123,29 @@ def _processes(distributed: Any, workers: int, folder: str) -> Any:
         )
     except RuntimeError as error:
         raise GmwmError(
-            f"worker processes did not begin ({error}): they import the script that runs, so that it must hold its "
-            'work under if __name__ == "__main__":'
+            f"worker processes did not start ({error})",
+            advice='They import the script that runs: put its work under `if __name__ == "__main__":`.',
         ) from error
 
 
 def _client(distributed: Any, address: object) -> Any:
-    """The client of the scheduler at an address."""
+    """Connect to the scheduler at an address.
+
+    Raises
+    ------
+    OptionError
+        If it is not an address, or no scheduler answers.
+    """
     if not isinstance(address, str) or not address.partition("://")[2]:
-        raise OptionError(f"scheduler must be an address as tcp://10.0.0.5:8786, got {address!r}")
+        raise OptionError(argument="scheduler", expected="an address such as tcp://10.0.0.5:8786", got=address)
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise OptionError(
-            f"scheduler={address!r} does not answer ({error}): begin one with `dask scheduler` and workers with "
-            "`dask worker ADDRESS`, or leave scheduler= out to work on this machine"
+            f"the scheduler at {address} does not answer ({error})",
+            argument="scheduler",
+            advice="Start one with `dask scheduler`, workers with `dask worker ADDRESS`, or leave {--scheduler} out.",
         ) from error
     if not client.scheduler_info(n_workers=-1)["workers"]:
-        warnings.warn(
-            f"the scheduler at {address} has no workers yet; the work waits for the first: begin them with "
-            f"`dask worker {address}`",
-            GmwmWarning,
-            stacklevel=4,
-        )
+        warnings.warn(GmwmWarning(Remark.of("no-workers", address=address)), stacklevel=4)
     return client

@@ -1,4 +1,4 @@
-"""The wavelet variance of a record that comes in pieces: memory is bounded, and how it is cut changes nothing."""
+"""The wavelet variance of a record in chunks, in bounded memory; the result does not depend on how it is cut."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import MINIMUM_SAMPLES
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.limits import chi_square_limits
-from gmwm.variance.open_segments import DEEPEST, EXACT, Gathering
+from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
-from gmwm.variance.second_pass import SecondPass, wanted_of
-from gmwm.variance.segment_state import Stretch
-from gmwm.variance.sketch import SKETCHING, Counts, Sketches
+from gmwm.variance.second_pass import SecondPass, sum_request
+from gmwm.variance.segment_state import SegmentState
+from gmwm.variance.sketch import SKETCH_COLLECTOR, Counts, Sketches
 from gmwm.variance.sketched import SketchCoefficients
-from gmwm.variance.winsorised_mean import Some
+from gmwm.variance.winsorised_mean import ThinnedValues
 
 
-class WaveletAccumulator(Gathering):
+class WaveletAccumulator(SegmentedAccumulator):
     """The Haar wavelet variance of a record that is too long for memory, or not yet at its end.
 
     Levels up to `exact` take every coefficient; each further one takes those that end at multiples of τ/64, counted
@@ -33,7 +33,7 @@ class WaveletAccumulator(Gathering):
 
     Parts of a record may be measured apart and put together in order, cut anywhere: `start` says where a part begins.
     `gap()` between two chunks says that samples are missing there: no coefficient reaches over a gap, and those of all
-    stretches are taken together, as `wavelet_variance` does for a Signal with segments.
+    segments are taken together, as `wavelet_variance` does for a Signal with segments.
 
     Parameters
     ----------
@@ -85,9 +85,9 @@ class WaveletAccumulator(Gathering):
         axis: str = "",
         robust: bool = False,
     ) -> None:
-        super().__init__(DEEPEST if levels is None else levels, exact, start, SKETCHING if robust else None)
+        super().__init__(DEEPEST if levels is None else levels, exact, start, SKETCH_COLLECTOR if robust else None)
         self.rate, self.unit, self.axis, self.robust = as_rate(rate), unit, axis, bool(robust)
-        self._some = Some()
+        self._thinned = ThinnedValues()
 
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
         """A new accumulator of this part and of `following`, the one that follows it at once.
@@ -101,7 +101,7 @@ class WaveletAccumulator(Gathering):
         joint = self._copy()
         joint.axis = self.axis or following.axis
         joint._append(following)
-        joint._some = joint._some.joined(following._some)
+        joint._thinned = joint._thinned.joined(following._thinned)
         return joint
 
     def result(
@@ -168,9 +168,11 @@ class WaveletAccumulator(Gathering):
         biweight(efficiency)
         kept = self._copy()
         sketched = kept._sketched()
-        wanted = wanted_of(sketched, robust_variances(sketched, efficiency), efficiency)
-        drawn_in = kept._some.drawn_in(self.start, kept.lengths)
-        return SecondPass(kept, wanted, drawn_in, self.start if start is None else start, efficiency)
+        request = sum_request(sketched, robust_variances(sketched, efficiency), efficiency)
+        winsorised = kept._thinned.winsorised_rise(self.start, kept.lengths)
+        return SecondPass(
+            kept, request, winsorised=winsorised, start=self.start if start is None else start, efficiency=efficiency
+        )
 
     def _sketched(self) -> SketchCoefficients:
         """The coefficients so far, as far as their sketches know them.
@@ -188,7 +190,7 @@ class WaveletAccumulator(Gathering):
             )
         self._fold()
         reach = self._measured()[1].size
-        sketches: Sketches = self._all_taken()
+        sketches: Sketches = self._all_statistics()
         return SketchCoefficients.of(sketches, reach)
 
     def _curve(
@@ -205,13 +207,23 @@ class WaveletAccumulator(Gathering):
         if found is not None:
             variance = found.variance
         wv = WaveletVariance(
-            np.arange(1, counts.size + 1, dtype=np.int64), variance, variance, variance, counts, self.rate,
-            sum(lengths), self.unit, self.axis, confidence=confidence,
+            levels=np.arange(1, counts.size + 1, dtype=np.int64),
+            variance=variance,
+            lower=variance,
+            upper=variance,
+            counts=counts,
+            rate=self.rate,
+            samples=sum(lengths),
+            unit=self.unit,
+            axis=self.axis,
+            confidence=confidence,
             slope=self._slope() if found is None else slope,
-            segments=lengths if len(lengths) > 1 else (), strides=_strides(self.exact, counts.size),
-            robust=found is not None, efficiency=efficiency,
+            segments=lengths if len(lengths) > 1 else (),
+            strides=_strides(self.exact, counts.size),
+            robust=found is not None,
+            efficiency=efficiency,
             diagnostics={} if found is None else {"robust": found.diagnostics},
-        )  # fmt: skip
+        )
         lower, upper = chi_square_limits(variance, wv.degrees_of_freedom, confidence)
         return replace(wv, lower=lower, upper=upper)
 
@@ -220,12 +232,12 @@ class WaveletAccumulator(Gathering):
     def to_dict(self) -> dict[str, Any]:
         """The whole state as plain numbers, texts and arrays: what pickle, NumPy's savez and JSON of lists can hold."""
         self._fold()
-        kept: Any = self._taken if self.robust else Sketches()
+        kept: Any = self._statistics if self.robust else Sketches()
         return {
             "rate": self.rate, "levels": self.levels, "exact": self.exact, "start": self.start, "unit": self.unit,
             "axis": self.axis, "squares": self._squares, "counts": self._counts,
             "lengths": np.array(self._lengths, dtype=np.int64), "rises": self._rises, "robust": self.robust,
-            "every": self._some.every, "some": self._some.values, "some_first": self._some.first,
+            "every": self._thinned.every, "some": self._thinned.values, "some_first": self._thinned.first,
             **dict(zip(("bins", "resolutions"), kept.to_arrays(), strict=True)),
             **({} if self._first is None else self._first.arrays("first_")),
             **({} if self._last is None else self._last.arrays("last_")),
@@ -251,11 +263,11 @@ class WaveletAccumulator(Gathering):
             made._lengths = [int(length) for length in values["lengths"]]
             made._rises = float(values["rises"])
             if made.robust:
-                made._taken = Sketches.from_arrays(values["bins"], values["resolutions"])
+                made._statistics = Sketches.from_arrays(values["bins"], values["resolutions"])
             some = np.array(values["some"], dtype=np.float64)
-            made._some = Some(int(values["every"]), int(values["some_first"]), some)
-            made._first = Stretch.restored("first_", made.exact, values)
-            made._last = Stretch.restored("last_", made.exact, values)
+            made._thinned = ThinnedValues(int(values["every"]), int(values["some_first"]), some)
+            made._first = SegmentState.restored("first_", made.exact, values)
+            made._last = SegmentState.restored("last_", made.exact, values)
         except KeyError as error:
             raise ReadError(f"not an accumulator's state: it has no {error.args[0]!r}") from error
         except (TypeError, ValueError) as error:
@@ -274,7 +286,7 @@ class WaveletAccumulator(Gathering):
     # --- inside ---------------------------------------------------------------------------------------
 
     def _copy(self) -> WaveletAccumulator:
-        """Another of the same state; what a stretch holds is never changed, so both may have it."""
+        """Another of the same state; what a segment holds is never changed, so both may have it."""
         self._fold()
         made = WaveletAccumulator(
             self.rate,
@@ -286,13 +298,13 @@ class WaveletAccumulator(Gathering):
             robust=self.robust,
         )
         made._take_state(self)
-        made._some = self._some
+        made._thinned = self._thinned
         return made
 
     def _grow(self, x: Vector) -> None:
-        """Take samples into the stretch that goes on."""
+        """Take samples into the segment that goes on."""
         if self.robust:
-            self._some = self._some.joined(Some.of(x, self.stop))
+            self._thinned = self._thinned.joined(ThinnedValues.of(x, self.stop))
         super()._grow(x)
 
     def _measured(self) -> tuple[Vector, Counts]:
@@ -307,7 +319,7 @@ class WaveletAccumulator(Gathering):
         return squares[:reach] / counts[:reach], counts[:reach].copy()
 
     def _slope(self) -> float:
-        """Mean rise in a sample, of several stretches by the squares of their lengths."""
+        """Mean rise in a sample, of several segments by the squares of their lengths."""
         parts = self._open()
         weights = sum(float(n) ** 2 for n in (*self._lengths, *(part.count for part in parts)))
         return (self._rises + sum(float(part.count) ** 2 * part.rise for part in parts)) / weights

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.edf import degrees_of_freedom
@@ -87,6 +88,7 @@ def allan_variance(
     >>> bool(abs(result.deviation[0] - 1) < 0.05)
     True
     """
+    as_confidence(confidence)
     if kind not in ("overlapping", "nonoverlapping", "modified"):
         raise OptionError(f'kind must be "overlapping", "nonoverlapping" or "modified", got {kind!r}')
     # All octaves are measured while the phase is summed: one pass, the same numbers.
@@ -112,11 +114,24 @@ def allan_variance(
     freedom = degrees_of_freedom(
         exponents(noise), sizes, p.size, order=2, overlapping=kind != "nonoverlapping", modified=modified
     )
-    limits = chi_square_limits(variance, freedom, confidence)
+    lower, upper = chi_square_limits(variance, freedom, confidence)
     return ClusterVariance(
-        "allan", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="allan",
+        kind=kind,
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:

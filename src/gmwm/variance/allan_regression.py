@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.signals import Signal
@@ -20,13 +20,16 @@ from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 OCTAVE = 1.9
 """Least ratio of neighbouring averaging times from which a slope is read."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AllanRegression(Summarised):
     """Coefficients read from the slopes of an Allan deviation, with the lines they were read from.
 
@@ -43,11 +46,6 @@ class AllanRegression(Summarised):
     allan: ClusterVariance
     lines: tuple[SlopeLine, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.allan:plot_avlr",
-        "Draw the Allan deviation with the fitted lines and the places where the coefficients are read.",
-    )
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -77,7 +75,7 @@ class AllanRegression(Summarised):
         """The result whose `to_dict` gave `values`."""
         names = ("term", "coefficient", "first", "last", "points", "bound")
         lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
-        return cls(ClusterVariance.from_dict(values["allan"]), lines, dict(values["missing"]))
+        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, missing=dict(values["missing"]))
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """A table in `units`, "si" or "datasheet": coefficient, unit, and the averaging times it was read from."""
@@ -94,8 +92,44 @@ class AllanRegression(Summarised):
                 f"slope {line.slope:+.1f}, {where}"
             )
         rows += [f"{term}  not found: {reason}" for term, reason in self.missing.items()]
-        rows.append("a graphical method: inconsistent where several terms share the stretch; see avlr")
+        rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
         return "\n".join(rows)
+
+    def plot(
+        self,
+        *,
+        units: UnitSystem = "si",
+        guides: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the Allan deviation with the fitted lines and the points where Q, N, B, K and R are read.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg; coefficients in deg/√h, deg/h and similar.
+        guides : bool
+            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+            (ramp).
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.allan import plot_avlr
+
+        return plot_avlr(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{term}={value:.4g}" for term, value in self.coefficients.items())
@@ -114,10 +148,10 @@ def avlr(
     """Noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a baseline.
 
     Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
-    fitted to the longest stretch on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
+    fitted to the longest range on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
     B is read at the minimum. So Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
 
-    The method is inconsistent: on any stretch all other terms add to the curve, and no amount of data removes what
+    The method is inconsistent: on any range all other terms add to the curve, and no amount of data removes what
     they add; a Gauss-Markov process bends the curve into slopes that stand for no term at all. Use `gmwm.fit` for
     estimates that converge to the truth. In its parameters, with the rate f: WN σ² = N² f, RW γ² = K²/f, drift
     ω = R/f, quantization noise Q² f².
@@ -185,14 +219,16 @@ def avlr(
         elif term == "B":
             found = _minimum(tau, deviation)
         else:
-            found = _line(term, tau, deviation, _stretch(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance))
+            found = _line(
+                term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
+            )
         if not isinstance(found, str) and not (ranges and term in ranges) and _contradicted(found, allan):
             found = f"a slope near {LAWS[term].slope:+.1f} by chance: its line lies above the curve elsewhere"
         if isinstance(found, str):
             missing[term] = found
         else:
             lines.append(found)
-    return AllanRegression(allan, tuple(lines), missing)
+    return AllanRegression(allan=allan, lines=tuple(lines), missing=missing)
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
@@ -217,7 +253,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
     return np.asarray(inside)
 
 
-def _stretch(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
+def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
     """The longest run of values between neighbours of which the curve has about this slope; empty if there is none."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
@@ -241,7 +277,7 @@ def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_])
         return f"nowhere has the curve a slope near {law.slope:+.1f}"
     t, heights = tau[chosen], np.log(deviation[chosen]) - law.slope * np.log(tau[chosen])
     coefficient = math.exp(float(heights.mean())) / law.factor
-    return SlopeLine(term, coefficient, float(t[0]), float(t[-1]), int(t.size))
+    return SlopeLine(term=term, coefficient=coefficient, first=float(t[0]), last=float(t[-1]), points=int(t.size))
 
 
 def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
@@ -251,4 +287,11 @@ def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
     if k == 0:
         return "the curve rises from its beginning"
     at = float(tau[k])
-    return SlopeLine("B", float(deviation[k]) / LAWS["B"].factor, at, at, 1, bound=k == tau.size - 1)
+    return SlopeLine(
+        term="B",
+        coefficient=float(deviation[k]) / LAWS["B"].factor,
+        first=at,
+        last=at,
+        points=1,
+        bound=k == tau.size - 1,
+    )

@@ -14,6 +14,7 @@ from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
+from gmwm.options import as_confidence
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
@@ -116,20 +117,21 @@ def wavelet_variance(
     >>> bool(abs(wavelet_variance(x, rate=100.0, robust=True).variance[0] - 0.5) < 0.05)
     True
     """
+    as_confidence(confidence)
     wavelet = find_filter(filter)
     if transform not in ("modwt", "dwt"):
         raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
     require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
-        pieces = [as_vector(x, "x", finite=False)]
+        segments = [as_vector(x, "x", finite=False)]
         rate = as_rate(rate)
     else:
-        pieces = signal.pieces()
+        segments = signal.segment_values()
         if rate is not None and as_rate(rate) != signal.rate:
             raise OptionError(f"rate={rate:g} contradicts the signal's {signal.rate:g} Hz; leave rate out")
         rate = signal.rate
-    lengths = tuple(piece.size for piece in pieces)
+    lengths = tuple(segment.size for segment in segments)
     n = max(lengths)
     if n < MINIMUM_SAMPLES:
         raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples for a wavelet variance, got {n}")
@@ -138,49 +140,60 @@ def wavelet_variance(
         raise DataError(f"x must have at least {wavelet.length} samples for filter={wavelet.name!r}, got {n}")
     levels = as_level_count(levels, deepest, n)
 
-    slope = _slope(pieces)
+    slope = _slope(segments)
     numbers = np.arange(1, levels + 1, dtype=np.int64)
     counts, eta = pooled_counts(lengths, numbers, wavelet, transform)
     diagnostics: dict[str, Any] = {}
     if robust:
-        found = _robust(pieces, wavelet, transform, levels, efficiency)
+        found = _robust(segments, wavelet, transform=transform, levels=levels, efficiency=efficiency)
         variance, diagnostics["robust"] = found.variance, found.diagnostics
-        slope = _slope([_clipped(piece) for piece in pieces])
+        slope = _slope([_clipped(segment) for segment in segments])
         eta = eta * efficiency
     else:
-        variance = _classical(pieces, wavelet, transform, levels)
+        variance = _classical(segments, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
         raise DataError("x is too large to be squared in double precision; scale it down")
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(
-        numbers, variance, lower, upper, counts, rate, sum(lengths),
+        levels=numbers,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        rate=rate,
+        samples=sum(lengths),
         unit="" if signal is None else signal.unit,
         axis="" if signal is None else signal.axis,
-        confidence=confidence, filter=wavelet.name, transform=transform,
-        robust=robust, efficiency=efficiency if robust else None, slope=slope,
-        diagnostics=diagnostics, segments=lengths if len(lengths) > 1 else (),
-    )  # fmt: skip
+        confidence=confidence,
+        filter=wavelet.name,
+        transform=transform,
+        robust=robust,
+        efficiency=efficiency if robust else None,
+        slope=slope,
+        diagnostics=diagnostics,
+        segments=lengths if len(lengths) > 1 else (),
+    )
 
 
 def variances_alone(
-    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
+    segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """ν̂_j² of levels 1 … J of stretches of samples that are known to be good, robust where an efficiency is given."""
+    """ν̂_j² of levels 1 … J of segments of samples that are known to be good, robust where an efficiency is given."""
     if efficiency is None:
-        return _classical(pieces, filter, transform, levels)
-    return _robust(pieces, filter, transform, levels, efficiency).variance
+        return _classical(segments, filter, transform, levels)
+    return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
 
 
-def _classical(pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Means of squares over all coefficients of all stretches."""
+def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
+    """Means of squares over all coefficients of all segments."""
     alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
-    if len(pieces) == 1:
-        return alone(pieces[0], levels)
+    if len(segments) == 1:
+        return alone(segments[0], levels)
     total, counts = np.zeros(levels), np.zeros(levels)
     numbers = np.arange(1, levels + 1, dtype=np.int64)
-    for piece, reach in _reaching(pieces, filter, transform, levels):
-        own = coefficient_counts(piece.size, numbers[:reach], filter, transform)
-        total[:reach] += own * alone(piece, reach)
+    for segment, reach in _reaching(segments, filter, transform, levels):
+        own = coefficient_counts(segment.size, numbers[:reach], filter, transform)
+        total[:reach] += own * alone(segment, reach)
         counts[:reach] += own
     return np.asarray(total / counts)
 
@@ -190,26 +203,26 @@ def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, lev
 
 
 def _robust(
-    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
+    segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
-    """One equation for each level, over all coefficients of all stretches."""
+    """One equation for each level, over all coefficients of all segments."""
     sources: list[Coefficients] = [
-        HaarCoefficients(piece, reach)
+        HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
-        else _plain(piece, filter, transform, reach)
-        for piece, reach in _reaching(pieces, filter, transform, levels)
+        else _plain(segment, filter, transform, reach)
+        for segment, reach in _reaching(segments, filter, transform, levels)
     ]
     return robust_variances(sources[0] if len(sources) == 1 else PooledCoefficients(sources), efficiency)
 
 
 def _reaching(
-    pieces: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
+    segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> Iterator[tuple[Vector, int]]:
-    """The stretches that have a coefficient, and how many levels each has."""
-    for piece in pieces:
-        reach = min(levels, deepest_level(piece.size, filter, transform))
+    """The segments that have a coefficient, and how many levels each has."""
+    for segment in segments:
+        reach = min(levels, deepest_level(segment.size, filter, transform))
         if reach > 0:
-            yield piece, reach
+            yield segment, reach
 
 
 def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
@@ -222,16 +235,18 @@ def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: 
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
-def _slope(pieces: Sequence[Vector]) -> float:
+def _slope(segments: Sequence[Vector]) -> float:
     """Mean rise in a sample; raises where the values cannot be used.
 
-    Of several stretches by the squares of their lengths: what is best lies between the lengths themselves, in a random
+    Of several segments by the squares of their lengths: what is best lies between the lengths themselves, in a random
     walk, and their cubes, in white noise.
     """
-    long = [piece for piece in pieces if piece.size > 1]
+    long = [segment for segment in segments if segment.size > 1]
     if len(long) == 1:
         return _rise(long[0])
-    return float(np.average([_rise(piece) for piece in long], weights=[float(piece.size) ** 2 for piece in long]))
+    return float(
+        np.average([_rise(segment) for segment in long], weights=[float(segment.size) ** 2 for segment in long])
+    )
 
 
 def _rise(values: Vector) -> float:

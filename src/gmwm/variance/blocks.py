@@ -1,7 +1,7 @@
-"""Block sums of a stretch of samples, from which the coefficients of large scales come: 64 steps to a scale.
+"""Block sums of a segment of samples, from which the coefficients of large scales come: 64 steps to a scale.
 
 Block k of a step s holds the samples k s … (k + 1) s − 1, counted from the beginning of the whole record: so that two
-stretches, one after the other, cut the same blocks as the two together.
+segments, one after the other, cut the same blocks as the two together.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm.variance.coefficients import haar_resolution
-from gmwm.variance.statistics_protocol import Part, Taking
+from gmwm.variance.statistics_protocol import LevelStatistic, StatisticsCollector
 
 STEPS = 64
 """Of a scale: its coefficients are taken at every τ/64-th sample."""
@@ -21,7 +21,7 @@ _KEPT = STEPS - 1
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """One step's blocks in a stretch of samples, and the sum of squares of their coefficients.
+    """One step's blocks in a segment of samples, and the sum of squares of their coefficients.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Blocks:
         Samples in a block, τ/64.
     first, last : int
         Number of the first complete block, and one beyond the last; last < first where no multiple of the step lies
-        inside the stretch or at its ends.
+        inside the segment or at its ends.
     before, after : float
         Sum of the samples before the first block, and after the last; of all samples where no multiple is inside.
     heads, tails : arrays
@@ -38,7 +38,7 @@ class Blocks:
         Σ (sum of 32 blocks − sum of the 32 before)², and over how many places.
     total, moment : float
         Σ b_k and Σ (k − first) b_k of all complete blocks.
-    part, resolution : Part or None, float
+    part, resolution : LevelStatistic or None, float
         What else is kept of the coefficients W, and up to which size they are rounding.
     """
 
@@ -53,7 +53,7 @@ class Blocks:
     count: int = 0
     total: float = 0.0
     moment: float = 0.0
-    part: Part | None = None
+    part: LevelStatistic | None = None
     resolution: float = 0.0
 
     @property
@@ -61,8 +61,8 @@ class Blocks:
         """Whether no multiple of the step lies inside."""
         return self.last < self.first
 
-    def followed_by(self, later: Blocks, taking: Taking | None = None) -> Blocks:
-        """The blocks of this stretch and the one that follows it, together."""
+    def followed_by(self, later: Blocks, collector: StatisticsCollector | None = None) -> Blocks:
+        """The blocks of this segment and the one that follows it, together."""
         if later.open:
             if self.open:
                 return replace(self, before=self.before + later.before)
@@ -72,7 +72,7 @@ class Blocks:
         # Where the cut is no multiple itself, the rest before it and the rest after it are a block.
         middle = [] if self.last == later.first else [self.after + later.before]
         joint = np.concatenate([self.tails, middle, later.heads])
-        squares, count, part, resolution = measured(joint, self.step, taking)
+        squares, count, part, resolution = measured(joint, self.step, collector)
         if part is not None and self.part is not None and later.part is not None:
             part = self.part.merge(later.part).merge(part)
         heads, tails = self.heads, later.tails
@@ -81,13 +81,23 @@ class Blocks:
         if tails.size < _KEPT:
             tails = np.concatenate([self.tails, middle, tails])[-_KEPT:]
         return Blocks(
-            self.step, self.first, later.last, self.before, later.after, heads, tails,
-            self.squares + later.squares + squares, self.count + later.count + count,
-            self.total + sum(middle) + later.total,
-            self.moment + sum(middle) * (self.last - self.first) + later.moment
+            step=self.step,
+            first=self.first,
+            last=later.last,
+            before=self.before,
+            after=later.after,
+            heads=heads,
+            tails=tails,
+            squares=self.squares + later.squares + squares,
+            count=self.count + later.count + count,
+            total=self.total + sum(middle) + later.total,
+            moment=self.moment
+            + sum(middle) * (self.last - self.first)
+            + later.moment
             + later.total * (later.first - self.first),
-            part, max(self.resolution, later.resolution, resolution),
-        )  # fmt: skip
+            part=part,
+            resolution=max(self.resolution, later.resolution, resolution),
+        )
 
     @property
     def rise(self) -> float | None:
@@ -110,11 +120,21 @@ class Blocks:
         """What was stored."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
-            step, int(first), int(last), before, after, heads.copy(), tails.copy(), squares, int(count), total, moment
+            step=step,
+            first=int(first),
+            last=int(last),
+            before=before,
+            after=after,
+            heads=heads.copy(),
+            tails=tails.copy(),
+            squares=squares,
+            count=int(count),
+            total=total,
+            moment=moment,
         )
 
     def raised(self, offset: float, start: int, stop: int) -> Blocks:
-        """The same of a stretch from `start` to `stop` whose samples are larger by `offset`."""
+        """The same of a segment from `start` to `stop` whose samples are larger by `offset`."""
         if self.open:
             return replace(self, before=self.before + offset * (stop - start))
         s, n = self.step, self.last - self.first
@@ -129,54 +149,78 @@ class Blocks:
         )
 
 
-def measured(blocks: Vector, step: int, taking: Taking | None) -> tuple[float, int, Part | None, float]:
+def measured(
+    blocks: Vector, step: int, collector: StatisticsCollector | None
+) -> tuple[float, int, LevelStatistic | None, float]:
     """Σ (sum of 32 blocks − sum of the 32 before)² over all places, how many there are; what else, and resolution."""
     count = blocks.size - STEPS + 1
     if count < 1:
-        return 0.0, 0, _nothing(taking, step), 0.0
+        return 0.0, 0, _empty(collector, step), 0.0
     half = STEPS // 2
     sums = np.concatenate([[0.0], np.cumsum(blocks - blocks.mean())])
     w = sums[STEPS:] - 2.0 * sums[half:-half] + sums[:-STEPS]
-    if taking is None:
+    if collector is None:
         return float(w @ w), count, None, 0.0
     level = _level(step)
     # As of a running sum of single samples, of which only each step's last value is there.
     resolution = haar_resolution(float(np.abs(sums).max()), level)
-    return float(w @ w), count, taking.values(np.ldexp(w, -level), level), resolution
+    return float(w @ w), count, collector.values(np.ldexp(w, -level), level), resolution
 
 
 def _level(step: int) -> int:
     return (STEPS * step).bit_length() - 1
 
 
-def _nothing(taking: Taking | None, step: int) -> Part | None:
-    return None if taking is None else taking.values(np.empty(0), _level(step))
+def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic | None:
+    return None if collector is None else collector.values(np.empty(0), _level(step))
 
 
-def blocks_of(values: Vector, start: int, steps: list[int], taking: Taking | None = None) -> list[Blocks]:
-    """The blocks of a stretch of samples from `start` on, of each step; each is a power of two times the first."""
+def blocks_of(
+    values: Vector, start: int, steps: list[int], collector: StatisticsCollector | None = None
+) -> list[Blocks]:
+    """The blocks of a segment of samples from `start` on, of each step; each is a power of two times the first."""
     base, stop = steps[0], start + values.size
     first, last = -(-start // base), stop // base
     if first > last:
         total = float(values.sum())
-        return [Blocks(step, -(-start // step), stop // step, total, part=_nothing(taking, step)) for step in steps]
+        return [Blocks(step, -(-start // step), stop // step, total, part=_empty(collector, step)) for step in steps]
     begin, end = first * base - start, last * base - start
     inside = values[begin:end].reshape(-1, base).sum(axis=1)
     # Sum of all samples before each multiple of the first step.
     sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
     total = float(sums[-1]) + float(values[end:].sum())
-    return [_of(step, start, stop, sums[(-first) % (step // base) :: step // base], total, taking) for step in steps]
+    return [
+        _of(
+            step,
+            start,
+            stop=stop,
+            marks=sums[(-first) % (step // base) :: step // base],
+            total=total,
+            collector=collector,
+        )
+        for step in steps
+    ]
 
 
-def _of(step: int, start: int, stop: int, marks: Vector, total: float, taking: Taking | None) -> Blocks:
+def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
     """The blocks between `marks`, the sums of all samples before each multiple of the step."""
     first, last = -(-start // step), stop // step
     if first > last:
-        return Blocks(step, first, last, total, part=_nothing(taking, step))
+        return Blocks(step, first, last, total, part=_empty(collector, step))
     blocks = np.diff(marks)
-    squares, count, part, resolution = measured(blocks, step, taking)
+    squares, count, part, resolution = measured(blocks, step, collector)
     return Blocks(
-        step, first, last, float(marks[0]), total - float(marks[-1]), blocks[:_KEPT].copy(), blocks[-_KEPT:].copy(),
-        squares, count, float(blocks.sum()), float(np.arange(blocks.size) @ blocks),
-        part, resolution,
-    )  # fmt: skip
+        step=step,
+        first=first,
+        last=last,
+        before=float(marks[0]),
+        after=total - float(marks[-1]),
+        heads=blocks[:_KEPT].copy(),
+        tails=blocks[-_KEPT:].copy(),
+        squares=squares,
+        count=count,
+        total=float(blocks.sum()),
+        moment=float(np.arange(blocks.size) @ blocks),
+        part=part,
+        resolution=resolution,
+    )

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.variance.noise_type import noise_type
 from gmwm.variance.phase import Data
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 Family: TypeAlias = Literal["allan", "hadamard", "total"]
 Kind: TypeAlias = Literal["overlapping", "nonoverlapping", "modified"]
@@ -32,7 +35,7 @@ _TITLES = {
 }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ClusterVariance(Summarised):
     """Allan, Hadamard or total variance of a signal at averaging times τ = n Δt, with chi-square limits.
 
@@ -81,11 +84,6 @@ class ClusterVariance(Summarised):
     axis: str = ""
     confidence: float = 0.95
     data: Data = "rate"
-
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.allan:plot_allan",
-        "Draw the deviation with its confidence band and the field's slopes.",
-    )
 
     def __post_init__(self) -> None:
         if (self.family, self.kind) not in _TITLES:
@@ -160,6 +158,44 @@ class ClusterVariance(Summarised):
 
     def __len__(self) -> int:
         return int(self.clusters.size)
+
+    def plot(
+        self,
+        *,
+        units: UnitSystem = "si",
+        guides: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the deviation over its averaging times, with its confidence band, on logarithmic axes.
+
+        A variance of zero is marked at the foot of the axis.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        guides : bool
+            Whether to draw the slopes −1 (quantization), −½ (white), 0 (bias instability), +½ (random walk) and +1
+            (ramp).
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.allan import plot_allan
+
+        return plot_allan(self, units=units, guides=guides, ax=ax, path=path)
 
     def __repr__(self) -> str:
         return (

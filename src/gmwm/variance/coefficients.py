@@ -129,7 +129,7 @@ class PlainCoefficients:
 
 
 class PooledCoefficients:
-    """Those of several stretches together, each with as many levels as it has."""
+    """Those of several segments together, each with as many levels as it has."""
 
     def __init__(self, sources: Sequence[Coefficients]) -> None:
         self.sources = sources
@@ -150,16 +150,16 @@ class PooledCoefficients:
         return total[0], total[1], total[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Of each stretch its share."""
+        """Of each segment its share."""
         sources, count = self._reaching(k), int(self.counts[k])
         ends = np.cumsum([0, *(int(source.counts[k]) for source in sources)])
-        # Rounded at the ends, not each by itself: so they add up, and many short stretches are not all left out.
+        # Rounded at the ends, not each by itself: so they add up, and many short segments are not all left out.
         shares = np.diff(ends if size >= count else ends * size // count).tolist()
         parts = [source.sample(k, share) for source, share in zip(sources, shares, strict=True) if share]
         return np.concatenate(parts)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Of all stretches."""
+        """Of all segments."""
         found = [source.between(k, low, high) for source in self._reaching(k)]
         return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
 
@@ -168,5 +168,5 @@ class PooledCoefficients:
         return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
-        """That of the coarsest stretch."""
+        """That of the coarsest segment."""
         return max(source.resolution(k) for source in self._reaching(k))

@@ -72,7 +72,9 @@ def degrees_of_freedom(
         where = np.flatnonzero((exponents == alpha) & (averaged == mean) & (endless == without_end))
         for start in range(0, where.size, CHUNK):
             part = where[start : start + CHUNK]
-            result[part] = _of_one_noise(alpha, clusters[part], points, order, overlapping, mean)
+            result[part] = _of_one_noise(
+                alpha, clusters[part], points=points, d=order, overlapping=overlapping, modified=mean
+            )
     return np.maximum(result, 1.0)
 
 
@@ -94,12 +96,14 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
     if alpha == 1 and not modified:
         # Flicker PM depends on the sampling at any n: by ln n, through the variance at lag 0 alone.
         finite = np.where(coarse, density, m)
-        at_zero = _covariance(np.zeros((m.size, 1)), np.asarray(m, dtype=np.float64)[:, None], alpha, d, modified)[:, 0]
+        at_zero = _covariance(
+            np.zeros((m.size, 1)), np.asarray(m, dtype=np.float64)[:, None], alpha=alpha, d=d, modified=modified
+        )[:, 0]
     else:
-        at_zero = _covariance(np.zeros((m.size, 1)), finite[:, None], alpha, d, modified)[:, 0]
+        at_zero = _covariance(np.zeros((m.size, 1)), finite[:, None], alpha=alpha, d=d, modified=modified)[:, 0]
 
     node = np.arange(int(terms.max()) + 1)
-    s = _covariance(node / density[:, None], finite[:, None], alpha, d, modified)
+    s = _covariance(node / density[:, None], finite[:, None], alpha=alpha, d=d, modified=modified)
     weight = 2 * (1 - node / total[:, None])
     weight[:, 0] = 1
     weight = np.where(node < terms[:, None], weight, 0.0)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm.errors import OptionError
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.allan import difference_counts, exponents, modified_ratio
 from gmwm.variance.clusters import ClusterVariance
@@ -70,6 +71,7 @@ def hadamard_variance(
     >>> bool(hadamard_variance(ramp, rate=1.0).variance.max() < 1e-25)
     True
     """
+    as_confidence(confidence)
     if kind not in ("overlapping", "nonoverlapping"):
         raise OptionError(f'kind must be "overlapping" or "nonoverlapping", got {kind!r}')
     phase = phase_of(x, rate, data, straighten=True)
@@ -82,8 +84,21 @@ def hadamard_variance(
     variance = squares / (6.0 * sizes * sizes)
     noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
     freedom = degrees_of_freedom(exponents(noise), sizes, p.size, order=3, overlapping=overlapping)
-    limits = chi_square_limits(variance, freedom, confidence)
+    lower, upper = chi_square_limits(variance, freedom, confidence)
     return ClusterVariance(
-        "hadamard", kind, sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="hadamard",
+        kind=kind,
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )

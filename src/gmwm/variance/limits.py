@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from numbers import Real
-
 from gmwm._arrays import Vector
-from gmwm.errors import OptionError
+from gmwm.options import as_confidence
 
 
 def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> tuple[Vector, Vector]:
@@ -14,12 +12,10 @@ def chi_square_limits(variance: Vector, freedom: Vector, confidence: float) -> t
     Raises
     ------
     OptionError
-        If `confidence` does not lie between 0 and 1.
+        If `confidence` is not a number from 0.5 to below 1.
     """
     from scipy.special import gammaincinv
 
-    if not isinstance(confidence, Real) or not 0 < confidence < 1:
-        raise OptionError(f"confidence must lie between 0 and 1, got {confidence!r}; 95 % is 0.95")
     half = freedom / 2
-    tail = (1 - float(confidence)) / 2
+    tail = (1 - as_confidence(confidence)) / 2
     return variance * half / gammaincinv(half, 1 - tail), variance * half / gammaincinv(half, tail)

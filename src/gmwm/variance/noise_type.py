@@ -139,7 +139,7 @@ def noise_types(
 
 
 def _middle(phase: Vector) -> Vector:
-    """The phase, or of a long one the stretch in its middle: the error of r₁ is about 0.03."""
+    """The phase, or of a long one the samples in its middle: the error of r₁ is about 0.03."""
     first = max(phase.size - MOST_VALUES, 0) // 2
     return np.ascontiguousarray(phase[first : first + MOST_VALUES])
 

@@ -1,4 +1,4 @@
-"""Samples that come in pieces, gaps between some: stretches that have an end, and the one that goes on."""
+"""Accumulation of samples in chunks, with gaps: the closed segments, and the open one."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_vector
 from gmwm.errors import OptionError
-from gmwm.variance.segment_state import Stretch
-from gmwm.variance.statistics_protocol import Taken, Taking
+from gmwm.variance.segment_state import SegmentState
+from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 EXACT = 14
 """Levels of which every coefficient is taken, by default."""
@@ -22,8 +22,8 @@ FOLD = 1 << 18
 """Samples that are gathered before they are worked on."""
 
 
-class Gathering:
-    """What is kept of the coefficients of a record in pieces: how it is cut changes nothing.
+class SegmentedAccumulator:
+    """Sums of the coefficients of a record that comes in chunks; the result does not depend on how it is cut.
 
     Parameters
     ----------
@@ -33,22 +33,22 @@ class Gathering:
         Levels of which every coefficient is taken.
     start : int
         Number of the first sample in the record.
-    taking : Taking or None
-        What is taken of the coefficients besides their squares.
+    collector : StatisticsCollector or None
+        Collects further statistics of the coefficients, besides their squares.
     """
 
-    def __init__(self, levels: int, exact: int, start: int, taking: Taking | None) -> None:
+    def __init__(self, levels: int, exact: int, start: int, collector: StatisticsCollector | None) -> None:
         self.exact = whole(exact, "exact", LEAST_EXACT, 24)
         self.levels = whole(levels, "levels", 1, DEEPEST)
         self.start = whole(start, "start", 0, 1 << 62)
-        # The first stretch, if a gap has ended it; sums of those between; and the one that goes on.
-        self._first: Stretch | None = None
+        # The first segment, if a gap has closed it; the sums of those between; and the open one.
+        self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
-        self._taking = taking
-        self._taken: Taken | None = None if taking is None else taking.nothing()
+        self._collector = collector
+        self._statistics: Statistics | None = None if collector is None else collector.empty()
         self._lengths: list[int] = []
         self._rises = 0.0
-        self._last: Stretch | None = None
+        self._last: SegmentState | None = None
         self._waiting = np.empty(0)
         self._size = 0
 
@@ -63,7 +63,7 @@ class Gathering:
 
     @property
     def lengths(self) -> tuple[int, ...]:
-        """Lengths of the stretches between gaps so far."""
+        """Lengths of the segments between gaps so far."""
         first = () if self._first is None else (self._first.count,)
         going = self._size + (0 if self._last is None else self._last.count)
         return (*first, *self._lengths, *((going,) if going else ()))
@@ -88,7 +88,7 @@ class Gathering:
             self._size += x.size
 
     def gap(self) -> None:
-        """Samples are missing here: those that follow begin a stretch of their own."""
+        """Samples are missing here: those that follow begin a segment of their own."""
         self._fold()
         if self._last is None:
             return
@@ -117,29 +117,29 @@ class Gathering:
             )
 
     def _take_state(self, other: Self) -> None:
-        """Begin with the state of another; what a stretch holds is never changed, so both may have it."""
+        """Begin with the state of another; what a segment holds is never changed, so both may have it."""
         other._fold()
         self._first, self._last, self._rises = other._first, other._last, other._rises
         self._squares, self._counts = other._squares.copy(), other._counts.copy()
-        self._lengths, self._taken = list(other._lengths), other._taken
+        self._lengths, self._statistics = list(other._lengths), other._statistics
 
     def _append(self, following: Self) -> None:
         """Take over a part that follows."""
         following._fold()
         for part, ended in ((following._first, True), (following._last, False)):
             if part is not None:
-                self._last = part if self._last is None else self._last.followed_by(part, self._taking)
+                self._last = part if self._last is None else self._last.followed_by(part, self._collector)
             if ended and following._first is not None:
                 self.gap()
                 self._squares += following._squares
                 self._counts += following._counts
-                if self._taken is not None:
-                    self._taken = self._taken.merge(following._taken)
+                if self._statistics is not None:
+                    self._statistics = self._statistics.merge(following._statistics)
                 self._lengths += following._lengths
                 self._rises += following._rises
 
-    def _open(self) -> list[Stretch]:
-        """The stretches that others may continue."""
+    def _open(self) -> list[SegmentState]:
+        """The segments that others may continue."""
         return [part for part in (self._first, self._last) if part is not None]
 
     def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
@@ -150,14 +150,14 @@ class Gathering:
             squares, counts = squares + own[0], counts + own[1]
         return squares, counts
 
-    def _all_taken(self) -> Any:
-        """What was taken of the coefficients of all stretches."""
-        taken = self._taken
+    def _all_statistics(self) -> Any:
+        """What was taken of the coefficients of all segments."""
+        statistics = self._statistics
         for part in self._open():
-            assert taken is not None
-            assert self._taking is not None
-            taken = taken.merge(part.all_taken(self._taking))
-        return taken
+            assert statistics is not None
+            assert self._collector is not None
+            statistics = statistics.merge(part.all_statistics(self._collector))
+        return statistics
 
     def _fold(self) -> None:
         """Work on the samples that wait."""
@@ -166,23 +166,25 @@ class Gathering:
             self._grow(x)
 
     def _grow(self, x: Vector) -> None:
-        """Take samples into the stretch that goes on."""
+        """Take samples into the segment that goes on."""
         for k in range(0, x.size, 4 * FOLD):
             part = x[k : k + 4 * FOLD]
             if self._last is None:
-                self._last = Stretch.of(part, self.stop, self.exact, self.levels, self._taking)
+                self._last = SegmentState.of(
+                    part, self.stop, exact=self.exact, levels=self.levels, collector=self._collector
+                )
             else:
-                self._last = self._last.grown(part, self._taking)
+                self._last = self._last.grown(part, self._collector)
 
-    def _close(self, stretch: Stretch) -> None:
-        """Keep the sums of a stretch that has an end."""
-        squares, counts = stretch.sums(self.levels)
+    def _close(self, segment: SegmentState) -> None:
+        """Keep the sums of a segment that has an end."""
+        squares, counts = segment.sums(self.levels)
         self._squares += squares
         self._counts += counts
-        if self._taken is not None and self._taking is not None:
-            self._taken = self._taken.merge(stretch.all_taken(self._taking))
-        self._lengths.append(stretch.count)
-        self._rises += float(stretch.count) ** 2 * stretch.rise
+        if self._statistics is not None and self._collector is not None:
+            self._statistics = self._statistics.merge(segment.all_statistics(self._collector))
+        self._lengths.append(segment.count)
+        self._rises += float(segment.count) ** 2 * segment.rise
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:

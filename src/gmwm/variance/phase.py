@@ -104,7 +104,7 @@ def phase_of(
     if not np.isfinite(phase[-1]):
         require_finite(values, "x")
         raise DataError(TOO_LARGE)
-    return Phase(phase, rate, values.size, unit, axis, sums)
+    return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
 
 
 def _rate_unit(unit: str) -> str:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
-from gmwm._late import LateMethod
 from gmwm._text import Summarised
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import find_filter
@@ -19,14 +19,17 @@ from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem, ViewName
 
 
 _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
 """Remarks about robust estimates that are not what was asked for."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WaveletVariance(Summarised):
     """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j, with confidence limits.
 
@@ -49,7 +52,7 @@ class WaveletVariance(Summarised):
     filter, transform : str
         A name of `find_filter`; "modwt" or "dwt".
     segments : tuple of int
-        Lengths of the stretches between gaps that were measured together; () for a signal without a gap.
+        Lengths of the segments between gaps that were measured together; () for a signal without a gap.
     robust, efficiency : bool, float or None
         Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
     diagnostics : mapping
@@ -88,11 +91,6 @@ class WaveletVariance(Summarised):
     segments: tuple[int, ...] = ()
     strides: tuple[int, ...] = ()
 
-    plot: ClassVar[LateMethod[..., Figure]] = LateMethod(
-        "gmwm.plots.variance:plot_wavelet_variance",
-        "Draw the curve with its confidence band; view='allan' shows the Allan deviation.",
-    )
-
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
             freeze(getattr(self, name))
@@ -113,7 +111,7 @@ class WaveletVariance(Summarised):
     def degrees_of_freedom(self) -> Vector:
         """Equivalent degrees of freedom η_j of each estimate: max(M_j / 2^j, 1), M_j of a DWT (Percival 1995).
 
-        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several stretches
+        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several segments
         M_j² / Σ_s (M_sj² / η_sj), each with one at least.
         """
         if self.segments:
@@ -126,7 +124,7 @@ class WaveletVariance(Summarised):
 
     @property
     def longest(self) -> int:
-        """Length of the longest stretch without a gap (samples)."""
+        """Length of the longest segment without a gap (samples)."""
         return max(self.segments, default=self.samples)
 
     @property
@@ -210,9 +208,21 @@ class WaveletVariance(Summarised):
         if np.any(limits[0] > values) or np.any(limits[1] < values):
             raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
         return cls(
-            levels, values, limits[0], limits[1], counts, as_rate(rate), samples, unit, axis, confidence,
-            filter=wavelet.name, transform=transform, robust=robust, efficiency=efficiency,
-        )  # fmt: skip
+            levels=levels,
+            variance=values,
+            lower=limits[0],
+            upper=limits[1],
+            counts=counts,
+            rate=as_rate(rate),
+            samples=samples,
+            unit=unit,
+            axis=axis,
+            confidence=confidence,
+            filter=wavelet.name,
+            transform=transform,
+            robust=robust,
+            efficiency=efficiency,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain numbers, lists and texts, ready for JSON."""
@@ -286,6 +296,50 @@ class WaveletVariance(Summarised):
 
     def __len__(self) -> int:
         return int(self.levels.size)
+
+    def plot(
+        self,
+        *,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the wavelet variance over its scales, with its confidence band, on logarithmic axes.
+
+        Levels with a variance of zero are marked at the foot of the axis.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+
+        Examples
+        --------
+        >>> wv = WaveletVariance.from_values([4e-6, 2e-6, 1e-6], samples=1000, rate=100.0, unit="rad/s")
+        >>> figure = wv.plot(view="allan", units="datasheet")
+        >>> figure.axes[0].get_ylabel()
+        'Allan deviation (deg/h)'
+        """
+        from gmwm.plots.variance import plot_wavelet_variance
+
+        return plot_wavelet_variance(self, view=view, units=units, ax=ax, path=path)
 
     def __repr__(self) -> str:
         kind = "robust " if self.robust else ""

@@ -146,7 +146,7 @@ def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
     elif count <= FEW:
         level.start, level.outcome = float(np.mean(sample**2)), "mean"
     else:
-        _search(level, sample, resolution, complete, tuning)
+        _search(level, sample, resolution=resolution, complete=complete, tuning=tuning)
     return level
 
 

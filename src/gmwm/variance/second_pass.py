@@ -19,12 +19,12 @@ from gmwm._arrays import Vector
 from gmwm.errors import DataError, OptionError
 from gmwm.variance.biweight import REACH, Biweight, Criterion, biweight, scan
 from gmwm.variance.coefficients import SAMPLE
-from gmwm.variance.open_segments import Gathering
+from gmwm.variance.open_segments import SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
-from gmwm.variance.second_pass_sums import Finds, Found, Wanted
+from gmwm.variance.second_pass_sums import LevelSums, SecondPassSums, SumRequest
 from gmwm.variance.sketched import SketchCoefficients
-from gmwm.variance.winsorised_mean import DrawnIn
+from gmwm.variance.winsorised_mean import WinsorisedRise
 
 if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator
@@ -37,22 +37,26 @@ DOUBT = 0.01
 """Of a: a criterion that comes so near to 0 without a root, or falls so slowly at one, may be of the other kind."""
 
 
-class SecondPass(Gathering):
+class SecondPass(SegmentedAccumulator):
     """A record again, of which the first pass knows the sketches: its robust variance, of all coefficients exactly.
 
     It is made by `WaveletAccumulator.second_pass`, and takes the same samples with the same gaps, cut in any way. Parts
     may be taken apart and merged in order: `part` makes one that begins anywhere.
     """
 
-    def __init__(self, first: WaveletAccumulator, wanted: Wanted, drawn_in: DrawnIn, start: int, efficiency: float):
-        super().__init__(first.levels, first.exact, start, wanted)
+    def __init__(
+        self, first: WaveletAccumulator, request: SumRequest, winsorised: WinsorisedRise, start: int, efficiency: float
+    ):
+        super().__init__(first.levels, first.exact, start, request)
         self.efficiency = efficiency
-        self._seen, self._wanted, self._drawn_in = first, wanted, drawn_in
+        self._seen, self._request, self._winsorised = first, request, winsorised
         self._rise = 0.0
 
     def part(self, start: int) -> SecondPass:
         """An empty one for the part of the record that begins with sample `start`."""
-        return SecondPass(self._seen, self._wanted, self._drawn_in, start, self.efficiency)
+        return SecondPass(
+            self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
+        )
 
     def merge(self, following: SecondPass) -> SecondPass:
         """A new one of this part and the one that follows it at once.
@@ -64,7 +68,7 @@ class SecondPass(Gathering):
         """
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
-            if not np.array_equal(getattr(self._wanted, name), getattr(following._wanted, name)):
+            if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
                 raise OptionError("both parts must be second passes after the same first one; make them with part()")
         joint = self.part(self.start)
         joint._take_state(self)
@@ -97,9 +101,9 @@ class SecondPass(Gathering):
                 f"{_extent(self)}"
             )
         sketched = self._seen._sketched()
-        finds: Finds = self._all_taken()
-        known = (*finds.levels, *(Found() for _ in range(len(finds.levels), len(sketched.counts))))
-        exact = robust_variances(Corrected(sketched, self._wanted, known), self.efficiency)
+        sums: SecondPassSums = self._all_statistics()
+        known = (*sums.levels, *(LevelSums() for _ in range(len(sums.levels), len(sketched.counts))))
+        exact = robust_variances(Corrected(sketched, self._request, known), self.efficiency)
         before = robust_variances(sketched, self.efficiency).variance
         moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
         rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
@@ -120,16 +124,16 @@ class SecondPass(Gathering):
         return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"
 
     def _grow(self, x: Vector) -> None:
-        self._rise += self._drawn_in.rise(x, self.stop)
+        self._rise += self._winsorised.rise(x, self.stop)
         super()._grow(x)
 
 
-def _extent(taken: Gathering) -> str:
-    return f"{len(taken)} in {len(taken.lengths)} segments from number {taken.start} on"
+def _extent(record: SegmentedAccumulator) -> str:
+    return f"{len(record)} in {len(record.lengths)} segments from number {record.start} on"
 
 
-def wanted_of(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> Wanted:
-    """What the second pass is to take, after what the sketches say."""
+def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> SumRequest:
+    """The sums that the second pass needs, chosen by the sketches of the first."""
     tuning, levels = biweight(efficiency), len(sketched.counts)
     limits, low, high = np.zeros((3, levels))
     kept = sketched.counts <= SAMPLE
@@ -144,7 +148,7 @@ def wanted_of(sketched: SketchCoefficients, found: RobustVariances, efficiency: 
             limits[k] = tuning.c**2 * place
         if outcome == "mad":
             low[k], high[k] = sketched.bracket(k)
-    return Wanted(limits, low, high, kept)
+    return SumRequest(limits, low, high, kept)
 
 
 def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
@@ -180,11 +184,11 @@ def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | 
 class Corrected:
     """Coefficients known by their sketches, and better by what a second pass found: the source of a robust variance."""
 
-    def __init__(self, sketched: SketchCoefficients, wanted: Wanted, found: tuple[Found, ...]) -> None:
+    def __init__(self, sketched: SketchCoefficients, request: SumRequest, found: tuple[LevelSums, ...]) -> None:
         self.counts = sketched.counts
-        self._sketched, self._wanted, self._found = sketched, wanted, found
-        cubed, fourth, _ = sketched.sums(wanted.limits)
-        used = wanted.limits > 0
+        self._sketched, self._request, self._found = sketched, request, found
+        cubed, fourth, _ = sketched.sums(request.limits)
+        used = request.limits > 0
         self._cubed = np.where(used, [level.cubed for level in found], 0.0) - cubed
         self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
 
@@ -192,10 +196,10 @@ class Corrected:
         """Those of the sketches and how much these are off, in a straight line along log σ²; `every` one is read."""
         cubed, fourth, count = self._sketched.sums(limits)
         for k in np.flatnonzero(limits > 0).tolist():
-            if self._wanted.kept[k]:
+            if self._request.kept[k]:
                 cubed[k], fourth[k] = _core.biweight_sums(self._found[k].sizes, float(limits[k]))
-            elif self._wanted.limits[k] > 0:
-                way = math.log(limits[k] / self._wanted.limits[k])
+            elif self._request.limits[k] > 0:
+                way = math.log(limits[k] / self._request.limits[k])
                 # d Σ v q⁴ / d log σ² = 4 Σ v q³ − 5 Σ v q⁴
                 slope = 4 * self._cubed[k] - 5 * self._fourth[k]
                 off = self._fourth[k] + slope * min(max(way, -NEAR), NEAR)
@@ -205,7 +209,7 @@ class Corrected:
 
     def sample(self, k: int, size: int) -> Vector:
         """All, where they are kept, else by the sketch."""
-        return self._found[k].sizes if self._wanted.kept[k] else self._sketched.sample(k, size)
+        return self._found[k].sizes if self._request.kept[k] else self._sketched.sample(k, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
         """By the sketch."""
@@ -214,7 +218,7 @@ class Corrected:
     def median(self, k: int) -> float:
         """That of the sizes, or of those in the bracket by their ranks."""
         level, count = self._found[k], int(self.counts[k])
-        if self._wanted.kept[k]:
+        if self._request.kept[k]:
             return float(np.median(level.sizes))
         middle = level.inside.at(np.array([(count - 1) // 2, count // 2]) - level.below)
         return self._sketched.median(k) if middle is None else float(middle.mean())

@@ -1,4 +1,4 @@
-"""What a second pass takes of coefficients: sums near the robust variance, and what lies around the median."""
+"""Sums that a second pass collects: those of the biweight near the robust variance, and counts around the median."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ MOST = 1 << 17
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """How many of some sizes lie in each of narrow cells, which are as fine as their number allows.
+class MedianCells:
+    """Counts of |W| in narrow cells around the median, as fine as the number of cells allows.
 
-    A cell is told by the leading bits of a number. How a set is cut before it is counted changes nothing.
+    A cell is identified by the leading bits of a number. The counts do not depend on how a set is split.
 
     Attributes
     ----------
@@ -36,12 +36,12 @@ class Cells:
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     @classmethod
-    def of(cls, sizes: Vector) -> Cells:
-        """Those of an array of numbers, none of them less than 0."""
+    def of(cls, sizes: Vector) -> MedianCells:
+        """The counts of an array of nonnegative numbers."""
         return cls(FINEST, *np.unique(sizes.view(np.int64) >> FINEST, return_counts=True))._few()
 
-    def merge(self, other: Cells) -> Cells:
-        """Those of both."""
+    def merge(self, other: MedianCells) -> MedianCells:
+        """The counts of both."""
         if not other.cells.size:
             return self
         shift = max(self.shift, other.shift)
@@ -52,22 +52,22 @@ class Cells:
         counts = one.counts.copy()
         counts[places[known]] += two.counts[known]
         cells = np.insert(one.cells, places[~known], two.cells[~known])
-        return Cells(shift, cells, np.insert(counts, places[~known], two.counts[~known]))._few()
+        return MedianCells(shift, cells, np.insert(counts, places[~known], two.counts[~known]))._few()
 
-    def _few(self) -> Cells:
+    def _few(self) -> MedianCells:
         """In cells so wide that there are not too many."""
         made = self
         while made.cells.size > MOST:
             made = made._shifted(made.shift + 1)
         return made
 
-    def _shifted(self, shift: int) -> Cells:
+    def _shifted(self, shift: int) -> MedianCells:
         """In cells that leave out so many bits."""
         if shift == self.shift or not self.cells.size:
-            return Cells(shift, self.cells, self.counts)
+            return MedianCells(shift, self.cells, self.counts)
         cells = self.cells >> (shift - self.shift)
         firsts = np.flatnonzero(np.diff(cells, prepend=-1))
-        return Cells(shift, cells[firsts], np.add.reduceat(self.counts, firsts))
+        return MedianCells(shift, cells[firsts], np.add.reduceat(self.counts, firsts))
 
     def at(self, ranks: NDArray[np.int64]) -> Vector | None:
         """The sizes of these ranks, from 0 in rising order; None where there are not so many."""
@@ -81,8 +81,8 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What was taken of some coefficients of one level.
+class LevelSums:
+    """Sums and counts of some coefficients of one level.
 
     Attributes
     ----------
@@ -90,41 +90,46 @@ class Found:
         Σ v q³ and Σ v q⁴ at the level's limit.
     below : int
         How many |W| lie below the level's bracket.
-    inside : Cells
-        Those that lie in it.
+    inside : MedianCells
+        Counts of those that lie in it.
     sizes : (n,) array
-        |W|, of a level that has so few that all are kept.
+        All |W|, of a level with few coefficients.
     """
 
     cubed: float = 0.0
     fourth: float = 0.0
     below: int = 0
-    inside: Cells = field(default_factory=Cells)
+    inside: MedianCells = field(default_factory=MedianCells)
     sizes: Vector = field(default_factory=lambda: np.empty(0))
 
-    def merge(self, other: Found) -> Found:
-        """That of the coefficients of both."""
+    def merge(self, other: LevelSums) -> LevelSums:
+        """The sums of the coefficients of both."""
         sizes = np.concatenate([self.sizes, other.sizes]) if other.sizes.size else self.sizes
-        return Found(
-            self.cubed + other.cubed, self.fourth + other.fourth, self.below + other.below,
-            self.inside.merge(other.inside), sizes,
-        )  # fmt: skip
+        return LevelSums(
+            self.cubed + other.cubed,
+            self.fourth + other.fourth,
+            below=self.below + other.below,
+            inside=self.inside.merge(other.inside),
+            sizes=sizes,
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Finds:
-    """What was taken of all levels."""
+class SecondPassSums:
+    """The sums of all levels."""
 
-    levels: tuple[Found, ...] = ()
+    levels: tuple[LevelSums, ...] = ()
 
-    def merge(self, other: Finds) -> Finds:
-        """That of the coefficients of both, level by level."""
-        return Finds(tuple(a.merge(b) for a, b in zip_longest(self.levels, other.levels, fillvalue=Found())))
+    def merge(self, other: SecondPassSums) -> SecondPassSums:
+        """The sums of the coefficients of both, level by level."""
+        return SecondPassSums(
+            tuple(a.merge(b) for a, b in zip_longest(self.levels, other.levels, fillvalue=LevelSums()))
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Wanted:
-    """What is to be taken of each level's coefficients.
+class SumRequest:
+    """Which sums of each level's coefficients the second pass collects: a `StatisticsCollector`.
 
     Attributes
     ----------
@@ -142,11 +147,11 @@ class Wanted:
     kept: NDArray[np.bool_]
     squares = False
 
-    def haar(self, running_sum: Vector, levels: int, begin: int) -> Finds:
-        """Of all levels, all sums in one pass."""
+    def haar(self, running_sum: Vector, levels: int, begin: int) -> SecondPassSums:
+        """The sums of all levels, in one pass."""
         reach = min(levels, (running_sum.size - 1).bit_length() - 1, self.limits.size)
         if reach < 1:
-            return Finds()
+            return SecondPassSums()
         cubed = fourth = np.zeros(reach)
         if np.any(self.limits[:reach] > 0):
             cubed, fourth, _ = _core.haar_biweight_sums(running_sum, self.limits[:reach].copy(), 1, begin)
@@ -154,50 +159,50 @@ class Wanted:
         for k in range(reach):
             # Of a coefficient of level j that ends at `begin` the first sample lies 2^j − 1 before.
             part = running_sum[max(begin + 1 - (2 << k), 0) :]
-            found.append(Found(float(cubed[k]), float(fourth[k]), *self._sizes(part, k)))
-        return Finds(tuple(found))
+            found.append(LevelSums(float(cubed[k]), float(fourth[k]), *self._sizes(part, k)))
+        return SecondPassSums(tuple(found))
 
-    def across(self, running_sum: Vector, level: int) -> Finds:
-        """Of one level."""
+    def across(self, running_sum: Vector, level: int) -> SecondPassSums:
+        """The sums of one level."""
         k = level - 1
         if k >= self.limits.size:
-            return Finds()
+            return SecondPassSums()
         cubed = fourth = 0.0
         if self.limits[k] > 0:
             alone = np.zeros(level)
             alone[k] = self.limits[k]
             sums = _core.haar_biweight_sums(running_sum, alone, 1)
             cubed, fourth = float(sums[0][k]), float(sums[1][k])
-        return self.at(level, Found(cubed, fourth, *self._sizes(running_sum, k)))
+        return self.at(level, LevelSums(cubed, fourth, *self._sizes(running_sum, k)))
 
-    def values(self, coefficients: Vector, level: int) -> Found:
-        """Of an array."""
+    def values(self, coefficients: Vector, level: int) -> LevelSums:
+        """The sums of an array of coefficients."""
         k = level - 1
         if k >= self.limits.size or not coefficients.size:
-            return Found()
+            return LevelSums()
         limit, sizes = float(self.limits[k]), np.abs(coefficients)
         cubed, fourth = _core.biweight_sums(sizes, limit) if limit > 0 else (0.0, 0.0)
-        below, inside = 0, Cells()
+        below, inside = 0, MedianCells()
         if self.high[k] > 0:
             below = int(np.count_nonzero(sizes <= self.low[k]))
-            inside = Cells.of(sizes[(sizes > self.low[k]) & (sizes <= self.high[k])])
-        return Found(cubed, fourth, below, inside, sizes if self.kept[k] else np.empty(0))
+            inside = MedianCells.of(sizes[(sizes > self.low[k]) & (sizes <= self.high[k])])
+        return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
-    def at(self, level: int, part: Found, resolution: float = 0.0) -> Finds:
-        """With that of one level; what is rounding is known already."""
-        return Finds((*(Found() for _ in range(level - 1)), part))
+    def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
+        """The sums of one level alone; the resolution is known from the first pass."""
+        return SecondPassSums((*(LevelSums() for _ in range(level - 1)), part))
 
-    def nothing(self) -> Finds:
-        """Of no coefficients."""
-        return Finds()
+    def empty(self) -> SecondPassSums:
+        """The sums of no coefficients."""
+        return SecondPassSums()
 
-    def _sizes(self, running_sum: Vector, k: int) -> tuple[int, Cells, Vector]:
-        """How many of the coefficients in a running sum lie below the bracket, those in it; and all, where kept."""
-        below, inside, sizes = 0, Cells(), np.empty(0)
+    def _sizes(self, running_sum: Vector, k: int) -> tuple[int, MedianCells, Vector]:
+        """The number of coefficients below the bracket, the counts in it, and all |W| where they are kept."""
+        below, inside, sizes = 0, MedianCells(), np.empty(0)
         if running_sum.size > 2 << k:
             if self.high[k] > 0:
                 below, between = _core.haar_between(running_sum, k + 1, float(self.low[k]), float(self.high[k]))
-                inside = Cells.of(between)
+                inside = MedianCells.of(between)
             if self.kept[k]:
                 sizes = _core.haar_sample(running_sum, k + 1, running_sum.size)
         return below, inside, sizes

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from gmwm import _core
 from gmwm._arrays import Vector
 from gmwm.variance.blocks import STEPS, Blocks, blocks_of
-from gmwm.variance.sketch import SKETCHING, Sketch, Sketches
-from gmwm.variance.statistics_protocol import Taken, Taking
+from gmwm.variance.sketch import SKETCH_COLLECTOR, Sketch, Sketches
+from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class SegmentState:
     """All that is kept of samples in a row.
 
     Values are less the first of them, so that an offset costs no digits.
@@ -36,7 +36,7 @@ class Stretch:
         Σ W² of each of these levels.
     blocks : tuple of Blocks
         Those of the further levels, one at least.
-    taken : Taken or None
+    statistics : Statistics or None
         What else is kept of the coefficients of the first levels.
     """
 
@@ -48,7 +48,7 @@ class Stretch:
     tail: Vector
     squares: Vector
     blocks: tuple[Blocks, ...]
-    taken: Taken | None = None
+    statistics: Statistics | None = None
 
     @property
     def stop(self) -> int:
@@ -56,56 +56,72 @@ class Stretch:
         return self.start + self.count
 
     @classmethod
-    def of(cls, x: Vector, start: int, exact: int, levels: int, taking: Taking | None = None) -> Self:
+    def of(cls, x: Vector, start: int, exact: int, levels: int, collector: StatisticsCollector | None = None) -> Self:
         """That of some samples, at least one."""
         reference, reach = float(x[0]), (1 << exact) - 1
         values = x - reference
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
-        squares, taken = _measured(values, exact, 0, taking)
+        squares, statistics = _measured(values, exact, 0, collector)
         return cls(
-            exact, start, x.size, reference, values[:reach].copy(), values[-reach:].copy(),
-            squares, tuple(blocks_of(values, start, steps, taking)), taken,
-        )  # fmt: skip
+            exact=exact,
+            start=start,
+            count=x.size,
+            reference=reference,
+            head=values[:reach].copy(),
+            tail=values[-reach:].copy(),
+            squares=squares,
+            blocks=tuple(blocks_of(values, start, steps, collector)),
+            statistics=statistics,
+        )
 
-    def grown(self, x: Vector, taking: Taking | None = None) -> Stretch:
+    def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
         """These samples and those that follow."""
         values, reach = x - self.reference, (1 << self.exact) - 1
         joint = np.concatenate([self.tail, values])
         head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
-        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], taking)
-        squares, taken = _measured(joint, self.exact, self.tail.size, taking)
-        return Stretch(
-            self.exact, self.start, self.count + x.size, self.reference, head, joint[-reach:].copy(),
-            self.squares + squares, tuple(a.followed_by(b, taking) for a, b in zip(self.blocks, fresh, strict=True)),
-            _merged(self.taken, taken),
-        )  # fmt: skip
+        fresh = blocks_of(values, self.stop, [blocks.step for blocks in self.blocks], collector)
+        squares, statistics = _measured(joint, self.exact, self.tail.size, collector)
+        return SegmentState(
+            exact=self.exact,
+            start=self.start,
+            count=self.count + x.size,
+            reference=self.reference,
+            head=head,
+            tail=joint[-reach:].copy(),
+            squares=self.squares + squares,
+            blocks=tuple(a.followed_by(b, collector) for a, b in zip(self.blocks, fresh, strict=True)),
+            statistics=_merged(self.statistics, statistics),
+        )
 
-    def followed_by(self, later: Stretch, taking: Taking | None = None) -> Stretch:
-        """These samples and a stretch that follows them."""
+    def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
+        """These samples and a segment that follows them."""
         offset, reach = later.reference - self.reference, (1 << self.exact) - 1
         head, tail = later.head + offset, later.tail + offset
-        squares, taken = self.squares + later.squares, _merged(self.taken, later.taken)
+        squares, statistics = self.squares + later.squares, _merged(self.statistics, later.statistics)
         for level in range(1, self.exact + 1):
             # Of 2^j − 1 samples on either side every coefficient reaches over the cut.
             width = (1 << level) - 1
             around = np.concatenate([self.tail[-width:], head[:width]])
             if around.size > width:
                 total = _core.running_sum(around)
-                if taking is None or taking.squares:
+                if collector is None or collector.squares:
                     squares[level - 1] += _core.haar_sums_of_squares(total, level, 0, around.size)[-1]
-                if taking is not None:
-                    taken = _merged(taken, taking.across(total, level))
-        return Stretch(
-            self.exact, self.start, self.count + later.count, self.reference,
-            self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
-            tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
-            squares,
-            tuple(
-                a.followed_by(b.raised(offset, later.start, later.stop), taking)
+                if collector is not None:
+                    statistics = _merged(statistics, collector.across(total, level))
+        return SegmentState(
+            exact=self.exact,
+            start=self.start,
+            count=self.count + later.count,
+            reference=self.reference,
+            head=self.head if self.head.size == reach else np.concatenate([self.head, head])[:reach],
+            tail=tail if tail.size == reach else np.concatenate([self.tail, tail])[-reach:],
+            squares=squares,
+            blocks=tuple(
+                a.followed_by(b.raised(offset, later.start, later.stop), collector)
                 for a, b in zip(self.blocks, later.blocks, strict=True)
             ),
-            taken,
-        )  # fmt: skip
+            statistics=statistics,
+        )
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
         """Σ W² and the number of coefficients of levels 1 … J (J,), those that are taken."""
@@ -117,12 +133,12 @@ class Stretch:
             squares[level - 1], counts[level - 1] = blocks.squares / 4.0**level, blocks.count
         return squares, counts
 
-    def all_taken(self, taking: Taking) -> Any:
+    def all_statistics(self, collector: StatisticsCollector) -> Any:
         """What was taken of all levels, by the same way of taking it."""
-        joint = self.taken
+        joint = self.statistics
         for level, blocks in enumerate(self.blocks, start=self.exact + 1):
             if blocks.count:
-                joint = _merged(joint, taking.at(level, blocks.part, blocks.resolution))
+                joint = _merged(joint, collector.at(level, blocks.part, blocks.resolution))
         return joint
 
     @property
@@ -153,9 +169,9 @@ class Stretch:
         }
 
     def _sketch_arrays(self, prefix: str) -> dict[str, Any]:
-        if self.taken is None:
+        if self.statistics is None:
             return {}
-        bins, resolutions = self.all_taken(SKETCHING).to_arrays()
+        bins, resolutions = self.all_statistics(SKETCH_COLLECTOR).to_arrays()
         return {f"{prefix}bins": bins, f"{prefix}resolutions": resolutions}
 
     @classmethod
@@ -172,25 +188,37 @@ class Stretch:
             kept = slice(at, at + int(row[-1]))
             blocks.append(Blocks.restored((1 << level) // STEPS, row, heads[kept], tails[kept]))
             at = kept.stop
-        taken: Taken | None = None
+        statistics: Statistics | None = None
         if f"{prefix}bins" in values:
             whole = Sketches.from_arrays(values[f"{prefix}bins"], values[f"{prefix}resolutions"])
-            taken = Sketches(whole.levels[:exact], whole.resolutions[:exact])
+            statistics = Sketches(whole.levels[:exact], whole.resolutions[:exact])
             further = zip(whole.levels[exact:], whole.resolutions[exact:].tolist(), strict=True)
             known = [*further, *((Sketch(), 0.0) for _ in blocks)]
             blocks = [replace(b, part=p[0], resolution=p[1]) for b, p in zip(blocks, known, strict=False)]
         start, count = int(values[f"{prefix}start"]), int(values[f"{prefix}count"])
-        return cls(exact, start, count, float(values[f"{prefix}reference"]), head, tail, squares, tuple(blocks), taken)
+        return cls(
+            exact=exact,
+            start=start,
+            count=count,
+            reference=float(values[f"{prefix}reference"]),
+            head=head,
+            tail=tail,
+            squares=squares,
+            blocks=tuple(blocks),
+            statistics=statistics,
+        )
 
 
-def _measured(values: Vector, levels: int, begin: int, taking: Taking | None) -> tuple[Vector, Taken | None]:
+def _measured(
+    values: Vector, levels: int, begin: int, collector: StatisticsCollector | None
+) -> tuple[Vector, Statistics | None]:
     """Σ W² (levels,), if wanted, and what else is taken of the coefficients that end at sample `begin` or after."""
     out, total = np.zeros(levels), _core.running_sum(values)
     reach = min(levels, values.size.bit_length() - 1)
-    if reach > 0 and (taking is None or taking.squares):
+    if reach > 0 and (collector is None or collector.squares):
         out[:reach] = _core.haar_sums_of_squares(total, reach, begin, values.size)
-    return out, None if taking is None else taking.haar(total, levels, begin)
+    return out, None if collector is None else collector.haar(total, levels, begin)
 
 
-def _merged(a: Taken | None, b: Taken | None) -> Any:
+def _merged(a: Statistics | None, b: Statistics | None) -> Any:
     return None if a is None or b is None else a.merge(b)

@@ -88,7 +88,7 @@ class Sketch:
         zeros, beyond = self.zeros + other.zeros, self.beyond + other.beyond
         if not self.counts.size or not other.counts.size:
             kept = self if self.counts.size else other
-            return Sketch(zeros, beyond, kept.first, kept.counts, kept.sums)
+            return Sketch(zeros, beyond, first=kept.first, counts=kept.counts, sums=kept.sums)
         first = min(self.first, other.first)
         last = max(part.first + part.counts.size // OCTAVE for part in (self, other))
         counts, sums = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
@@ -96,7 +96,7 @@ class Sketch:
             place = slice((part.first - first) * OCTAVE, (part.first - first) * OCTAVE + part.counts.size)
             counts[place] += part.counts
             sums[place] += part.sums
-        return Sketch(zeros, beyond, first, counts, sums)
+        return Sketch(zeros, beyond, first=first, counts=counts, sums=sums)
 
     def to_array(self) -> Counts:
         """All of it as rows (bin, count, sum) of the bins that are not empty, in rising order: to be stored."""
@@ -134,7 +134,7 @@ class Sketch:
         first, last = int(bins[0]) // OCTAVE, int(bins[-1]) // OCTAVE + 1
         dense = np.zeros((2, (last - first) * OCTAVE), dtype=np.int64)
         dense[:, bins - first * OCTAVE] = counts, sums
-        return cls(zeros, beyond, first, dense[0], dense[1])
+        return cls(zeros, beyond, first=first, counts=dense[0], sums=dense[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ class Sketches:
         return cls(tuple(Sketch.from_array(part) for part in parts), sizes)
 
 
-class Sketching:
+class SketchCollector:
     """Sketches of coefficients while their samples are there."""
 
     squares = True
@@ -221,9 +221,9 @@ class Sketching:
         """With that of one level."""
         return Sketches.at(level, part, resolution)
 
-    def nothing(self) -> Sketches:
+    def empty(self) -> Sketches:
         """Of no coefficients."""
         return Sketches()
 
 
-SKETCHING = Sketching()
+SKETCH_COLLECTOR = SketchCollector()

@@ -117,9 +117,9 @@ class _Bins:
         return cls(
             np.concatenate([[0.0], mean, [np.inf]]),
             np.concatenate([[0.0], half, [0.0]]),
-            np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])),
-            squares,
-            np.concatenate([number, number]) / 2.0,
+            ends=np.cumsum(np.concatenate([[sketch.zeros], counts, [sketch.beyond]])),
+            squares=squares,
+            weights=np.concatenate([number, number]) / 2.0,
         )
 
     def biweight_sums(self, limit: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""The lines of an Allan deviation: the law of each term, its units, and a line fitted to a stretch of a curve."""
+"""The lines of an Allan deviation: the law of each term, its units, and a line fitted to a range of a curve."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     return name, size * factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SlopeLine:
-    """One line of fixed slope through a stretch of an Allan deviation.
+    """One line of fixed slope through a range of an Allan deviation.
 
     Parameters
     ----------

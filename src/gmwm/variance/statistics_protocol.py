@@ -1,4 +1,4 @@
-"""What is taken of wavelet coefficients, besides their squares, while the samples that they come from are there."""
+"""Statistics of wavelet coefficients that are collected in chunks, besides the sums of their squares."""
 
 from __future__ import annotations
 
@@ -7,42 +7,42 @@ from typing import Any, Protocol
 from gmwm._arrays import Vector
 
 
-class Part(Protocol):
-    """What was taken of some coefficients of one level; adds up in any order and grouping."""
+class LevelStatistic(Protocol):
+    """A statistic of some coefficients of one level; merges in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """That of the coefficients of both."""
+        """The statistic of the coefficients of both."""
 
 
-class Taken(Protocol):
-    """What was taken of all levels; adds up in any order and grouping."""
+class Statistics(Protocol):
+    """The statistics of all levels; merge in any order and grouping."""
 
     def merge(self, other: Any, /) -> Any:
-        """That of the coefficients of both."""
+        """The statistic of the coefficients of both."""
 
 
-class Taking(Protocol):
-    """How it is taken.
+class StatisticsCollector(Protocol):
+    """Computes the statistics of coefficients.
 
     Attributes
     ----------
     squares : bool
-        Whether the sums of squares are wanted too.
+        Whether the sums of squares are needed too.
     """
 
     squares: bool
 
-    def haar(self, running_sum: Vector, levels: int, begin: int) -> Taken:
-        """Of the coefficients of levels 1 … `levels` that end at sample `begin` or after."""
+    def haar(self, running_sum: Vector, levels: int, begin: int) -> Statistics:
+        """The statistics of the coefficients of levels 1 … `levels` that end at sample `begin` or after."""
 
-    def across(self, running_sum: Vector, level: int) -> Taken:
-        """Of all coefficients of one level that there are."""
+    def across(self, running_sum: Vector, level: int) -> Statistics:
+        """The statistics of all coefficients of one level of a running sum."""
 
-    def values(self, coefficients: Vector, level: int) -> Part:
-        """Of coefficients of one level, none or many."""
+    def values(self, coefficients: Vector, level: int) -> LevelStatistic:
+        """The statistic of coefficients of one level, none or many."""
 
-    def at(self, level: int, part: Any, resolution: float) -> Taken:
-        """With that of one level, nothing at the others; of coefficients that are rounding up to `resolution`."""
+    def at(self, level: int, part: Any, resolution: float) -> Statistics:
+        """Statistics with the given one at `level` and none at the others; |W| up to `resolution` is rounding."""
 
-    def nothing(self) -> Taken:
-        """Of no coefficients at all."""
+    def empty(self) -> Statistics:
+        """The statistics of no coefficients."""

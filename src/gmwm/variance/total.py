@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
+from gmwm.options import as_confidence
 from gmwm.signals import Signal
 from gmwm.variance.allan import REDDEST, exponents, modified_ratio
 from gmwm.variance.clusters import ClusterVariance
@@ -80,6 +81,7 @@ def total_variance(
     >>> total_variance(x, rate=1.0).degrees_of_freedom[-1].round(1)
     np.float64(3.0)
     """
+    as_confidence(confidence)
     phase = phase_of(x, rate, data)
     p = phase.values
     sizes = cluster_sizes(clusters, p.size - 2, phase.intervals // 2)
@@ -89,11 +91,24 @@ def total_variance(
     noise = noise_types(p, sizes, variance, reddest=REDDEST, modified_ratio=lambda n: modified_ratio(p, n))
     freedom = total_degrees_of_freedom(exponents(noise), sizes, p.size)
     expected = 1 - _bias(exponents(noise)) * np.minimum(sizes / phase.intervals, 0.5)
-    limits = chi_square_limits(variance / expected, freedom, confidence)
+    lower, upper = chi_square_limits(variance / expected, freedom, confidence)
     return ClusterVariance(
-        "total", "overlapping", sizes, variance, *limits, counts, freedom, tuple(n.name for n in noise), phase.rate,
-        phase.samples, phase.unit, phase.axis, confidence, data,
-    )  # fmt: skip
+        family="total",
+        kind="overlapping",
+        clusters=sizes,
+        variance=variance,
+        lower=lower,
+        upper=upper,
+        counts=counts,
+        degrees_of_freedom=freedom,
+        noise=tuple(n.name for n in noise),
+        rate=phase.rate,
+        samples=phase.samples,
+        unit=phase.unit,
+        axis=phase.axis,
+        confidence=confidence,
+        data=data,
+    )
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:

@@ -185,7 +185,7 @@ def modwt(
     smooth, details = _continued(values, boundary), {}
     for j in range(1, count + 1):
         smooth, details[j] = _core.pyramid_step(smooth, scaling, wavelet, 1 << (j - 1))
-    return Modwt(wavelet_filter, details, smooth, values.size, boundary)
+    return Modwt(wavelet_filter, details, smooth=smooth, samples=values.size, boundary=boundary)
 
 
 def dwt(
@@ -243,7 +243,9 @@ def dwt(
             extras[j] = float(smooth[-1])
             smooth = smooth[:-1]
         smooth, details[j] = _decimated(smooth, wavelet_filter)
-    return Dwt(wavelet_filter, details, smooth, extras, values.size, boundary)
+    return Dwt(
+        filter=wavelet_filter, details=details, smooth=smooth, extras=extras, samples=values.size, boundary=boundary
+    )
 
 
 def _checked(
@@ -329,10 +331,10 @@ def coefficient_counts(
 def pooled_counts(
     lengths: Sequence[int], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Number M_j of coefficients of several stretches together, and degrees of freedom of the mean of their squares.
+    """Number M_j of coefficients of several segments together, and degrees of freedom of the mean of their squares.
 
-    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no stretch is shorter than two scales, and more
-    where stretches that hold one coefficient or a few, which count for one degree of freedom each, are many.
+    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no segment is shorter than two scales, and more
+    where segments that hold one coefficient or a few, which count for one degree of freedom each, are many.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)

@@ -1,7 +1,7 @@
-"""The mean rise of a record that comes twice: what is far from all other values is drawn in, and decides nothing.
+"""The mean rise of a record of winsorised values, in two passes: outliers have a bounded effect.
 
-The first time some of the values are kept, from which their median and spread follow; the second time each value has
-its weight, as the lengths of the stretches between gaps are known.
+The first pass keeps a sample of the values, which gives their median and spread. The second pass weights each value,
+as the lengths of the segments are known by then.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from gmwm._arrays import Vector
 KEPT = 8192
 """Values that are kept at the most, half as many at the least."""
 FAR = 10.0
-"""Median absolute deviations from the median, beyond which a value is drawn in."""
+"""Median absolute deviations from the median, at which values are clipped."""
 ROW = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
 
 @dataclass(frozen=True, eq=False)
-class Some:
-    """Values of a record at every so many samples, counted from its beginning.
+class ThinnedValues:
+    """Every 2^k-th value of a record, counted from its beginning.
 
     Attributes
     ----------
@@ -39,51 +39,51 @@ class Some:
     values: Vector = field(default_factory=lambda: np.empty(0))
 
     @classmethod
-    def of(cls, x: Vector, start: int) -> Some:
-        """Those of a part that begins with sample `start`."""
+    def of(cls, x: Vector, start: int) -> ThinnedValues:
+        """The values of a part that begins with sample `start`."""
         every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
         before = -start % every
         return cls(every, start + before, x[before::every].copy())._thinned(every)
 
-    def joined(self, later: Some) -> Some:
-        """Those of both, the later ones of what follows."""
+    def joined(self, later: ThinnedValues) -> ThinnedValues:
+        """The values of this part and of the one that follows it."""
         every = max(self.every, later.every)
         a, b = self._thinned(every), later._thinned(every)
         first = a.first if a.values.size else b.first
-        return Some(every, first, np.concatenate([a.values, b.values]))._thinned(every)
+        return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
 
-    def _thinned(self, every: int) -> Some:
-        """At every so many samples, and so few as are kept."""
+    def _thinned(self, every: int) -> ThinnedValues:
+        """Thinned to every so many samples, and to at most `KEPT` values."""
         first, values, own = self.first, self.values, self.every
         while own < every or values.size > KEPT:
             odd = first // own % 2
             first, values, own = first + odd * own, values[odd::2].copy(), 2 * own
-        return Some(own, first, values)
+        return ThinnedValues(own, first, values)
 
-    def drawn_in(self, start: int, lengths: tuple[int, ...]) -> DrawnIn:
-        """How to measure the rise, of a whole record of which these are."""
+    def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
+        """The measurement of the rise of the whole record that these values were drawn from."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
         edges = start + np.cumsum([0, *lengths])
-        # Least squares in each stretch, and of the stretches by the squares of their lengths, as elsewhere.
+        # Least squares in each segment; the segments are weighted by the squares of their lengths, as elsewhere.
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
-        return DrawnIn(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
+        return WinsorisedRise(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
 
 
 @dataclass(frozen=True, eq=False)
-class DrawnIn:
-    """The mean rise of a record, sample by sample, in any order.
+class WinsorisedRise:
+    """The mean rise of a record of clipped values, added up in any order.
 
     Attributes
     ----------
     middle, reach : float
-        Values are taken to lie within the reach of the middle.
+        Values are clipped to middle ± reach.
     edges : (S + 1,) array
-        Numbers of the first sample of each stretch, and one beyond the last.
+        Numbers of the first sample of each segment, and one beyond the last.
     weights : (S,) array
-        Of (t − middle of the stretch) x_t.
+        Of (t − middle of the segment) x_t.
     """
 
     middle: float
@@ -92,7 +92,7 @@ class DrawnIn:
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:
-        """What samples of one stretch, the first of them of number `start`, add to the mean rise in a sample."""
+        """What samples of one segment, the first of them of number `start`, add to the mean rise in a sample."""
         k = int(np.searchsorted(self.edges, start, side="right")) - 1
         if not 0 <= k < self.weights.size:
             return 0.0  # more than there were

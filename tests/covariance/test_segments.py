@@ -5,7 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import DR, GM, QN, RW, WN, wavelet_covariance
-from gmwm.covariance import as_setting, covariance, ratio_variances, segments, variances
+from gmwm.covariance import as_design, covariance, ratio_variances, segments, variances
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.model import as_model
 
@@ -20,8 +20,8 @@ MODELS = {
 }
 
 
-def setting(lengths, filter="haar", transform="modwt", efficiency=None, levels=None):
-    return as_setting(lengths, RATE, levels, filter, transform, efficiency)
+def design(lengths, filter="haar", transform="modwt", efficiency=None, levels=None):
+    return as_design(lengths, RATE, levels, filter, transform, efficiency)
 
 
 def scores(model, how, draws=20_000):
@@ -37,20 +37,20 @@ def scores(model, how, draws=20_000):
 @pytest.mark.parametrize("lengths", [(60, 40), (60, 40, 5, 3, 3, 1)], ids=["two", "six"])
 @pytest.mark.parametrize("name", MODELS)
 def test_against_simulation(name, lengths):
-    covariances, means = scores(MODELS[name], setting(lengths))
+    covariances, means = scores(MODELS[name], design(lengths))
     assert np.abs(covariances).max() < 4
     assert np.abs(means).max() < 4
 
 
 @pytest.mark.parametrize(("filter", "transform"), [("d4", "modwt"), ("haar", "dwt")])
 def test_other_transforms_against_simulation(filter, transform):
-    covariances, _ = scores(MODELS["several"], setting((60, 40), filter, transform), draws=5000)
+    covariances, _ = scores(MODELS["several"], design((60, 40), filter, transform), draws=5000)
     assert np.abs(covariances).max() < 4
 
 
 def test_robust_against_simulation():
     # Of many coefficients: the expansion is that of large samples.
-    how = setting((300, 200), efficiency=0.6, levels=4)
+    how = design((300, 200), efficiency=0.6, levels=4)
     rows = simulated_variances(as_model("WN(sigma2=1.0)"), how, 4000, seed=1)
     ratio = rows.var(axis=0) / np.diag(covariance(as_model("WN(sigma2=1.0)"), how))
     assert np.all(np.abs(ratio - 1) < 4 * np.sqrt(2 / 4000) + 0.02)
@@ -58,12 +58,12 @@ def test_robust_against_simulation():
 
 def test_segments_are_the_weighted_sum_of_their_own():
     lengths, model = (500, 333, 500, 70, 6, 1), MODELS["Gauss-Markov"] + RW(1e-3)
-    how = setting(lengths)
+    how = design(lengths)
     total = np.zeros((how.levels.size,) * 2)
     for length in lengths:
         if length < 2:
             continue
-        alone = setting(length)
+        alone = design(length)
         own, part = alone.counts.astype(float), wavelet_covariance(model, length, RATE)
         total[: own.size, : own.size] += part * np.outer(own, own)
     counts = how.counts.astype(float)
@@ -81,7 +81,7 @@ def test_far_apart_segments_tell_more_than_neighbours_but_less_than_a_longer_rec
 
 def test_many_lengths_are_interpolated(monkeypatch):
     lengths = np.random.default_rng(1).integers(1, 900, size=300).tolist()
-    how, model = setting(lengths), MODELS["Gauss-Markov"]
+    how, model = design(lengths), MODELS["Gauss-Markov"]
     quick = covariance(model, how)
     monkeypatch.setattr(segments, "EXACT", len(lengths))
     exact = covariance(model, how)
@@ -92,8 +92,8 @@ def test_many_lengths_are_interpolated(monkeypatch):
 
 def test_the_spread_of_classical_over_robust_is_pooled_too():
     model = as_model("WN(sigma2=1.0)")
-    alone = ratio_variances(model, setting(4000, efficiency=0.6, levels=4))
-    pooled = ratio_variances(model, setting((4000, 4000), efficiency=0.6, levels=4))
+    alone = ratio_variances(model, design(4000, efficiency=0.6, levels=4))
+    pooled = ratio_variances(model, design((4000, 4000), efficiency=0.6, levels=4))
     np.testing.assert_allclose(pooled, alone / 2, rtol=1e-12)
 
 

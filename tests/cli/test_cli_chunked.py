@@ -1,4 +1,4 @@
-"""Recordings in pieces at the command line: what is said of them in memory, and by worker processes too."""
+"""Recordings in chunks at the command line: what is said of them in memory, and by worker processes too."""
 
 import pytest
 
@@ -12,14 +12,14 @@ WITHIN = "GM + WN + RW"
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     models = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_z": "WN(sigma2=2e-5)"}
-    path = tmp_path_factory.mktemp("pieces") / "static.csv"
+    path = tmp_path_factory.mktemp("chunks") / "static.csv"
     write(library.simulate(models, rate=100.0, samples=20_000, seed=1), path)
     return path
 
 
 def same(gmwm, *arguments):
     """What both ways print, to the last digit that is shown."""
-    whole, parts = (gmwm(*arguments, "--in-pieces", how) for how in ("no", "yes"))
+    whole, parts = (gmwm(*arguments, "--chunked", how) for how in ("no", "yes"))
     assert whole.code == parts.code == 0, parts.err
     assert whole.out == parts.out
     assert whole.err == parts.err
@@ -27,7 +27,7 @@ def same(gmwm, *arguments):
 
 
 def test_info(gmwm, file):
-    assert "19000 samples" in gmwm("info", file, "--start", "10s", "--in-pieces", "yes").out
+    assert "19000 samples" in gmwm("info", file, "--start", "10s", "--chunked", "yes").out
     same(gmwm, "info", file)
 
 
@@ -52,14 +52,14 @@ def test_worker_processes(gmwm, file):
     assert gmwm(*arguments, "--workers", "1").out == gmwm(*arguments).out
 
 
-def test_large_files_are_read_in_pieces(gmwm, file, monkeypatch):
+def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
     monkeypatch.setattr(streams, "LARGE", 1000)
     read = []
     stream = library.readers.stream
     monkeypatch.setattr("gmwm.readers.stream", lambda *a, **k: read.append(a) or stream(*a, **k))
     assert gmwm("wv", file).code == 0
     assert len(read) == 1
-    for memory in (("--in-pieces", "no"), ("--filter", "la8"), ("--gaps", "longest")):
+    for memory in (("--chunked", "no"), ("--filter", "la8"), ("--gaps", "longest")):
         assert gmwm("wv", file, *memory).code == 0
         assert len(read) == 1
 
@@ -67,12 +67,12 @@ def test_large_files_are_read_in_pieces(gmwm, file, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("wv", "--filter", "la8", "--in-pieces", "yes"), "--filter la8 needs the whole recording in memory"),
+        (("wv", "--filter", "la8", "--chunked", "yes"), "--filter la8 needs the whole recording in memory"),
         (("wv", "--transform", "dwt", "--workers", "2"), "--transform dwt needs the whole recording in memory"),
-        (("calibrate", "--gaps", "longest", "--in-pieces", "yes"), "--gaps longest needs the whole recording"),
-        (("calibrate", "--in-pieces", "no", "--workers", "2"), "leave --in-pieces no out"),
-        (("fit", "--model", "WN", "--likelihood", "--in-pieces", "yes"), "--likelihood needs the whole recording"),
-        (("info", "--plot", "a.png", "--in-pieces", "yes"), "--plot needs the whole recording in memory"),
+        (("calibrate", "--gaps", "longest", "--chunked", "yes"), "--gaps longest needs the whole recording"),
+        (("calibrate", "--chunked", "no", "--workers", "2"), "leave --chunked no out"),
+        (("fit", "--model", "WN", "--likelihood", "--chunked", "yes"), "--likelihood needs the whole recording"),
+        (("info", "--plot", "a.png", "--chunked", "yes"), "--plot needs the whole recording in memory"),
         (("calibrate", "--scheduler", "10.0.0.5"), "must be an address as tcp://"),
     ],
 )

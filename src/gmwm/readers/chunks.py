@@ -1,4 +1,4 @@
-"""Chunks of a file to the pieces of a recording: in SI units, cut at gaps, and what is known of them at the end."""
+"""Build the chunks of a recording from the rows of a file: in SI units, cut at gaps, with a summary of all rows."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.readers.api import constant, require_finite_rows
-from gmwm.readers.base import Chunk
+from gmwm.readers.base import Rows
 from gmwm.readers.columns import Choice
 from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
+from gmwm.remarks import Remark
 from gmwm.signals import TimeBase
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
-    """Consecutive samples of a recording without a gap between them.
+class Chunk:
+    """Consecutive samples of a recording without a gap between them, delivered at one time.
 
     Attributes
     ----------
@@ -29,7 +30,7 @@ class Piece:
     first : int
         Number of the first of them in the recording, from 0.
     segment : int
-        Number of the segment that they are of, from 0: another one than that of the piece before where there was a gap.
+        Number of the segment that they are of, from 0: another one than that of the chunk before where there was a gap.
     start : float
         Time of the first of them (s), on the recording's own clock.
     """
@@ -47,23 +48,23 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Understood:
-    """What the first rows of a recording say of all of it.
+class Interpretation:
+    """Columns, units and rate of a recording, found from its first rows.
 
     Attributes
     ----------
     choice : Choice
-        The columns that are read, temperature not among them.
+        The columns that are read, without temperature.
     words : mapping
-        What each column is called in messages.
+        Name of each column in messages.
     factors : mapping of axis to factors
-        What the numbers of the file are multiplied by, one after the other.
+        Factors by which the numbers of the file are multiplied, one after the other.
     timing : Timing
         Rate and segments of the first rows.
     pace : Pace or None
-        What their stamps say, if there are any.
-    notes, inferred, doubts : tuple of str
-        What was understood, what of it was told from the numbers, and what speaks against it.
+        Their time stamps, if there are any.
+    remarks : tuple of Remark
+        How the file was understood.
     """
 
     choice: Choice
@@ -71,9 +72,7 @@ class Understood:
     factors: Mapping[str, tuple[float, ...]]
     timing: Timing
     pace: Pace | None
-    notes: tuple[str, ...]
-    inferred: tuple[str, ...]
-    doubts: tuple[str, ...]
+    remarks: tuple[Remark, ...]
 
     @property
     def rate(self) -> float:
@@ -82,8 +81,8 @@ class Understood:
 
 
 @dataclass(frozen=True, eq=False)
-class Tally:
-    """What rows that were read say together.
+class RowSummary:
+    """Summary of consecutive rows: their time stamps, and which axes had one value only.
 
     Attributes
     ----------
@@ -103,18 +102,18 @@ class Tally:
     alike: Mapping[str, float]
     counted: Counted
 
-    def followed_by(self, later: Tally) -> Tally:
+    def followed_by(self, later: RowSummary) -> RowSummary:
         """Of these rows and those that follow."""
         alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
         counted = self.counted.followed_by(later.counted)
-        return Tally(self.first, later.stop, self.parted, alike, counted)
+        return RowSummary(self.first, later.stop, parted=self.parted, alike=alike, counted=counted)
 
-    def time_base(self, found: Understood) -> TimeBase:
+    def time_base(self, found: Interpretation) -> TimeBase:
         """What the time stamps of all rows say."""
         return found.timing.base if found.pace is None else found.pace.base(self.counted)
 
-    def troubles(self, found: Understood) -> tuple[str, ...]:
-        """What is wrong with the time stamps of all rows, in plain words.
+    def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
+        """Remarks on the time stamps of all rows.
 
         Raises
         ------
@@ -123,25 +122,25 @@ class Tally:
         """
         for axis, value in self.alike.items():
             raise constant(found.words[axis], axis, value, self.stop)
-        return () if found.pace is None else tuple(found.pace.troubles(self.counted, self.stop))
+        return () if found.pace is None else tuple(found.pace.remarks(self.counted, self.stop))
 
 
-class Assembly:
-    """Pieces of a recording from its chunks, beginning with any of them.
+class ChunkBuilder:
+    """Builds the chunks of a recording from its rows, beginning with any row.
 
     Parameters
     ----------
-    found : Understood
+    found : Interpretation
         What the first rows of the recording say.
     size : int
-        Samples in a piece, at the most.
+        Samples in a chunk, at the most.
     first : int
         Number of the first row that will come.
     before : (n,) array, optional
         The stamps of the rows before it, as `RunningClock` needs them; none from the first row of the recording on.
     """
 
-    def __init__(self, found: Understood, size: int, first: int = 0, before: NDArray[Any] | None = None) -> None:
+    def __init__(self, found: Interpretation, size: int, first: int = 0, before: NDArray[Any] | None = None) -> None:
         self._found, self._size, self._first = found, size, first
         self._clock = None if found.pace is None else RunningClock(found.pace, first, before)
         self._alike: dict[str, float | None] = dict.fromkeys(found.choice.axes)
@@ -150,8 +149,8 @@ class Assembly:
         self._came, self._segment, self._begun = first, 0, (first, first / found.rate)
         self._parted = False
 
-    def take(self, chunk: Chunk) -> Iterator[Piece]:
-        """The pieces that are known with the chunk that follows.
+    def add(self, rows: Rows) -> Iterator[Chunk]:
+        """Add the rows that follow; yields the chunks whose segments are settled by them.
 
         Raises
         ------
@@ -160,11 +159,11 @@ class Assembly:
         """
         found, columns = self._found, self._found.choice.columns
         for role, k in columns.items():
-            require_finite_rows(chunk[k], found.words[role], self._came)
-        values = {axis: _in_si(chunk[columns[axis]], found.factors[axis]) for axis in found.choice.axes}
-        self._compare({axis: chunk[columns[axis]] for axis in found.choice.axes})
+            require_finite_rows(rows[k], found.words[role], self._came)
+        values = {axis: _in_si(rows[columns[axis]], found.factors[axis]) for axis in found.choice.axes}
+        self._compare({axis: rows[columns[axis]] for axis in found.choice.axes})
         self._waiting = {axis: _joined(self._waiting[axis], v) for axis, v in values.items()}
-        stamps = chunk[columns["time"]] if self._clock is not None else np.empty(0)
+        stamps = rows[columns["time"]] if self._clock is not None else np.empty(0)
         if found.pace is not None and self._came == self._first and stamps.size:
             self._begun = (self._first, found.pace.time(float(found.pace.ticks(stamps[:1])[0])))
         at_first, self._came = self._came == 0, self._came + next(iter(values.values())).size
@@ -174,18 +173,18 @@ class Assembly:
             settled = self._clock.take(stamps)
         yield from self._settled(settled)
 
-    def end(self, behind: NDArray[Any] | None = None) -> Iterator[Piece]:
-        """The last pieces; `behind` are the stamps of the rows that follow in the recording, if there are any."""
+    def end(self, behind: NDArray[Any] | None = None) -> Iterator[Chunk]:
+        """The last chunks; `behind` are the stamps of the rows that follow in the recording, if there are any."""
         settled = Settled(self._came, (), ()) if self._clock is None else self._clock.end(behind)
         yield from self._settled(settled)
 
-    def tally(self) -> Tally:
-        """What all that came says."""
+    def summary(self) -> RowSummary:
+        """The summary of all rows so far."""
         counted = Counted() if self._clock is None else self._clock.counted
         alike = {axis: value for axis, value in self._alike.items() if value is not None}
-        return Tally(self._first, self._came, self._parted, alike, counted)
+        return RowSummary(self._first, self._came, parted=self._parted, alike=alike, counted=counted)
 
-    def _settled(self, settled: Settled) -> Iterator[Piece]:
+    def _settled(self, settled: Settled) -> Iterator[Chunk]:
         ready = self._waiting
         first = self._came - next(iter(ready.values())).size
         stop, times = settled.stop, dict(zip(settled.firsts, settled.starts, strict=True))
@@ -197,7 +196,7 @@ class Assembly:
             for k in range(a, b, self._size):
                 part = slice(k - first, min(k + self._size, b) - first)
                 start = self._begun[1] + (k - self._begun[0]) / self._found.rate
-                yield Piece({axis: v[part] for axis, v in ready.items()}, k, self._segment, start)
+                yield Chunk({axis: v[part] for axis, v in ready.items()}, k, self._segment, start)
 
     def _compare(self, numbers: Mapping[str, NDArray[Any]]) -> None:
         """Strike off the axes that now have had another value than their first."""

@@ -1,0 +1,36 @@
+"""Tables of text in columns, as summaries and commands print them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+
+def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
+    """The lines of a table, columns two blanks apart: flush left, but for the columns with numbers `right`.
+
+    >>> for line in aligned([["parameter", "value"], ["N", "0.21"]], right={1}):
+    ...     print(repr(line))
+    '  parameter  value'
+    '  N           0.21'
+    """
+    if not rows:
+        return []
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for row in rows:
+        cells = zip(row, widths, strict=True)
+        texts = [text.rjust(width) if k in right else text.ljust(width) for k, (text, width) in enumerate(cells)]
+        lines.append(indent + "  ".join(texts).rstrip())
+    return lines
+
+
+def headed(rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table of numbers: a rule below its first row, and the first column flush left.
+
+    >>> print("\\n".join(headed([["axis", "N"], ["gyro_x", "0.21"]])))
+      axis       N
+      ────────────
+      gyro_x  0.21
+    """
+    head, *lines = aligned(rows, right=range(1, len(rows[0])))
+    return [head, "  " + "─" * (max(map(len, (head, *lines))) - 2), *lines]

@@ -1,0 +1,117 @@
+"""Options of a calibration, checked when they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from gmwm.errors import ModelError, OptionError, ReadError
+from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.selection.options import RankingOptions
+from gmwm.variance.biweight import EFFICIENCY, biweight
+
+WITHIN = "4*GM + WN + QN + RW + DR"
+"""The default largest model: its terms describe inertial sensors of any grade."""
+_SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationOptions:
+    """Options of a calibration; `gmwm.calibrate` describes each. Every value is checked here, before any work begins.
+
+    Attributes
+    ----------
+    within : Model, Process or str
+        The largest model; a Model once it is checked.
+    robust : "auto", True or False
+        Whether the robust wavelet variance is fitted.
+    weighting : "diagonal" or "optimal"
+        Weights of the fits.
+    criterion : "asymptotic" or "bootstrap"
+        How the penalty of the information criterion is computed.
+    confidence : float
+        Level of the intervals and of the choice of models, from 0.5 to below 1.
+    efficiency : float
+        Efficiency of the robust wavelet variance under Gaussian noise.
+    draws, seed : int
+        Number and seed of the simulated records.
+    axes : tuple of str or None
+        The axes or sensors to calibrate; None for all. It is not saved: a calibration holds its axes.
+
+    Raises
+    ------
+    OptionError, ModelError
+        If a value is not one of those it may be.
+
+    Examples
+    --------
+    >>> CalibrationOptions(within="WN + RW", axes="gyro").axes
+    ('gyro',)
+    """
+
+    within: ModelLike = WITHIN
+    robust: Literal["auto"] | bool = "auto"
+    weighting: Literal["diagonal", "optimal"] = "optimal"
+    criterion: Literal["asymptotic", "bootstrap"] = "asymptotic"
+    confidence: float = 0.95
+    efficiency: float = EFFICIENCY
+    draws: int = 1000
+    seed: int = 0
+    axes: str | Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robust, bool) and self.robust != "auto":
+            raise OptionError(f"robust must be 'auto', False or True, got {self.robust!r}")
+        _ = self.ranking  # checked as it is made
+        biweight(self.efficiency)
+        object.__setattr__(self, "within", as_model(self.within, "within"))
+        object.__setattr__(self, "axes", _checked_axes(self.axes))
+
+    @property
+    def general(self) -> Model:
+        """The largest model."""
+        return as_model(self.within)
+
+    @property
+    def ranking(self) -> RankingOptions:
+        """How the models are ranked."""
+        return RankingOptions(
+            weighting=self.weighting, criterion=self.criterion, confidence=self.confidence, draws=self.draws,
+            seed=self.seed,
+        )  # fmt: skip
+
+    @property
+    def wanted(self) -> tuple[str, ...] | None:
+        """The axes or sensors to calibrate; None for all."""
+        return _checked_axes(self.axes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The options as they are saved in calibration.json, as plain numbers and texts."""
+        return {name: getattr(self, name) for name in _SAVED} | {"within": str(self.within)}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
+        """The options whose `to_dict` gave `content`.
+
+        Raises
+        ------
+        ReadError
+            If an option is missing, unknown or not one of the values it may have.
+        """
+        for name in _SAVED:
+            if name not in content:
+                raise ReadError(f"not a whole calibration: settings has no {name!r}")
+        try:
+            return cls(**{name: content[name] for name in _SAVED})
+        except (OptionError, ModelError) as error:
+            raise ReadError(f"not a calibration: settings.{error}") from error
+
+
+def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
+    """The axes as a tuple of names; which of them there are, the recording decides."""
+    if axes is None or isinstance(axes, str):
+        return None if axes is None else (axes,)
+    if not isinstance(axes, Sequence) or not axes or not all(isinstance(name, str) for name in axes):
+        raise OptionError(f"axes must be some of a recording's axes or sensors, as ['gyro', 'accel_z']; got {axes!r}")
+    return tuple(axes)

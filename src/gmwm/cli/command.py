@@ -1,0 +1,52 @@
+"""From a function that returns an outcome to a command of the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from functools import wraps
+from inspect import Parameter, Signature, signature
+from typing import Any, get_type_hints
+
+from gmwm.cli.options import AllRemarks, Json
+from gmwm.cli.output import Outcome, collected_warnings, finish
+from gmwm.cli.read_options import ReadOptionTexts
+from gmwm.options import ReadOptions
+
+
+def command(function: Callable[..., Outcome]) -> Callable[..., None]:
+    """A command of the shell: a parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`.
+
+    --all-remarks is added, and --json if the function does not have it. Warnings are printed, files are written, and
+    the outcome is printed as text or as JSON.
+    """
+    hints = get_type_hints(function, include_extras=True)
+    texts = get_type_hints(ReadOptionTexts, include_extras=True)
+    parameters: list[Parameter] = []
+    for given in signature(function).parameters.values():
+        if hints[given.name] is ReadOptions:
+            parameters += (
+                Parameter(one.name, Parameter.KEYWORD_ONLY, default=one.default, annotation=texts[one.name])
+                for one in fields(ReadOptionTexts)
+            )
+        else:
+            parameters.append(given.replace(kind=Parameter.KEYWORD_ONLY, annotation=hints[given.name]))
+    own_json = "json" in hints
+    if not own_json:
+        parameters.append(Parameter("json", Parameter.KEYWORD_ONLY, default=False, annotation=Json))
+    parameters.append(Parameter("all_remarks", Parameter.KEYWORD_ONLY, default=False, annotation=AllRemarks))
+    reads = next((name for name, hint in hints.items() if hint is ReadOptions), None)
+
+    @wraps(function)
+    def run(**given: Any) -> None:
+        json = given["json"] if own_json else given.pop("json")
+        every = given.pop("all_remarks")
+        with collected_warnings(every=every) as warned:
+            if reads is not None:
+                read = ReadOptionTexts(**{one.name: given.pop(one.name) for one in fields(ReadOptionTexts)})
+                given[reads] = read.parsed()
+            finish(function(**given), warned, json=json, every=every)
+
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run

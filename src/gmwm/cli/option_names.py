@@ -1,0 +1,51 @@
+"""Errors of the library in terms of the options of the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TypeVar
+
+from gmwm.errors import ModelError, OptionError
+
+T = TypeVar("T")
+
+
+@contextmanager
+def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
+    """Errors of the block about an argument name the option that the mapping has for it.
+
+    >>> from gmwm._template import Dialect
+    >>> try:
+    ...     with named_as_options({"format": "--to"}):
+    ...         raise OptionError(argument="format", expected="one of imu:IMAR", got="x")
+    ... except OptionError as error:
+    ...     print(error.text(Dialect.SHELL))
+    --to must be one of imu:IMAR; got 'x'
+    """
+    try:
+        yield
+    except OptionError as error:
+        error.option = options.get(error.argument or "", error.option)
+        raise
+
+
+def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
+    """A callback of an option: its value is checked before the command runs, by the rule of the library."""
+
+    def callback(given: T | None) -> T | None:
+        if given is not None:
+            check(given)
+        return given
+
+    return callback
+
+
+@contextmanager
+def prefixed(argument: str) -> Iterator[None]:
+    """Errors of a model that was typed begin with its option."""
+    try:
+        yield
+    except ModelError as error:
+        error.prefix = argument
+        raise

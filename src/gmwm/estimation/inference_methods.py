@@ -1,0 +1,363 @@
+"""Standard errors, intervals, tests, criteria, datasheet, summary and picture: the methods of a fit that judge it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
+
+from gmwm._arrays import Matrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.datasheets.sheet import Datasheet
+    from gmwm.estimation.result import Fit
+    from gmwm.inference.asymptotic import Sandwich
+    from gmwm.inference.bootstrap import Bootstrap
+    from gmwm.inference.criterion import Criterion
+    from gmwm.inference.goodness import GoodnessOfFit
+    from gmwm.inference.intervals import Interval, Method
+    from gmwm.plots.view import UnitSystem, ViewName
+
+
+class InferenceMethods:
+    """What the upper layers compute from a `Fit`, the only class that inherits from this one."""
+
+    @property
+    def _fit(self) -> Fit:
+        """The fit itself, with its type."""
+        return cast("Fit", self)
+
+    @cached_property
+    def sandwich(self) -> Sandwich:
+        """Covariance of the estimates by the sandwich formula, with its parts.
+
+        Its parts are the names of the estimated parameters, their relative standard errors, and V, the covariance of
+        the wavelet variance.
+
+        Raises
+        ------
+        ModelError
+            If the model has no noise at some level, so that its estimates would have no error.
+        MissingTheoryError
+            If the covariance of a process is unknown.
+        """
+        from gmwm.inference.asymptotic import sandwich
+
+        return sandwich(self._fit)
+
+    @cached_property
+    def covariance(self) -> Matrix:
+        """Covariance (p, p) of the estimates, Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ.
+
+        Its rows are the parameters of `standard_errors`, in the same order. Raises the errors of `sandwich`.
+        """
+        return self.sandwich.covariance
+
+    @cached_property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each estimated parameter, by name, in the unit of the parameter.
+
+        A parameter that is held, zero or at an end of its domain has no standard error; its key raises a KeyError that
+        says why. Raises the errors of `sandwich`.
+        """
+        from gmwm.inference.asymptotic import standard_errors
+
+        return standard_errors(self._fit)
+
+    def confidence_intervals(
+        self,
+        level: float = 0.95,
+        method: Method = "asymptotic",
+        *,
+        covariance: Matrix | None = None,
+        draws: int = 500,
+        seed: int = 0,
+    ) -> dict[str, Interval]:
+        """Compute a confidence interval (low, high) for every estimated parameter, by name.
+
+        - A variance, or a correlation time, has θ̂ exp(±z SE/θ̂): symmetric on the scale of the logarithm.
+        - φ of an AR1 has an interval that is symmetric on the scale of artanh φ.
+        - A drift ω, which has a sign, has ω̂ ± z SE.
+        - A white noise, random walk or drift whose zero cannot be excluded has the interval from 0 to an upper limit
+          (a drift from −limit to limit). This one-sided limit of a 95 % interval holds at 97.5 %.
+        - A parameter that the data do not determine has (0, inf).
+
+        Parameters
+        ----------
+        level : float
+            Confidence level, between 0 and 1.
+        method : "asymptotic" or "bootstrap"
+            From the exact covariance of the wavelet variance, or from quantiles of the estimates of `draws` simulated
+            recordings.
+        covariance : (J, J) array, optional
+            V in place of that of the fitted model, as from `empirical_covariance`; only with method="asymptotic". It
+            must belong to the wavelet variance that was fitted. The empirical covariance of data with outliers belongs
+            to the classical estimate, not to a robust fit.
+        draws : int
+            Number of simulated recordings. A level needs at least 2 / (1 − level) − 1 of them: 39 at 95 %.
+        seed : int
+            Seed of the simulation.
+
+        Returns
+        -------
+        dict of name to (low, high)
+            In the unit of the parameter.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range, or `covariance` is not a covariance matrix of J levels.
+        ModelError
+            If the model has no noise at some level.
+        MissingTheoryError
+            If the covariance of a process is unknown.
+
+        References
+        ----------
+        Guerrier, Skaloud, Stebler and Victoria-Feser (2013), JASA 108, 1021-1030, theorem 2.
+
+        Examples
+        --------
+        >>> from gmwm import WN, RW, fit
+        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(20_000, 100.0, rng=1)
+        >>> low, high = fit(WN() + RW(), x, rate=100.0).confidence_intervals()["WN.sigma2"]
+        >>> low < 4.0 < high
+        True
+        """
+        from gmwm.inference.intervals import confidence_intervals
+
+        return confidence_intervals(self._fit, level, method, covariance=covariance, draws=draws, seed=seed)
+
+    def goodness_of_fit(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> GoodnessOfFit:
+        """Test whether the data could come from the fitted model, under any weighting Ω.
+
+        With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
+
+            T = rᵀV⁻¹r − rᵀV⁻¹D (DᵀV⁻¹D)⁻¹ DᵀV⁻¹r ~ χ² with (levels − parameters) degrees of freedom.
+
+        The test leaves out the coarsest levels, whose ν̂² is skewed however long the recording is: with them a test at
+        the 5 % level would reject about 8 %. The model is fitted again without these levels. This fit has the same
+        weighting if it is "diagonal" or "optimal", and "diagonal" otherwise, because estimates under other weights may
+        be too far off for the law to hold. Parameters that are zero or at an end of their domain do not count.
+
+        Parameters
+        ----------
+        method : "asymptotic" or "bootstrap"
+            The chi-square law, or the objectives of `draws` recordings simulated from the fitted model, with all
+            levels.
+        draws : int
+            Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
+        seed : int
+            Seed of the simulation.
+
+        Returns
+        -------
+        GoodnessOfFit
+            Statistic, degrees of freedom and p-value.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range.
+        ModelError
+            If no degree of freedom is left.
+        MissingTheoryError
+            If the covariance of a process is unknown.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit
+        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+        >>> fit(WN() + RW(), x, rate=100.0).goodness_of_fit().pvalue > 0.05
+        True
+        >>> fit(WN(), x, rate=100.0).goodness_of_fit().pvalue < 1e-6
+        True
+        """
+        from gmwm.inference.goodness import goodness_of_fit
+
+        return goodness_of_fit(self._fit, method, draws=draws, seed=seed)
+
+    def wic(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> Criterion:
+        """Compute the wavelet information criterion: the expected loss of the fit on another recording.
+
+        Compare values between models only under one Ω; `gmwm.rank` and `gmwm.select` ensure this.
+
+        Parameters
+        ----------
+        method : "asymptotic" or "bootstrap"
+            The optimism is 2 tr[ΩDH⁻¹DᵀΩV] with H = DᵀΩD − Σ_k [Ω(ν̂ − ν)]_k ∂²ν_k/∂θ∂θᵀ, or twice the covariance of
+            ν̂* and ν(θ̂*) over `draws` recordings simulated from the fit.
+        draws : int
+            Number of simulated recordings.
+        seed : int
+            Seed of the simulation.
+
+        Returns
+        -------
+        Criterion
+            The value, and the loss and the optimism that it is the sum of.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range.
+        ModelError
+            If the model has no noise at some level.
+        MissingTheoryError
+            If the covariance of a process is unknown ("asymptotic"), or it cannot be simulated ("bootstrap").
+
+        References
+        ----------
+        Efron (2004), The estimation of prediction error, JASA 99, 619-632; equation 5 of Balamuta, Guerrier, Molinari
+        and Yang.
+
+        Examples
+        --------
+        >>> from gmwm import RW, WN, fit
+        >>> x = (WN(sigma2=4.0) + RW(gamma2=1e-2)).simulate(20_000, 100.0, rng=1)
+        >>> round(fit(WN() + RW(), x, rate=100.0, weighting="optimal").wic().optimism)  # two for each parameter
+        4
+        """
+        from gmwm.inference.criterion import wic
+
+        return wic(self._fit, method, draws=draws, seed=seed)
+
+    def bootstrap(self, draws: int = 500, seed: int = 0, *, progress: Callable[[int], None] | None = None) -> Bootstrap:
+        """Estimate the parameters again from recordings that are simulated from the fit (parametric bootstrap).
+
+        Each recording has the length and the gaps of the data. Gauss-Markov and autoregressive terms start from their
+        stationary law. Each recording is fitted with the weights of this fit, robustly if this fit is robust.
+
+        Parameters
+        ----------
+        draws : int
+            Number of simulated recordings, at least 2.
+        seed : int
+            Seed of the simulation; the same seed gives the same result.
+        progress : callable, optional
+            Called with the number of recordings done so far.
+
+        Returns
+        -------
+        Bootstrap
+            The estimates, with their standard errors and quantiles.
+
+        Raises
+        ------
+        OptionError
+            If `draws` or `seed` is out of range.
+        MissingTheoryError
+            If a process cannot be simulated.
+
+        Examples
+        --------
+        >>> from gmwm import WN, fit
+        >>> found = fit(WN(), WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
+        >>> again = found.bootstrap(draws=100, seed=1)
+        >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
+        True
+        """
+        from gmwm.inference.bootstrap import bootstrap
+
+        return bootstrap(self._fit, draws, seed, progress=progress)
+
+    def datasheet(self, level: float = 0.95) -> Datasheet:
+        """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
+
+        See `gmwm.datasheet` for the definitions.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level, between 0 and 1.
+
+        Returns
+        -------
+        Datasheet
+            A mapping of symbol to `Entry`, in SI and in datasheet units.
+
+        Raises
+        ------
+        OptionError
+            If `level` is not between 0 and 1.
+        """
+        from gmwm.datasheets import datasheet
+
+        return datasheet(self._fit, level)
+
+    def summary(self, level: float = 0.95, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> str:
+        """Describe the fit in text.
+
+        Parameters
+        ----------
+        level : float
+            Confidence level of the intervals, between 0 and 1.
+        method : "asymptotic" or "bootstrap"
+            Intervals and test from theory, or from `draws` simulated recordings.
+        draws : int
+            Number of simulated recordings.
+        seed : int
+            Seed of the simulation.
+
+        Returns
+        -------
+        str
+            Model, number of samples, rate, levels and weighting; the objective with its bounds; the goodness-of-fit
+            test; each parameter with estimate, interval, relative standard error and unit; and the warnings.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown or out of range.
+        """
+        from gmwm.inference.summary import summary
+
+        return summary(self._fit, level, method, draws=draws, seed=seed)
+
+    def plot(
+        self,
+        *,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        decomposition: bool = True,
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the data with their confidence band, the curve that the model implies, and the curve of each term.
+
+        Parameters
+        ----------
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        decomposition : bool
+            Whether to draw the terms.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown, or the data do not support it.
+        """
+        from gmwm.plots.fit import plot_fit
+
+        return plot_fit(self._fit, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
+
+    def _repr_html_(self) -> str:
+        """The summary as HTML, with the parameters as a table: what notebooks display."""
+        from gmwm.inference.summary import as_html
+
+        return as_html(self._fit)

@@ -1,0 +1,33 @@
+"""Warnings on reading: the remarks that every caller of `read` must see."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+
+from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
+from gmwm.remarks import Remark
+
+STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
+"""Codes of remarks on the time stamps of all rows."""
+
+_CATEGORIES: Mapping[str, type[GmwmWarning]] = {
+    "unit-inferred": InferredUnitWarning,
+    "unit-doubtful": GmwmWarning,
+    "rate-contradicted": TimeBaseWarning,
+    **dict.fromkeys(STAMPS, TimeBaseWarning),
+}
+"""The category of the warning for each remark that is also a warning."""
+
+
+def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
+    """The remarks, with the file as the subject of those that are also warnings."""
+    return tuple(remark.about(str(path)) if remark.code in _CATEGORIES else remark for remark in remarks)
+
+
+def warn(remarks: Iterable[Remark], stacklevel: int) -> None:
+    """Warn of the remarks that are also warnings; `stacklevel` is that of `warnings.warn` in the caller."""
+    for remark in remarks:
+        category = _CATEGORIES.get(remark.code)
+        if category is not None:
+            warnings.warn(category(remark), stacklevel=stacklevel + 1)

@@ -1,0 +1,61 @@
+"""The files for people who take part: issue forms that GitHub accepts, hooks that run, links that lead to a file."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).resolve().parent.parent
+FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
+PAGES = ("CODE_OF_CONDUCT.md", "CONTRIBUTING.md", "SECURITY.md", ".github/pull_request_template.md")
+KINDS = {"markdown", "textarea", "input", "dropdown", "checkboxes"}
+
+
+def loaded(path: Path) -> dict:
+    return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+
+
+def test_there_is_a_form_for_each_kind_of_issue():
+    assert [path.stem for path in FORMS] == ["bug_report", "config", "feature_request", "unreadable_file"]
+
+
+@pytest.mark.parametrize("path", [path for path in FORMS if path.stem != "config"], ids=lambda path: path.stem)
+def test_a_form_has_the_keys_that_github_requires(path):
+    form = loaded(path)
+    assert set(form) == {"name", "description", "labels", "body"}
+    fields = [field for field in form["body"] if field["type"] != "markdown"]
+    assert {field["type"] for field in form["body"]} <= KINDS
+    names = [field["id"] for field in fields]
+    assert len(set(names)) == len(names) > 2
+    for field in fields:
+        assert field["attributes"]["label"], field["id"]
+        assert ("options" in field["attributes"]) == (field["type"] in ("dropdown", "checkboxes")), field["id"]
+    assert any(field.get("validations", {}).get("required") for field in fields)
+
+
+def test_hooks_are_local_and_run_the_tools_of_make_lint():
+    repositories = loaded(ROOT / ".pre-commit-config.yaml")["repos"]
+    assert [repository["repo"] for repository in repositories] == ["local"]
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    checks = re.search(r"^lint:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)[1].replace("$(BIN)", ".venv/bin").split("\n")
+    tools = {words[0] for words in map(str.split, checks) if words}
+    assert {hook["entry"].split()[0] for hook in repositories[0]["hooks"]} == tools
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_links_in_the_files_of_the_root_lead_to_a_file(name):
+    text = (ROOT / name).read_text(encoding="utf-8")
+    links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("https:")]
+    assert [link for link in links if link and not (ROOT / link).exists()] == []
+
+
+def test_the_layers_that_are_described_are_those_that_are_checked():
+    section = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("## Layers\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| [a-z ]+ \| (`.+?`) \|", section.partition("Outside the package")[0], re.MULTILINE)
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        (contract,) = tomllib.load(file)["tool"]["importlinter"]["contracts"]
+    layers = [set(re.findall(r"\w+", layer)) for layer in contract["layers"]]
+    assert layers[0] == {"__main__"}
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == layers[1:]
