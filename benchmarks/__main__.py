@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def measured(only: str = "") -> dict[str, Any]:
     """All numbers, as plain data; `only` those of cases and parts with this text in their name."""
     # Some records are too short for their model, which is no news here.
-    warnings.simplefilter("ignore", gmwm.FitWarning)
+    warnings.simplefilter("ignore", gmwm.errors.FitWarning)
     largest = 10**9
     in_memory = 10**8 if children.free_memory() > ROOM * 10**8 else 10**7
     found: dict[str, Any] = {"machine": machine(), "copy_bandwidth_bytes_per_s": harness.copy_bandwidth()}

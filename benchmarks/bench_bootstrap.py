@@ -15,7 +15,7 @@ from benchmarks.harness import Case
 from gmwm import filters
 from gmwm.covariance.design import Design
 from gmwm.inference.simulated_curves import simulated_variances
-from gmwm.processes import parse_model
+from gmwm.processes import Model
 
 SAMPLES, DRAWS = 10**5, 20
 MODELS = (
@@ -42,14 +42,14 @@ def cases() -> Iterable[Case]:
     """Each process at 10^5 samples, sums of them, other lengths, filters and estimators, and a second thread."""
     rng, buffer = np.random.default_rng(1), np.empty(SAMPLES)
     for text in MODELS:
-        model = parse_model(text)
+        model = Model.parse(text)
         terms = len(model.processes)
         run = partial(simulated_variances, model, design(SAMPLES), DRAWS, 1, threads=1)
         draw = partial(normals, rng, buffer, DRAWS * terms)
         name = f"{DRAWS} paths of {model.structure}, 10^5 samples"
         yield Case(name, run, "as many normals", draw, 9, 1.5, items=DRAWS * SAMPLES * terms)
 
-    model = parse_model(MODELS[4])
+    model = Model.parse(MODELS[4])
     for samples, draws in ((1000, 2620), (10**6, 4)):
         run = partial(simulated_variances, model, design(samples), draws, 1, threads=1)
         draw = partial(normals, rng, buffer, 2 * draws * samples // SAMPLES)

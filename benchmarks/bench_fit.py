@@ -11,7 +11,7 @@ import gmwm
 from benchmarks.harness import Case
 
 RATE = 100.0
-TRUTH = gmwm.parse_model(
+TRUTH = gmwm.Model.parse(
     "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
     " + QN(q2=2e-6) + RW(gamma2=1e-13)"
 )

@@ -21,13 +21,13 @@ from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 
 RATE = 100.0
-WALK = gmwm.parse_model("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-7)")
-WEAK = gmwm.parse_model("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-13)")
-LARGE = gmwm.parse_model(
+WALK = gmwm.Model.parse("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-7)")
+WEAK = gmwm.Model.parse("GM(beta=0.05, sigma2=0.02) + WN(sigma2=1.0) + RW(gamma2=1e-13)")
+LARGE = gmwm.Model.parse(
     "GM(beta=10.0, sigma2=0.2) + GM(beta=0.5, sigma2=0.03) + GM(beta=0.02, sigma2=0.03) + WN(sigma2=1.0) + QN(q2=2.0)"
     " + RW(gamma2=1e-7)"
 )
-STATIONARY = gmwm.parse_model("GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0)")
+STATIONARY = gmwm.Model.parse("GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0)")
 
 
 def other_hand(model: gmwm.Model, x: np.ndarray) -> object:
@@ -79,7 +79,7 @@ def cases() -> Iterable[Case]:
     kalman = theirs.loglike  # type: ignore[attr-defined]
     name = "log-likelihood of GM+WN+RW, 10^5 samples"
     yield Case(name, partial(ours.value, WALK), "statsmodels", kalman, 15, 1 / 20, items=10**5)
-    yield Case(f"{name}, from an array", partial(gmwm.loglikelihood, WALK, x, RATE), "statsmodels", kalman, 15)
+    yield Case(f"{name}, from an array", partial(WALK.loglikelihood, x, RATE), "statsmodels", kalman, 15)
 
     yield from restless()
     for exponent in range(3, 8):

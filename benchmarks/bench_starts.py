@@ -15,7 +15,7 @@ import gmwm
 from benchmarks.harness import Case
 
 RATE = 100.0
-TRUTH = gmwm.parse_model("GM(beta=20.0, sigma2=1e-6) + GM(beta=1.0, sigma2=1e-6) + GM(beta=0.05, sigma2=1e-6)")
+TRUTH = gmwm.Model.parse("GM(beta=20.0, sigma2=1e-6) + GM(beta=1.0, sigma2=1e-6) + GM(beta=0.05, sigma2=1e-6)")
 LENGTHS = (100, 1_000, 10_000, 100_000, 1_000_000)
 DRAWS = (1_000, 10_000, 20_000)
 
@@ -31,14 +31,14 @@ def cases() -> Iterable[Case]:
             yield Case(f"{name}: convex", partial(_fit, x, robust, None, False), "np.cumsum of 10^6", cumsum, 11)
             yield Case(f"{name}: exact values", partial(_fit, x, robust, None, True), "np.cumsum of 10^6", cumsum, 11)
             for draws in DRAWS:
-                run = partial(_fit, x, robust, gmwm.Sampled(draws, seed=1), False)
+                run = partial(_fit, x, robust, gmwm.estimation.Sampled(draws, rng=1), False)
                 yield Case(f"{name}: {draws} draws", run, "np.cumsum of 10^6", cumsum, 11)
 
 
-def _fit(x: gmwm.Signal, robust: bool, start: gmwm.Sampled | None, exact: bool) -> gmwm.Fit:
+def _fit(x: gmwm.Signal, robust: bool, start: gmwm.estimation.Sampled | None, exact: bool) -> gmwm.Fit:
     wv = gmwm.wavelet_variance(x, RATE, robust=robust)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return gmwm.fit(
             TRUTH if exact else TRUTH.structure, wv, weighting=(wv.upper - wv.lower) ** -2.0,
             certify=start is None, start=start,

@@ -21,7 +21,7 @@ def cases() -> Iterable[Case]:
     buffer = np.empty(10**6)
     cumsum = partial(np.cumsum, np.random.default_rng(2).standard_normal(10**6), out=buffer)
     for text, samples, repeats in MODELS:
-        model = gmwm.parse_model(text)
+        model = gmwm.Model.parse(text)
         x = model.simulate(samples, 100.0, np.random.default_rng(1))
         run = partial(gmwm.fit, model.structure, x, 100.0)
         yield Case(f"fit of {model.structure} to {samples} samples", run, "np.cumsum of 10^6", cumsum, repeats)

@@ -28,7 +28,7 @@ state = len(pickle.dumps(live))
 WRITE = """
 from gmwm.simulation import reference_imu, simulate
 from gmwm.writers import write
-write(simulate(reference_imu(), rate=100.0, samples={n}, seed=1), {path!r})
+write(simulate(reference_imu(), rate=100.0, samples={n}, rng=1), {path!r})
 """
 COMMAND = """
 from gmwm.cli.main import run

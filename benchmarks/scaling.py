@@ -88,7 +88,7 @@ def along_samples(largest: int, in_memory: int) -> Iterator[Curve]:
     yield _curve("pywt.swt", powers, lambda n: partial(stationary, noise[:n], n.bit_length() - 1))
     block = noise[:BLOCK].copy()
     yield _curve("wavelet variance, in chunks", lengths(largest), lambda n: partial(streamed, block, n), np.inf)
-    model = gmwm.parse_model(WALK)
+    model = gmwm.Model.parse(WALK)
     record = model.simulate(min(in_memory, 10**7), RATE, np.random.default_rng(1))
     fit = partial(gmwm.fit, model.structure)
     yield _curve("certified fit from the samples", lengths(record.size), lambda n: partial(fit, record[:n], RATE))
@@ -119,7 +119,7 @@ def _curve(
 def nested(terms: int) -> gmwm.Model:
     """So many Gauss-Markov processes, each five times as slow as the one before, and white noise."""
     processes = (f"GM(beta={beta}, sigma2={0.1 * (beta / BETAS[0]) ** 0.5})" for beta in BETAS[:terms])
-    return gmwm.parse_model(" + ".join((*processes, "WN(sigma2=1.0)")))
+    return gmwm.Model.parse(" + ".join((*processes, "WN(sigma2=1.0)")))
 
 
 def along_terms(samples: int) -> Iterator[Curve]:
@@ -131,7 +131,7 @@ def along_terms(samples: int) -> Iterator[Curve]:
     found: dict[str, Sequence[Callable[[], object]]] = {
         "certified fit": [partial(gmwm.fit, m.structure, wv) for m, wv in pairs],
         "fit without certificate": [partial(gmwm.fit, m.structure, wv, certify=False) for m, wv in pairs],
-        "exact covariance": [partial(gmwm.wavelet_covariance, m, samples, RATE) for m in models],
+        "exact covariance": [partial(gmwm.covariance.wavelet_covariance, m, samples, RATE) for m in models],
         "choice within k GM + WN + QN + RW + DR": [
             partial(gmwm.select, f"{k}*GM + WN + QN + RW + DR", wv) for k, wv in zip(at[:4], data[:4], strict=True)
         ],
@@ -142,7 +142,7 @@ def along_terms(samples: int) -> Iterator[Curve]:
 
 def along_axes(samples: int) -> Iterator[Curve]:
     """Calibration of one to six axes within GM + WN + RW, on one thread and on two."""
-    imu = gmwm.simulate(dict.fromkeys(AXES, WALK), rate=RATE, samples=samples, seed=1)
+    imu = gmwm.simulate(dict.fromkeys(AXES, WALK), rate=RATE, samples=samples, rng=1)
     at = (1, 2, 3, 4, 6)
     for threads, name in ((1, "calibration, one thread"), (2, "calibration, two threads")):
         calls = [partial(gmwm.calibrate, imu, "GM + WN + RW", axes=AXES[:k], threads=threads) for k in at]

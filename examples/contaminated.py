@@ -14,7 +14,7 @@ import gmwm
 
 RATE = 100.0
 SECONDS = 1000
-TRUTH = gmwm.parse_model("GM(beta=0.5, sigma2=1e-6) + WN(sigma2=4e-6)")
+TRUTH = gmwm.Model.parse("GM(beta=0.5, sigma2=1e-6) + WN(sigma2=4e-6)")
 
 
 def recording(seed: int = 7) -> gmwm.Signal:

@@ -29,9 +29,9 @@ OUTAGES = ((150, 210), (330, 390))
 FIX = 1.0
 """Standard deviation of a satellite position, in m; there is one every second."""
 TRUTH = {
-    "gyro_z": gmwm.parse_model("GM(beta=0.02, sigma2=2e-8) + WN(sigma2=2e-7) + RW(gamma2=4e-13)"),
-    "accel_x": gmwm.parse_model("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
-    "accel_y": gmwm.parse_model("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
+    "gyro_z": gmwm.Model.parse("GM(beta=0.02, sigma2=2e-8) + WN(sigma2=2e-7) + RW(gamma2=4e-13)"),
+    "accel_x": gmwm.Model.parse("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
+    "accel_y": gmwm.Model.parse("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
 }
 TURN_ON = {"gyro_z": 1e-4, "accel_x": 2e-3, "accel_y": 2e-3}
 """Standard deviation of the bias that is left when the drive starts, in rad/s and m/s²."""
@@ -79,14 +79,14 @@ def candidates(seed: int) -> dict[str, Noise]:
         fitted[axis] = fit.model
         # N and B as they are read off the slopes of the Allan deviation.
         read = gmwm.avlr(signal).coefficients
-        white[axis] = gmwm.parse_model(f"WN(sigma2={read['N'] ** 2 * RATE})")
+        white[axis] = gmwm.Model.parse(f"WN(sigma2={read['N'] ** 2 * RATE})")
         steady[axis] = white[axis] + gmwm.RW(gamma2=0.0)
         start[axis] = float(np.hypot(read["B"], TURN_ON[axis]))
         # N and K that stand for the whole model over a second, and ten times as much.
-        both = gmwm.effective_noise(fit, horizon=1.0)
+        both = gmwm.datasheets.effective_noise(fit, horizon=1.0)
         n2, k2 = both["N_eff"].value ** 2, both["K_eff"].value ** 2
-        two[axis] = gmwm.parse_model(f"WN(sigma2={n2 * RATE}) + RW(gamma2={k2 / RATE})")
-        inflated[axis] = gmwm.parse_model(f"WN(sigma2={100 * n2 * RATE}) + RW(gamma2={100 * k2 / RATE})")
+        two[axis] = gmwm.Model.parse(f"WN(sigma2={n2 * RATE}) + RW(gamma2={k2 / RATE})")
+        inflated[axis] = gmwm.Model.parse(f"WN(sigma2={100 * n2 * RATE}) + RW(gamma2={100 * k2 / RATE})")
     return {
         "true model": noise(TRUTH),
         "fitted model": noise(fitted),

@@ -24,12 +24,12 @@ import gmwm
 
 RATE = 250.0
 SAMPLES = 3_105_250
-CLASSICAL = gmwm.parse_model(
+CLASSICAL = gmwm.Model.parse(
     "GM(beta=8.48, sigma2=6.48e-9) + GM(beta=0.25, sigma2=7.08e-9) + GM(beta=6.28e-3, sigma2=1.28e-8)"
     "+ WN(sigma2=6.94e-7) + QN(q2=2.29e-6) + RW(gamma2=3.90e-14)"
 )
 """Table 1 of the paper, shortest correlation time first: its Gauss-Markov processes 3, 1 and 2. This is the truth."""
-ROBUST = gmwm.parse_model(
+ROBUST = gmwm.Model.parse(
     "GM(beta=12.5, sigma2=1.33e-8) + GM(beta=0.311, sigma2=6.57e-9) + GM(beta=7.26e-3, sigma2=1.12e-8)"
     "+ WN(sigma2=5.30e-7) + QN(q2=2.74e-6) + RW(gamma2=5.44e-14)"
 )
@@ -55,7 +55,7 @@ def main(arguments: list[str] | None = None) -> dict[str, dict[str, Any]]:
     options = parser.parse_args(arguments)
     with warnings.catch_warnings():
         # What fits warn of is told by the tables: terms that are zero, or that act as others.
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return every_step(options)
 
 
@@ -116,22 +116,22 @@ def simulated_gyroscope(output: Path, samples: int, seed: int) -> dict[str, gmwm
     return fits
 
 
-def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.Ranking]:
+def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.selection.Ranking]:
     """Steps 4 to 7 on six axes of known truth."""
     rate = 100.0
     truth = gmwm.reference_imu()
     head(f"A unit of six axes, simulated: {samples} samples at {rate:g} Hz, seed {seed}")
-    imu = gmwm.simulate(truth, rate=rate, samples=samples, seed=seed)
-    curves = {axis: gmwm.wavelet_variance(signal) for axis, signal in imu.signals.items()}
+    imu = gmwm.simulate(truth, rate=rate, samples=samples, rng=seed)
+    curves = gmwm.wavelet_variance(imu)
     rankings = select_all(curves, "3*GM + WN + QN + RW", truth)
     right = [ranking[truth[axis].structure] for axis, ranking in rankings.items()]
     print(
         f"The truth is recommended on {sum(c.recommended for c in right)} of {len(right)} axes, "
         f"and not to be told from the best on {sum(c.equivalent for c in right)}."
     )
-    gmwm.plot_imu(curves, path=output / "figure_1a_simulated.png")
-    gmwm.plot_imu(curves, split=False, path=output / "figure_1b_simulated.png")
-    gmwm.plot_imu(fits_of(rankings), path=output / "figure_4_simulated.png")
+    curves.plot(path=output / "figure_1a_simulated.png")
+    curves.plot(split=False, path=output / "figure_1b_simulated.png")
+    gmwm.plots.plot_imu(fits_of(rankings), path=output / "figure_4_simulated.png")
     return rankings
 
 
@@ -139,8 +139,8 @@ def navchip(file: Path, output: Path) -> dict[str, gmwm.Fit]:
     """Steps 1 and 2 on the published wavelet variances of the NavChip: Figs. 1 and 3, Table 1."""
     curves = published(file)
     head("NavChip, from its published wavelet variances: the models of the appendix, weights from the limits")
-    gmwm.plot_imu(curves, path=output / "figure_1a.png")
-    gmwm.plot_imu(curves, split=False, path=output / "figure_1b.png")
+    gmwm.plots.plot_imu(curves, path=output / "figure_1a.png")
+    gmwm.plots.plot_imu(curves, split=False, path=output / "figure_1b.png")
     fits = {axis: gmwm.fit(model, curves[axis], weighting=weights(curves[axis])) for axis, model in NAVCHIP.items()}
     print(f"  {'axis':<8} {'model':<25} {'objective':>9}  {'gain left':>9}   remarks")
     for axis, fit in fits.items():
@@ -163,15 +163,15 @@ def navchip(file: Path, output: Path) -> dict[str, gmwm.Fit]:
     return fits
 
 
-def mtig(file: Path, output: Path) -> dict[str, gmwm.Ranking]:
+def mtig(file: Path, output: Path) -> dict[str, gmwm.selection.Ranking]:
     """Steps 4 to 7 on the published wavelet variances of the MTi-G: Fig. 4."""
     curves = published(file)
     general = 4 * gmwm.AR1() + gmwm.WN() + gmwm.RW()
     head(f"MTi-G, from its published wavelet variances: chosen within {general.structure}")
     rankings = select_all(curves, general)
     print("The paper shows its choices in a figure only.")
-    gmwm.plot_imu(curves, path=output / "figure_1a_mtig.png")
-    gmwm.plot_imu(fits_of(rankings), path=output / "figure_4.png")
+    gmwm.plots.plot_imu(curves, path=output / "figure_1a_mtig.png")
+    gmwm.plots.plot_imu(fits_of(rankings), path=output / "figure_4.png")
     return rankings
 
 
@@ -183,7 +183,7 @@ def recorded(file: Path, output: Path) -> gmwm.Calibration:
         axis: {"classical": gmwm.wavelet_variance(signal), "robust": gmwm.wavelet_variance(signal, robust=True)}
         for axis, signal in imu.signals.items()
     }
-    gmwm.plot_imu(curves, path=output / "figure_2_adis.png")
+    gmwm.plots.plot_imu(curves, path=output / "figure_2_adis.png")
     calibration = gmwm.calibrate(imu, within="4*GM + WN + RW")
     print(calibration.summary())
     calibration.plot(path=output / "figure_4_adis.png")
@@ -192,7 +192,7 @@ def recorded(file: Path, output: Path) -> gmwm.Calibration:
 
 def select_all(
     curves: Mapping[str, gmwm.WaveletVariance], general: str | gmwm.Model, truth: Mapping[str, gmwm.Model] | None = None
-) -> dict[str, gmwm.Ranking]:
+) -> dict[str, gmwm.selection.Ranking]:
     """The best of all models within the general one for each axis, in a table."""
     rankings = {axis: gmwm.select(general, curve) for axis, curve in curves.items()}
     print(f"  {'axis':<8} {'recommended':<18} {'least WIC':<18} {'equivalent':>10} {'p':>7}" + "   truth" * bool(truth))
@@ -205,7 +205,7 @@ def select_all(
     return rankings
 
 
-def fits_of(rankings: Mapping[str, gmwm.Ranking]) -> dict[str, gmwm.Fit]:
+def fits_of(rankings: Mapping[str, gmwm.selection.Ranking]) -> dict[str, gmwm.Fit]:
     return {axis: ranking.recommended.fit for axis, ranking in rankings.items()}
 
 

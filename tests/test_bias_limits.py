@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import GM, RW, WN, Datasheet, Signal, WaveletVariance
+from gmwm import GM, RW, WN, Signal, WaveletVariance
+from gmwm.datasheets import Datasheet
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 RATE = 100.0
 FLOOR = math.sqrt(2 * math.log(2) / math.pi)
@@ -86,7 +87,7 @@ def test_beyond_the_levels_that_were_kept_the_data_say_nothing():
     assert not by_data(found)
 
 
-FLICKER = gmwm.parse_model("WN(sigma2=6e-7) + FN(b2=4e-10)")
+FLICKER = gmwm.Model.parse("WN(sigma2=6e-7) + FN(b2=4e-10)")
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from validation.comparators import allan_covariance, allan_points, slopes, vacca
 from validation.log_sampled import BlockLikelihood, log_sampling, most_likely_blocks
 
 RATE = 100.0
-MIXTURE = gmwm.parse_model(
+MIXTURE = gmwm.Model.parse(
     "GM(beta=20.0, sigma2=3.0) + GM(beta=0.5, sigma2=2.0) + WN(sigma2=1.5) + QN(q2=0.7) + RW(gamma2=0.02)"
 )
 
@@ -112,7 +112,7 @@ def test_blocks_of_single_samples_have_the_likelihood_of_the_record() -> None:
     assert np.all(blocks.lengths == 1)
     value, _, _ = BlockLikelihood(MIXTURE.processes, blocks, RATE).evaluate(np.log(list(MIXTURE.parameters.values())))
     # An exact diffuse start counts log 2π for the sample that it spends on the level, the density of differences not.
-    assert value - 0.5 * np.log(2 * np.pi) == pytest.approx(gmwm.loglikelihood(MIXTURE, x, RATE), rel=1e-9)
+    assert value - 0.5 * np.log(2 * np.pi) == pytest.approx(MIXTURE.loglikelihood(x, RATE), rel=1e-9)
 
 
 def test_the_search_over_block_means_ends_at_a_maximum_and_says_what_it_does_not_see() -> None:
@@ -141,11 +141,11 @@ def test_slopes_are_read_where_they_are_told() -> None:
     assert found["QN.q2"] == pytest.approx(1e-5, rel=0.05)
     # Not even told: an array and its Allan deviation give the same.
     read = gmwm.avlr(x, RATE, terms=("Q",))
-    assert slopes(x, RATE, gmwm.parse_model("QN"))["QN.q2"] == pytest.approx(read["Q"].coefficient ** 2 * RATE**2)
+    assert slopes(x, RATE, gmwm.Model.parse("QN"))["QN.q2"] == pytest.approx(read["Q"].coefficient ** 2 * RATE**2)
 
 
 def test_processes_are_matched_with_the_true_ones() -> None:
-    truth = gmwm.parse_model("GM(beta=10.0, sigma2=3.0) + GM(beta=0.1, sigma2=1.0) + WN(sigma2=2.0)").sorted(RATE)
+    truth = gmwm.Model.parse("GM(beta=10.0, sigma2=3.0) + GM(beta=0.1, sigma2=1.0) + WN(sigma2=2.0)").sorted(RATE)
     slow = {"GM[1].beta": 4000.0, "GM[1].sigma2": 0.0, "GM[2].beta": 0.2, "GM[2].sigma2": 1.0, "WN.sigma2": 2.0}
     fast = {"GM[1].beta": 5.0, "GM[1].sigma2": 3.0, "GM[2].beta": 1e-9, "GM[2].sigma2": 0.0, "WN.sigma2": 0.0}
     white = slow | {"GM[1].sigma2": 0.5, "WN.sigma2": 1.5}

@@ -18,7 +18,7 @@ MODEL = "GM(beta=0.5, sigma2=0.1) + WN(sigma2=1.0)"
 
 
 def clean(samples: int = 50_000, seed: int = 1, text: str = MODEL) -> np.ndarray:
-    return gmwm.parse_model(text).simulate(samples, RATE, rng=seed)
+    return gmwm.Model.parse(text).simulate(samples, RATE, rng=seed)
 
 
 def knocked(samples: int = 50_000) -> np.ndarray:
@@ -157,7 +157,7 @@ def test_there_and_back_through_json() -> None:
         assert again.to_dict() == verdict.to_dict()
         assert again.remarks == verdict.remarks
         assert again.levels.dtype == np.int64
-    with raises(gmwm.DataError, argument="left_out", got="bad weather"):
+    with raises(gmwm.errors.DataError, argument="left_out", got="bad weather"):
         Verdict.from_dict(verdict.to_dict() | {"left_out": {"1": "bad weather"}})
 
 
@@ -171,15 +171,15 @@ def test_wrong_arguments_are_named() -> None:
         classical,
         (classical, 3.0),
     ):
-        with raises(gmwm.DataError, argument="x"):
+        with raises(gmwm.errors.DataError, argument="x"):
             contamination(wrong)
-    with pytest.raises(gmwm.DataError, match="their samples differ"):
+    with pytest.raises(gmwm.errors.DataError, match="their samples differ"):
         contamination((classical, other[1]))
     pair = tuple(gmwm.wavelet_variance(clean(1000), RATE, filter="d4", robust=wanted) for wanted in (False, True))
-    with pytest.raises(gmwm.OptionError, match="Haar MODWT"):
+    with pytest.raises(gmwm.errors.OptionError, match="Haar MODWT"):
         contamination(pair)
-    with raises(gmwm.OptionError, argument="rate", got=50.0):
+    with raises(gmwm.errors.OptionError, argument="rate", got=50.0):
         contamination((classical, robust), rate=50.0)
     for name, value in {"size": 0.0, "comparisons": 0, "tolerance": -0.1}.items():
-        with raises(gmwm.OptionError, argument=name, got=value):
+        with raises(gmwm.errors.OptionError, argument=name, got=value):
             contamination((classical, robust), **{name: value})

@@ -9,7 +9,7 @@ from scipy.linalg import expm
 import gmwm
 from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
-from gmwm.processes import parse_model
+from gmwm.processes import Model
 from gmwm.statespace import StateSpace
 
 MODELS = (
@@ -42,7 +42,7 @@ def the_same(found, expected, rtol=1e-12):
 @pytest.mark.parametrize("text", MODELS)
 @pytest.mark.parametrize("rate", [10.0, 400.0])
 def test_steps_agree_with_van_loan_s_exponential_of_the_whole(text, rate):
-    model = parse_model(text)
+    model = Model.parse(text)
     space, found = model.state_space(rate), model.continuous(rate)
     kept = [k for k, term in enumerate(model.state_terms(rate)) if term not in found.left_out]
     p = len(kept)
@@ -62,15 +62,15 @@ def test_steps_agree_with_van_loan_s_exponential_of_the_whole(text, rate):
 
 @pytest.mark.parametrize("text", MODELS[:-1])
 def test_there_and_back(text):
-    model = parse_model(text)
+    model = Model.parse(text)
     the_same(model.continuous(250.0).discrete(250.0), model.state_space(250.0))
 
 
 @pytest.mark.parametrize("rate", [1.0, 37.0, 1e4])
 def test_at_another_rate_it_is_the_process_sampled_there(rate):
     # β and the variance of a Gauss-Markov process hang on no rate; γ² is per sample, σ² that of a mean over a step.
-    found = parse_model("GM(beta=2.0, sigma2=3.0) + RW(gamma2=0.5) + WN(sigma2=8.0)").continuous(100.0).discrete(rate)
-    there = parse_model(f"GM(beta=2.0, sigma2=3.0) + RW(gamma2={50 / rate!r}) + WN(sigma2={0.08 * rate!r})")
+    found = Model.parse("GM(beta=2.0, sigma2=3.0) + RW(gamma2=0.5) + WN(sigma2=8.0)").continuous(100.0).discrete(rate)
+    there = Model.parse(f"GM(beta=2.0, sigma2=3.0) + RW(gamma2={50 / rate!r}) + WN(sigma2={0.08 * rate!r})")
     for name in ("F", "Q", "H", "R"):
         np.testing.assert_allclose(getattr(found, name), getattr(there.state_space(rate), name), rtol=1e-12)
 
@@ -78,7 +78,7 @@ def test_at_another_rate_it_is_the_process_sampled_there(rate):
 @pytest.mark.parametrize("decay", [1e-14, 1e-8, 1e-3, 30.0])
 def test_a_process_next_to_a_walk_or_to_white_noise_loses_no_digits(decay):
     rate = 100.0
-    model = parse_model(f"GM(beta={decay * rate!r}, sigma2=4.0) + GM(beta=70.0, sigma2=1.0)")
+    model = Model.parse(f"GM(beta={decay * rate!r}, sigma2=4.0) + GM(beta=70.0, sigma2=1.0)")
     found = model.continuous(rate)
     assert found.A[0, 0] == pytest.approx(-decay * rate, rel=1e-15)
     assert found.Qc[0, 0] == pytest.approx(8.0 * decay * rate, rel=1e-15)
@@ -110,7 +110,7 @@ def test_steps_of_a_fast_oscillator_do_not_overflow():
      "SARMA(1, 0, 1, 0, period=24, phi1=0.5, sphi1=0.5, sigma2=1)"],
 )  # fmt: skip
 def test_steps_without_a_continuous_form_are_left_out_and_named(text):
-    model = parse_model(text) + gmwm.RW(gamma2=2.0)
+    model = Model.parse(text) + gmwm.RW(gamma2=2.0)
     found = model.continuous(100.0)
     assert found.left_out == model.terms[:1]
     assert found.terms == ("RW",)
@@ -125,7 +125,7 @@ def test_steps_whose_noise_no_covariance_can_drive_have_no_continuous_form():
 
 
 def test_matrices_are_read_only_and_checked():
-    found = parse_model("RW(gamma2=1.0)").continuous(10.0)
+    found = Model.parse("RW(gamma2=1.0)").continuous(10.0)
     with pytest.raises(ValueError, match="read-only"):
         found.A[0, 0] = 1.0
     with pytest.raises(ModelError, match=r"Qc must be finite with shape \(2, 2\) \(H has 2 states\)"):
@@ -133,6 +133,6 @@ def test_matrices_are_read_only_and_checked():
     with pytest.raises(OptionError, match="rate"):
         found.discrete(0.0)
     with pytest.raises(MissingTheoryError, match="has no state space"):
-        parse_model("FN(b2=1.0) + WN(sigma2=1.0)").continuous(10.0)
+        Model.parse("FN(b2=1.0) + WN(sigma2=1.0)").continuous(10.0)
     with pytest.raises(ModelError, match="needs a value"):
-        parse_model("GM + WN").state_terms(10.0)
+        Model.parse("GM + WN").state_terms(10.0)

@@ -10,7 +10,7 @@ from gmwm import Imu, Signal
 from gmwm._text import moment
 from gmwm.errors import DataError, GmwmWarning, OptionError
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from tests.helpers import only, raises
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, FN, GM, QN, RW, SIN, WN, Datasheet, Model, Signal, WaveletVariance, fixed
-from gmwm.datasheets import Entry
+from gmwm import AR1, DR, FN, GM, QN, RW, SIN, WN, Model, Signal, WaveletVariance, fixed
+from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import lowest
 from gmwm.datasheets.effective import Use, noise_in_use
 from gmwm.datasheets.equivalent_terms import translated
@@ -21,7 +21,7 @@ from gmwm.processes.parameter import Parameter, Value
 from gmwm.units import datasheet_units, noise_unit
 from tests.helpers import codes, only
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 RATE = 100.0
 FULL = Model.parse(
@@ -371,25 +371,25 @@ def test_terms_are_white_or_walks_to_a_horizon():
     fit = gmwm.fit(FULL.structure, wv)
     n2, k2 = 1e-6 / RATE, 1e-13 * RATE
     fast, slow = 4e-8 / RATE / math.tanh(0.5 * 20.0 / RATE), 2 * 0.5 * 1e-8
-    found = gmwm.effective_noise(fit, horizon=0.5)
+    found = gmwm.datasheets.effective_noise(fit, horizon=0.5)
     assert found["N_eff"].value == near(math.sqrt(n2 + fast), 1e-4)
     assert found["K_eff"].value == near(math.sqrt(k2 + slow), 1e-4)
-    found = gmwm.effective_noise(fit, horizon=100.0)
+    found = gmwm.datasheets.effective_noise(fit, horizon=100.0)
     assert found["N_eff"].value == near(math.sqrt(n2 + fast + 1e-8 / RATE / math.tanh(0.5 * 0.5 / RATE)), 1e-4)
     assert found["K_eff"].value == near(math.sqrt(k2), 1e-4)
     assert (found["N_eff"].unit, found["K_eff"].unit) == ("rad/s/√Hz", "rad/s/√s")
     for bad in (0.0, -1.0, math.inf, "1 s", True):
         with pytest.raises(OptionError, match="horizon must be a positive time"):
-            gmwm.effective_noise(fit, bad)
+            gmwm.datasheets.effective_noise(fit, bad)
 
 
 def test_effective_noise_of_one_term_is_that_term():
     fit = gmwm.fit("WN + RW", exact(WN(sigma2=1e-6) + RW(gamma2=1e-12)))
-    found, plain = gmwm.effective_noise(fit, 1.0), fit.datasheet()
+    found, plain = gmwm.datasheets.effective_noise(fit, 1.0), fit.datasheet()
     for symbol in ("N", "K"):
         of, to = plain[symbol], found[f"{symbol}_eff"]
         assert (to.value, to.low, to.high) == near((of.value, of.low, of.high), 1e-5)
-    found = gmwm.effective_noise(gmwm.fit("WN + RW", exact(WN(sigma2=1e-6))), 1.0)["K_eff"]
+    found = gmwm.datasheets.effective_noise(gmwm.fit("WN + RW", exact(WN(sigma2=1e-6))), 1.0)["K_eff"]
     assert found.upper_only
     assert 0 < found.high < 1e-5
     assert found.value == found.high
@@ -397,7 +397,7 @@ def test_effective_noise_of_one_term_is_that_term():
 
 def test_a_fast_term_is_counted_to_white_noise():
     fit = gmwm.fit("GM + WN", exact(GM(beta=50.0, sigma2=1e-6) + WN(sigma2=1e-6)))
-    found, counted = fit.datasheet(), gmwm.effective_noise(fit, 1.0)["N_eff"]
+    found, counted = fit.datasheet(), gmwm.datasheets.effective_noise(fit, 1.0)["N_eff"]
     assert only(found.remarks, "n-includes").facts["terms"] == ("GM (T_c = 0.020 s)",)
     assert (found["N"].value, found["N"].low, found["N"].high) == (counted.value, counted.low, counted.high)
     slow = gmwm.fit("GM + WN", exact(GM(beta=2.0, sigma2=1e-6) + WN(sigma2=1e-6))).datasheet()
@@ -415,7 +415,7 @@ def test_slow_terms_without_a_driving_noise_are_walks_as_gauss_markov_terms_are(
     ):
         truth = Model.parse(slow)
         fit = gmwm.fit(truth.structure + " + WN", exact(truth + WN(sigma2=1e-6)))
-        found = gmwm.effective_noise(fit, 1.0)
+        found = gmwm.datasheets.effective_noise(fit, 1.0)
         at = float(truth.allan_variance([100], RATE)[0])
         assert found["K_eff"].value == near(math.sqrt(3 * at / 1.0), 1e-3)
         assert not found["K_eff"].upper_only
@@ -430,7 +430,7 @@ def test_one_slow_term_that_is_white_noise_and_a_walk_is_counted_to_both():
     # An AR1 and white noise together are an ARMA(1, 1).
     parts = GM(beta=0.05, sigma2=1e-8) + WN(sigma2=1e-6)
     fit = gmwm.fit("ARMA(1, 1)", exact(parts))
-    found = gmwm.effective_noise(fit, 1.0)
+    found = gmwm.datasheets.effective_noise(fit, 1.0)
     assert found["N_eff"].value == near(math.sqrt(1e-6 / RATE), 0.02)
     assert found["K_eff"].value == near(math.sqrt(2 * 0.05 * 1e-8), 0.05)
     assert not found["K_eff"].upper_only
@@ -587,7 +587,7 @@ def test_words():
         + RW(gamma2=1e-12))).implied
     )  # fmt: skip
     fit = gmwm.fit("WN", Signal(np.random.default_rng(1).normal(size=500), RATE, "m/s²"))
-    assert gmwm.datasheet(fit)["N"].unit == "m/s²/√Hz"
+    assert fit.datasheet()["N"].unit == "m/s²/√Hz"
 
 
 @pytest.mark.parametrize("text", ["µg/√Hz", "ug/sqrt(Hz)", "µg/rtHz", "ug / √hz"])

@@ -15,7 +15,7 @@ from examples import contaminated, navigation, paper
 
 SEED = 2018
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 
 def shared(file: str) -> Path:

@@ -12,7 +12,8 @@ import gmwm
 from gmwm.errors import OptionError
 from gmwm.inspection import inspect
 from gmwm.inspection.resolution import lsb
-from gmwm.signals import Imu, Signal, TimeBase
+from gmwm.signals import Imu, Signal
+from gmwm.time_base import TimeBase
 
 RATE = 100.0
 

@@ -16,7 +16,7 @@ NOISE = "WN(sigma2=1e-6) + GM(beta=0.01, sigma2=1e-9) + RW(gamma2=1e-14)"
 
 
 def made(model, samples, seed, added=0.0):
-    x = gmwm.parse_model(model).simulate(samples, RATE, rng=seed) + added
+    x = gmwm.Model.parse(model).simulate(samples, RATE, rng=seed) + added
     return Imu({"gyro_x": Signal(x, RATE, "rad/s", "gyro_x")})
 
 
@@ -88,7 +88,7 @@ def test_gaps():
 def test_a_stream_says_the_same(tmp_path):
     samples = 40_000
     path = tmp_path / "warm.csv"
-    gmwm.write(made(NOISE, samples, 2, settling(samples, 5e-3, 60.0)), path)
+    made(NOISE, samples, 2, settling(samples, 5e-3, 60.0)).write(path)
     whole, chunked = inspect(gmwm.read(path)), inspect(gmwm.stream(path, chunk=997))
     assert len(whole.warm_ups) == 1
     assert whole.warm_ups == chunked.warm_ups

@@ -97,4 +97,4 @@ def test_moments_are_those_of_numpy():
 def test_what_is_no_recording():
     with pytest.raises(gmwm.errors.OptionError, match="an Imu or a Stream, got Signal; wrap it"):
         gmwm.inspect(gmwm.Signal(np.arange(10.0), RATE, "rad/s", "gyro_x"))
-    assert isinstance(gmwm.inspect(Imu.from_arrays({"gyro_x": np.arange(100.0)}, RATE)), gmwm.Inspection)
+    assert isinstance(gmwm.inspect(Imu.from_arrays({"gyro_x": np.arange(100.0)}, RATE)), gmwm.inspection.Inspection)

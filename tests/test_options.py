@@ -69,12 +69,12 @@ def test_one_rule_for_confidence_before_anything_is_measured(confidence):
 
 @pytest.mark.parametrize("confidence", [0.3, 1.0, 95])
 def test_intervals_and_limits_have_the_rule_of_calibrations(confidence):
-    signal = gmwm.simulate_signal("WN(sigma2=4.0)", rate=100.0, samples=4096, seed=1).signal
+    signal = gmwm.simulate_signal("WN(sigma2=4.0)", rate=100.0, samples=4096, rng=1).signal
     found = gmwm.fit("WN", signal)
     for refused in (
         lambda: gmwm.wavelet_variance(signal, confidence=confidence),
         lambda: found.confidence_intervals(confidence),
-        lambda: gmwm.datasheet(found, confidence),
+        lambda: found.datasheet(confidence),
     ):
         with pytest.raises(OptionError, match=r"must be at least 0\.5 and less than 1, got"):
             refused()

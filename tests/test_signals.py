@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 
 import gmwm
 from gmwm.errors import DataError, OptionError, UnitError
-from gmwm.signals import AXES, Imu, Signal, TimeBase
+from gmwm.signals import AXES, Imu, Signal
+from gmwm.time_base import TimeBase
 
 
 def test_from_arrays_converts_to_si():
@@ -100,13 +102,13 @@ def test_missing_samples_part_segments(values, segments, starts):
 
 
 def test_missing_samples_are_gaps_to_every_estimate():
-    model = gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=4.0)")
+    model = gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=4.0)")
     x = model.simulate(4000, 100.0, rng=1)
     x[1000:1003], x[2500] = NAN, NAN
     signal = Signal.from_missing(x, 100.0)
     pieces = Signal(x[np.isfinite(x)], 100.0, segments=((0, 1000), (1000, 2497), (2497, 3996)))
     assert gmwm.wavelet_variance(signal).variance.tolist() == gmwm.wavelet_variance(pieces).variance.tolist()
-    assert gmwm.loglikelihood(model, signal) == gmwm.loglikelihood(model, x, 100.0)
+    assert model.loglikelihood(signal) == model.loglikelihood(x, 100.0)
 
 
 @pytest.mark.parametrize(
@@ -129,14 +131,14 @@ def test_missing_samples_are_not_to_be_cut_out(given):
             door(given * 4 if isinstance(given, list) else given, 1.0)
 
 
-SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)"}, rate=1.0, samples=50, seed=1,
+SIMULATED = gmwm.simulate({"gyro_x": "WN(sigma2=1.0)", "gyro_y": "WN(sigma2=1.0)"}, rate=1.0, samples=50, rng=1,
                           components=True)  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (SIMULATED.imu, r"got a whole Imu of gyro_x, gyro_y; pass x\['gyro_x'\]"),
+        (gmwm.wavelet_variance(SIMULATED.imu), r"must be one axis, got a WaveletVariances; pick one of gyro_x, gyro_y"),
         (SIMULATED, r"got a whole SimulatedImu of gyro_x, gyro_y; pass x\.imu\['gyro_x'\]"),
         (SIMULATED["gyro_x"], r"got a whole SimulatedSignal of WN; pass x\.signal"),
         ("static.csv", r"got 'static\.csv'; a file is read first: gmwm\.read\(path\)"),
@@ -147,6 +149,12 @@ def test_what_holds_samples_is_no_signal(given, message):
     for door in (gmwm.wavelet_variance, gmwm.allan_variance):
         with pytest.raises(DataError, match=message):
             door(given, 1.0)
+
+
+@pytest.mark.parametrize("door", [gmwm.allan_variance, gmwm.avlr, gmwm.contamination, partial(gmwm.fit, "WN")])
+def test_one_signal_is_not_a_recording(door):
+    with pytest.raises(DataError, match=r"got a whole Imu of gyro_x, gyro_y; pass x\['gyro_x'\]"):
+        door(SIMULATED.imu)
 
 
 @pytest.mark.parametrize("rate", ["100", b"100", True, np.True_])
@@ -166,3 +174,17 @@ def test_a_rate_is_a_number(rate):
 @pytest.mark.parametrize("rate", [100, np.int32(100), np.float32(100.0), np.float64(100.0)])
 def test_every_number_is_a_rate(rate):
     assert Signal([1.0], rate).rate == 100.0
+
+
+def test_a_sensor_of_a_recording_is_a_recording():
+    table = np.arange(60.0).reshape(10, 6)
+    imu = Imu.from_arrays(table, 50, source="x", segments=((0, 4), (4, 10)))
+    for sensor in ("gyro", "accel"):
+        part = imu[sensor]
+        assert isinstance(part, Imu)
+        assert part.axes == tuple(axis for axis in AXES if axis.startswith(sensor))
+        assert (part.source, part.rate, part.segments) == ("x", 50.0, imu.segments)
+        assert all(part[axis] is imu[axis] for axis in part)
+    assert Imu.from_arrays({"accel_y": [1.0, 2.0]}, 50)["accel"].axes == ("accel_y",)
+    with pytest.raises(DataError, match="axis must be one of gyro_x, gyro_y, gyro_z, gyro; got 'accel'"):
+        imu["gyro"]["accel"]

@@ -9,7 +9,7 @@ from gmwm import GM, QN, RW, WN, Model, wavelet_variance
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.readers import read
 from gmwm.signals import AXES
-from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal, write_components
+from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from gmwm.units import STANDARD_GRAVITY
 from tests.helpers import only
 
@@ -20,8 +20,8 @@ FIXED = settings(derandomize=True, deadline=None, max_examples=40)
 @FIXED
 @given(seed=st.integers(0, 2**40), axes=st.sets(st.sampled_from(AXES), min_size=1))
 def test_an_axis_is_the_same_path_whatever_is_simulated_with_it(seed, axes):
-    whole = simulate(WHITE, rate=100.0, samples=16, seed=seed)
-    part = simulate(dict.fromkeys(axes, WHITE), rate=100.0, samples=16, seed=seed)
+    whole = simulate(WHITE, rate=100.0, samples=16, rng=seed)
+    part = simulate(dict.fromkeys(axes, WHITE), rate=100.0, samples=16, rng=seed)
     assert set(part.axes) == axes
     for axis in axes:
         assert np.array_equal(part[axis].values, whole[axis].values)
@@ -33,8 +33,8 @@ def test_duration_and_samples_say_the_same(rate, duration, seed):
     n = round(duration * rate)
     if not 8 <= n <= 10_000:
         return
-    by_time = simulate(WHITE, rate=rate, duration=duration, seed=seed)
-    by_count = simulate(WHITE, rate=rate, samples=n, seed=seed)
+    by_time = simulate(WHITE, rate=rate, duration=duration, rng=seed)
+    by_count = simulate(WHITE, rate=rate, samples=n, rng=seed)
     assert len(by_time) == n
     assert by_time.rate == rate
     assert all(np.array_equal(by_time[axis].values, by_count[axis].values) for axis in AXES)
@@ -45,21 +45,41 @@ def test_duration_and_samples_say_the_same(rate, duration, seed):
 def test_the_path_scales_with_its_model(power, seed):
     truth = WN(sigma2=1.0) + RW(gamma2=0.25) + QN(q2=4.0) + GM(beta=1.0, sigma2=9.0)
     scaled = Model(tuple(p.with_values(**{p.scale_parameter().name: p.scale * 4.0**power}) for p in truth.processes))
-    one = simulate({"gyro_x": truth}, rate=10.0, samples=64, seed=seed)["gyro_x"].values
-    other = simulate({"gyro_x": scaled}, rate=10.0, samples=64, seed=seed)["gyro_x"].values
+    one = simulate({"gyro_x": truth}, rate=10.0, samples=64, rng=seed)["gyro_x"].values
+    other = simulate({"gyro_x": scaled}, rate=10.0, samples=64, rng=seed)["gyro_x"].values
     assert other == pytest.approx(one * 2.0**power, rel=1e-9, abs=1e-9 * 2.0**power)
 
 
 def test_axes_and_seeds_are_independent():
-    first, second = (simulate(WHITE, rate=100.0, samples=4096, seed=seed) for seed in (1, 2))
+    first, second = (simulate(WHITE, rate=100.0, samples=4096, rng=seed) for seed in (1, 2))
     paths = [imu[axis].values - imu[axis].values.mean() for imu in (first, second) for axis in AXES]
     correlation = np.corrcoef(paths)[np.triu_indices(len(paths), 1)]
     assert np.max(np.abs(correlation)) < 4.5 / np.sqrt(4096)
 
 
+def test_an_integer_gives_the_same_samples_in_every_version():
+    imu = simulate({"gyro_y": WHITE}, rate=100.0, samples=100, rng=1)
+    stream = np.random.SeedSequence(1).spawn(6)[1]
+    np.testing.assert_array_equal(imu["gyro_y"].values, Model.parse(WHITE).simulate(100, 100.0, stream))
+    signal = simulate_signal(WHITE, rate=100.0, samples=100, rng=1).signal
+    np.testing.assert_array_equal(signal.values, Model.parse(WHITE).simulate(100, 100.0, 1))
+
+
+def test_a_generator_may_draw():
+    one, other = (simulate(WHITE, rate=100.0, samples=100, rng=np.random.default_rng(4)) for _ in range(2))
+    assert all(np.array_equal(one[axis].values, other[axis].values) for axis in one)
+    seed = int(one.source.rpartition(" ")[2])
+    again = simulate(WHITE, rate=100.0, samples=100, rng=seed)
+    assert all(np.array_equal(one[axis].values, again[axis].values) for axis in one)
+    generator = np.random.default_rng(4)
+    first, second = (simulate_signal(WHITE, rate=100.0, samples=100, rng=generator).signal for _ in range(2))
+    np.testing.assert_array_equal(first.values, simulate_signal(WHITE, rate=100.0, samples=100, rng=4).signal.values)
+    assert not np.any(first.values == second.values)
+
+
 def test_the_paths_have_the_wavelet_variance_of_their_models():
     truth = reference_imu()
-    imu = simulate(truth, rate=100.0, samples=2**17, seed=11)
+    imu = simulate(truth, rate=100.0, samples=2**17, rng=11)
     for axis, model in truth.items():
         wv = wavelet_variance(imu[axis], confidence=1 - 1e-6)
         expected = model.wavelet_variance(wv.levels, 100.0)
@@ -70,7 +90,7 @@ def test_the_paths_have_the_wavelet_variance_of_their_models():
 
 def test_gravity():
     def means(**options):
-        imu = simulate(WHITE, rate=100.0, samples=1000, seed=1, **options)
+        imu = simulate(WHITE, rate=100.0, samples=1000, rng=1, **options)
         return {axis: float(np.mean(imu[axis].values)) for axis in AXES}
 
     for chosen in ("accel_z", "accel_x", None):
@@ -81,7 +101,7 @@ def test_gravity():
 
 @pytest.mark.parametrize("step", [1e-5, 0.01, 0.25, 0.3, 7.0])
 def test_resolution_rounds_every_sample(step):
-    options = {"rate": 100.0, "samples": 500, "seed": 1}
+    options = {"rate": 100.0, "samples": 500, "rng": 1}
     model = WN(sigma2=100 * step**2)
     exact = simulate({"gyro_x": model, "gyro_y": model}, **options)
     rounded = simulate({"gyro_x": model, "gyro_y": model}, resolution={"gyro_x": step}, **options)
@@ -92,12 +112,12 @@ def test_resolution_rounds_every_sample(step):
 
 
 def test_rounded_to_a_decimal_is_short_in_a_file():
-    imu = simulate(WHITE, rate=100.0, samples=500, seed=1, resolution={"gyro": 1e-5})
+    imu = simulate(WHITE, rate=100.0, samples=500, rng=1, resolution={"gyro": 1e-5})
     assert max(len(repr(value)) for value in imu["gyro_x"].values.tolist()) <= len("-0.01234")
 
 
 def test_units_remarks_and_source_say_what_it_is():
-    imu = simulate({"gyro": WHITE, "accel_y": "QN(q2=1e-6)"}, rate=50.0, duration=1, seed=7)
+    imu = simulate({"gyro": WHITE, "accel_y": "QN(q2=1e-6)"}, rate=50.0, duration=1, rng=7)
     assert imu.axes == ("gyro_x", "gyro_y", "gyro_z", "accel_y")
     assert (imu["gyro_z"].unit, imu["accel_y"].unit, imu["accel_y"].axis) == ("rad/s", "m/s²", "accel_y")
     assert only(imu.remarks, "simulated", "accel_y").facts == {"model": "QN(q2=1e-06)", "seed": 7}
@@ -114,7 +134,7 @@ def test_units_remarks_and_source_say_what_it_is():
 )
 def test_latent_processes_add_up_to_the_last_bit(seed, order):
     model = Model.parse(" + ".join(order))
-    made = simulate_signal(model, rate=10.0, samples=64, seed=seed)
+    made = simulate_signal(model, rate=10.0, samples=64, rng=seed)
     assert np.array_equal(sum(made[term].values for term in made), made.signal.values)
     assert np.array_equal(made.signal.values, model.simulate(64, 10.0, seed))
     drawn = model.simulate_terms(64, 10.0, seed)
@@ -124,7 +144,7 @@ def test_latent_processes_add_up_to_the_last_bit(seed, order):
 
 @pytest.mark.parametrize("gravity", ["accel_z", None])
 def test_a_recording_is_the_same_with_its_latent_processes(gravity):
-    options = {"rate": 100.0, "samples": 200, "seed": 8, "gravity": gravity, "resolution": {"accel_x": 0.01}}
+    options = {"rate": 100.0, "samples": 200, "rng": 8, "gravity": gravity, "resolution": {"accel_x": 0.01}}
     alone = simulate(reference_imu(), **options)
     made = simulate(reference_imu(), **options, components=True)
     assert made.imu.remarks == alone.remarks
@@ -143,7 +163,7 @@ def test_a_recording_is_the_same_with_its_latent_processes(gravity):
 
 def test_latent_processes_are_signals_with_the_variance_of_their_terms():
     made = simulate(
-        {"gyro_x": "2*GM(beta=0.5, sigma2=4e-7) + WN(sigma2=1e-6)"}, rate=100.0, samples=2**16, seed=3, components=True
+        {"gyro_x": "2*GM(beta=0.5, sigma2=4e-7) + WN(sigma2=1e-6)"}, rate=100.0, samples=2**16, rng=3, components=True
     )
     one = made["gyro_x"]
     assert (one["WN"].unit, one["WN"].axis, one["WN"].rate) == ("rad/s", "gyro_x WN", 100.0)
@@ -153,7 +173,7 @@ def test_latent_processes_are_signals_with_the_variance_of_their_terms():
 
 
 def test_what_was_simulated_can_be_pickled_and_says_what_it_is():
-    made = simulate({"gyro_x": WHITE}, rate=100.0, samples=50, seed=3, components=True)
+    made = simulate({"gyro_x": WHITE}, rate=100.0, samples=50, rng=3, components=True)
     again = pickle.loads(pickle.dumps(made))
     assert repr(again) == repr(made)
     assert repr(made).endswith("; gyro_x = WN)")
@@ -168,9 +188,9 @@ def test_what_was_simulated_can_be_pickled_and_says_what_it_is():
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix):
-    made = simulate(reference_imu(), rate=100.0, samples=100, seed=5, components=True)
+    made = simulate(reference_imu(), rate=100.0, samples=100, rng=5, components=True)
     path = tmp_path / f"parts{suffix}"
-    columns = write_components(made, path)
+    columns = made.write_components(path)
     assert len(columns) == sum(len(model.terms) for model in reference_imu().values())
     for axis, term in (("gyro_z", "GM[2]"), ("accel_z", "QN")):
         column = f"{axis} {term} [{made.imu[axis].unit}]"
@@ -179,15 +199,15 @@ def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix
 
 
 def test_a_plain_signal_has_plain_columns(tmp_path):
-    made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, seed=1)
-    assert write_components(made, tmp_path / "parts.csv") == ("AR1", "WN")
+    made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, rng=1)
+    assert made.write_components(tmp_path / "parts.csv") == ("AR1", "WN")
     with pytest.raises(OptionError, match=r"\.csv or \.parquet"):
-        write_components(made, tmp_path / "parts.txt")
+        made.write_components(tmp_path / "parts.txt")
     assert [path.name for path in tmp_path.iterdir()] == ["parts.csv"]
 
 
 def test_a_signal_is_rounded_and_its_parts_are_not():
-    exact, rounded = (simulate_signal(WN(sigma2=1.0), rate=1.0, samples=50, seed=1, resolution=r) for r in (None, 0.5))
+    exact, rounded = (simulate_signal(WN(sigma2=1.0), rate=1.0, samples=50, rng=1, resolution=r) for r in (None, 0.5))
     assert np.array_equal(rounded.signal.values, np.rint(exact.signal.values * 2) / 2)
     assert np.array_equal(rounded["WN"].values, exact["WN"].values)
     assert (exact.resolution, rounded.resolution) == (None, 0.5)
@@ -200,12 +220,12 @@ def test_a_signal_is_rounded_and_its_parts_are_not():
         ({"model": "WN(sigma2=1) + VN"}, ModelError, "VN"),
         ({"rate": 0.0}, OptionError, "rate"),
         ({"samples": None}, OptionError, "neither"),
-        ({"seed": -1}, OptionError, "seed"),
+        ({"rng": -1}, OptionError, "rng must be an integer"),
         ({"resolution": -1.0}, OptionError, "resolution of the signal"),
     ],
 )
 def test_errors_of_a_signal(arguments, error, says):
-    given_arguments = {"model": WHITE, "rate": 100.0, "samples": 100, "seed": 1, **arguments}
+    given_arguments = {"model": WHITE, "rate": 100.0, "samples": 100, "rng": 1, **arguments}
     with pytest.raises(error, match=says):
         simulate_signal(given_arguments.pop("model"), **given_arguments)
 
@@ -232,16 +252,16 @@ def test_models_by_axis():
         ({"samples": 10.5}, OptionError, "integer"),
         ({"samples": None, "duration": float("nan")}, OptionError, "duration"),
         ({"samples": None, "duration": 1e-9}, OptionError, "at least 8"),
-        ({"seed": -1}, OptionError, "seed"),
-        ({"seed": 1.5}, OptionError, "seed"),
-        ({"seed": True}, OptionError, "seed"),
+        ({"rng": -1}, OptionError, "rng must be an integer"),
+        ({"rng": 1.5}, OptionError, "rng must be an integer"),
+        ({"rng": True}, OptionError, "rng must be an integer"),
         ({"resolution": {"gyro_x": 0.0}}, OptionError, "resolution"),
         ({"resolution": {"gyros": 1.0}}, OptionError, "gyros"),
         ({"gravity": "gyro_x"}, OptionError, "gravity"),
     ],
 )
 def test_errors(arguments, error, says):
-    given_arguments = {"models": WHITE, "rate": 100.0, "samples": 100, "seed": 1, **arguments}
+    given_arguments = {"models": WHITE, "rate": 100.0, "samples": 100, "rng": 1, **arguments}
     with pytest.raises(error, match=says):
         simulate(given_arguments.pop("models"), **given_arguments)
 
@@ -253,5 +273,5 @@ def test_the_reference_is_a_whole_unit():
         assert model.is_complete
         assert Model.parse(str(model)) == model
         # Sorted as results are, so that the names of truth and estimate agree.
-        assert model.sorted(100.0) == model
+        assert model.sorted(100.0).processes == model.processes
         assert any(name.startswith("WN") for name in model.names), axis

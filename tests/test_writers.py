@@ -14,7 +14,7 @@ from gmwm._files import write_text
 from gmwm.errors import OptionError
 from gmwm.readers import read
 from gmwm.signals import AXES, Imu, Signal
-from gmwm.writers import SUFFIXES, write
+from gmwm.writers import SUFFIXES
 from tests.helpers import raises
 
 FIXED = settings(
@@ -33,7 +33,7 @@ def test_what_is_written_is_read_bit_for_bit(tmp_path, suffix, values, rate):
     values[0] = 1.5
     values[1] = -values[0]  # not constant
     imu = Imu.from_arrays(values, rate, axes=("gyro_x", "gyro_z", "accel_y"))
-    write(imu, tmp_path / f"a{suffix}")
+    imu.write(tmp_path / f"a{suffix}")
     again = read(tmp_path / f"a{suffix}")
     assert again.axes == imu.axes
     for axis in imu:
@@ -50,7 +50,7 @@ def test_segments_starts_and_temperature_survive(tmp_path, suffix, starts):
     signal = Signal(values, 50.0, "m/s²", "accel_x", 3.0, ((0, 40), (40, 49), (49, 200)), starts)
     temperature = 20 + np.arange(200) / 7
     imu = Imu({"accel_x": signal}, temperature=temperature)
-    write(imu, tmp_path / f"a{suffix}")
+    imu.write(tmp_path / f"a{suffix}")
     again = read(tmp_path / f"a{suffix}")
     assert again.segments == signal.segments
     np.testing.assert_allclose(again["accel_x"].starts, signal.starts, rtol=1e-12)
@@ -59,7 +59,7 @@ def test_segments_starts_and_temperature_survive(tmp_path, suffix, starts):
 
 def test_header_names_units(tmp_path):
     (tmp_path / "new").mkdir()
-    write(Imu.from_arrays(np.random.default_rng(0).normal(size=(9, 6)), 10), tmp_path / "a.csv")
+    Imu.from_arrays(np.random.default_rng(0).normal(size=(9, 6)), 10).write(tmp_path / "a.csv")
     header = (tmp_path / "a.csv").read_text().splitlines()[0]
     assert header == ",".join(["time [s]", *(f"{axis} [{'rad/s' if 'gyro' in axis else 'm/s²'}]" for axis in AXES)])
 
@@ -69,7 +69,7 @@ def test_whole_or_nothing(tmp_path, monkeypatch):
 
     path = tmp_path / "a.csv"
     imu = Imu.from_arrays({"gyro_x": np.arange(9.0)}, 10)
-    write(imu, path)
+    imu.write(path)
     before = path.read_bytes()
 
     def broken(self, file):
@@ -78,14 +78,14 @@ def test_whole_or_nothing(tmp_path, monkeypatch):
 
     monkeypatch.setattr(pl.DataFrame, "write_csv", broken)
     with pytest.raises(OSError, match="disk full"):
-        write(imu, path)
+        imu.write(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_unknown_suffix(tmp_path):
     with raises(OptionError, ".csv, .parquet or .imu", "a.xlsx", argument="path"):
-        write(Imu.from_arrays({"gyro_x": [1.0]}, 1), tmp_path / "a.xlsx")
+        Imu.from_arrays({"gyro_x": [1.0]}, 1).write(tmp_path / "a.xlsx")
     assert not list(tmp_path.iterdir())
 
 
@@ -102,8 +102,8 @@ def test_a_full_disk_is_told_by_the_name_that_was_wanted(tmp_path, monkeypatch):
 
 def test_a_signal_is_a_recording_of_one_axis(tmp_path):
     signal = Signal([1.0, 2.0, 3.0], 10.0, "rad/s", "gyro_z", start=4.0)
-    write(signal, tmp_path / "signal.csv")
-    write(Imu({"gyro_z": signal}), tmp_path / "imu.csv")
+    signal.write(tmp_path / "signal.csv")
+    Imu({"gyro_z": signal}).write(tmp_path / "imu.csv")
     assert (tmp_path / "signal.csv").read_text() == (tmp_path / "imu.csv").read_text()
 
 
@@ -117,5 +117,5 @@ def test_a_signal_is_a_recording_of_one_axis(tmp_path):
 )
 def test_what_is_no_recording_is_not_written(tmp_path, given, message):
     with pytest.raises(OptionError, match=message):
-        write(given, tmp_path / "a.csv")
+        given.write(tmp_path / "a.csv")
     assert not list(tmp_path.iterdir())

@@ -84,7 +84,7 @@ def run_study(study: ModuleType, *, reduced: bool = False) -> Record:
     """Run one study and put its result into words; nothing is written."""
     with warnings.catch_warnings():
         # A term that the data do not show is part of what is studied.
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         result = study.run(reduced)
     if not result.get("rows"):
         raise ValueError(f"study {study.NAME} gave no rows: its result must hold the numbers under 'rows'")

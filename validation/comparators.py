@@ -106,7 +106,7 @@ def vaccaro_zaki(x: Vector, *, tolerance: float = 1e-9, most: int = 200) -> Whit
 
     Examples
     --------
-    >>> truth = gmwm.parse_model("WN(sigma2=4e-6) + RW(gamma2=1e-10)")
+    >>> truth = gmwm.Model.parse("WN(sigma2=4e-6) + RW(gamma2=1e-10)")
     >>> found = vaccaro_zaki(truth.simulate(100_000, 100.0, np.random.default_rng(1)))
     >>> print(f"{found.noise:.2e} ± {found.covariance[0, 0] ** 0.5:.0e}")
     4.01e-06 ± 2e-08

@@ -65,14 +65,14 @@ def count(reduced: bool) -> int:
 @cache
 def simulated(text: str, count: int, seed: int) -> Array:
     """Wavelet variances (count, J) of recordings of the model `text`."""
-    return simulated_variances(gmwm.parse_model(text).sorted(RATE), design(), count, seed)
+    return simulated_variances(gmwm.Model.parse(text).sorted(RATE), design(), count, seed)
 
 
 def fitted(structure: str, variance: Array, weighting: str, samples: int = SAMPLES, rate: float = RATE) -> gmwm.Fit:
     """The fit of a model without values to one recording; a term that it does not show is part of what is studied."""
     wv = gmwm.WaveletVariance.from_values(variance, samples=samples, rate=rate)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return gmwm.fit(structure, wv, weighting=weighting, certify=False)
 
 
@@ -91,7 +91,7 @@ def outcome(structure: str, weighting: str, variance: Array, *, samples: int = S
 @cache
 def outcomes(text: str, weighting: str, count: int) -> Array:
     """`outcome` (count, 5, p) of recordings of one of `TRUTHS`, each fitted by the model that it comes from."""
-    structure = gmwm.parse_model(text).sorted(RATE).structure
+    structure = gmwm.Model.parse(text).sorted(RATE).structure
     drawn = simulated(text, count, SEED + TRUTHS.index(text))
     return np.array(everywhere(partial(outcome, structure, weighting), drawn))
 

@@ -18,7 +18,7 @@ NAME = "contamination"
 SEED = 20261123
 RATE = 100.0
 SAMPLES = 20_000
-TRUTH = gmwm.parse_model("GM(beta=2.0, sigma2=1e-6) + WN(sigma2=4e-6)").sorted(RATE)
+TRUTH = gmwm.Model.parse("GM(beta=2.0, sigma2=1e-6) + WN(sigma2=4e-6)").sorted(RATE)
 SIZE = 50 * 2e-3
 """Of what is added: fifty standard deviations of the white noise (rad/s)."""
 

@@ -74,7 +74,7 @@ def _false_alarms(truth: str, rounding: str, step: float, samples: int, units: i
 def _judged(text: str, rounding: str, step: float, samples: int, seed: tuple[int, ...]) -> Array:
     """Contaminated among six; contaminated by itself; number of levels tested."""
     rng = np.random.default_rng(seed)
-    x = gmwm.parse_model(text).simulate(samples, RATE, rng)
+    x = gmwm.Model.parse(text).simulate(samples, RATE, rng)
     if rounding != "none":
         q = step * np.sqrt(np.var(np.diff(x)) / 2)
         if rounding == "rate":

@@ -29,12 +29,12 @@ def run(reduced: bool = False) -> dict[str, Any]:
     """Exact and simulated variances of each level, and the largest deviation of a covariance in standard errors."""
     rows, covariances = [], []
     for text, seed in zip(TRUTHS, np.random.SeedSequence(SEED).spawn(len(TRUTHS)), strict=True):
-        truth = gmwm.parse_model(text)
+        truth = gmwm.Model.parse(text)
         for robust, recordings in ((False, 20_000), (True, 4_000)):
             if reduced:
                 recordings //= 20
             nu = _variances(truth, recordings, seed, robust)
-            exact = gmwm.wavelet_covariance(truth, SAMPLES, RATE, robust=robust)
+            exact = gmwm.covariance.wavelet_covariance(truth, SAMPLES, RATE, robust=robust)
             simulated, error = _scatter(nu)
             estimator = "robust" if robust else "classical"
             rows += [

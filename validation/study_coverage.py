@@ -22,7 +22,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     count = recordings.count(reduced)
     rows = []
     for text in recordings.truths(reduced):
-        model = gmwm.parse_model(text).sorted(recordings.RATE)
+        model = gmwm.Model.parse(text).sorted(recordings.RATE)
         for weighting in recordings.WEIGHTINGS:
             found = recordings.outcomes(text, weighting, count)
             for k, (name, truth) in enumerate(model.parameters.items()):

@@ -38,7 +38,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     recordings = 10 if reduced else 600
     rows, theory = [], []
     for (case, text), seed in zip(TRUTHS.items(), np.random.SeedSequence(SEED).spawn(len(TRUTHS)), strict=True):
-        truth = gmwm.parse_model(text).sorted(RATE)
+        truth = gmwm.Model.parse(text).sorted(RATE)
         at = {name: value for name, value in truth.parameters.items() if value is not None}
         bound = fisher_errors(*_shape(truth), SAMPLES)
         estimates = _estimates(truth, tuple(at.values()), seed, recordings)
@@ -102,7 +102,7 @@ def _theory(truth: gmwm.Model, bound: NDArray[np.float64]) -> list[tuple[str, li
 
 def _length(beta: float) -> dict[str, float]:
     """Standard errors of optimal weights over the bound, and how many correlation times the record holds."""
-    truth = gmwm.parse_model(TRUTHS["slow"]).with_values({"GM.beta": beta}).sorted(RATE)
+    truth = gmwm.Model.parse(TRUTHS["slow"]).with_values({"GM.beta": beta}).sorted(RATE)
     bound = fisher_errors(*_shape(truth), SAMPLES)
     wavelet = covariance(truth, design := as_design(SAMPLES, RATE, None, "haar", "modwt", None))
     found = sandwich_of(truth, design, precision(wavelet), wavelet)

@@ -31,7 +31,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     count = recordings.count(reduced)
     rows = []
     for text in recordings.truths(reduced):
-        structure = gmwm.parse_model(text).sorted(recordings.RATE).structure
+        structure = gmwm.Model.parse(text).sorted(recordings.RATE).structure
         for weighting in recordings.WEIGHTINGS:
             pvalues = recordings.outcomes(text, weighting, count)[:, -1, 0]
             rows.append(_row("size", "asymptotic", text, structure, weighting, pvalues))
@@ -43,7 +43,7 @@ def _bootstrap(reduced: bool) -> list[dict[str, Any]]:
     """Size of the test by simulated recordings."""
     rows = []
     for text in recordings.TRUTHS[:1] if reduced else recordings.TRUTHS[:2]:
-        structure = gmwm.parse_model(text).sorted(recordings.RATE).structure
+        structure = gmwm.Model.parse(text).sorted(recordings.RATE).structure
         drawn = recordings.simulated(text, 5 if reduced else 150, SEED + 100)
         pvalues = np.array(recordings.everywhere(partial(_simulated_pvalue, structure), list(enumerate(drawn))))
         rows.append(_row("size", "bootstrap", text, structure, "diagonal", pvalues))
@@ -71,7 +71,7 @@ def _simulated_pvalue(structure: str, numbered: tuple[int, recordings.Array]) ->
     """By a bootstrap whose seed is the number of the recording: chance must not be the same in all of them."""
     seed, variance = numbered
     fit = recordings.fitted(structure, variance, "diagonal")
-    return fit.goodness_of_fit(method="bootstrap", draws=DRAWS, seed=seed).pvalue
+    return fit.goodness_of_fit(method="bootstrap", draws=DRAWS, rng=seed).pvalue
 
 
 def _row(kind: str, method: str, truth: str, fitted: str, weighting: str, pvalues: recordings.Array) -> dict[str, Any]:

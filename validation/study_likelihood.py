@@ -33,10 +33,10 @@ Row = dict[str, Any]
 
 def outcome(text: str, samples: int, profile: bool, seed: int) -> dict[str, Any]:
     """What is asked of one recording: estimates, errors and intervals (p, 6), and the tests of all at once."""
-    truth = gmwm.parse_model(text).sorted(RATE)
+    truth = gmwm.Model.parse(text).sorted(RATE)
     x = MEAN + truth.simulate(samples, RATE, np.random.default_rng(seed))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         fit = gmwm.fit_ml(truth.structure, x, RATE)
         wald = fit.confidence_intervals()
         followed = fit.confidence_intervals(method="profile") if profile else {}
@@ -69,7 +69,7 @@ def studied(number: int, text: str, samples: int, count: int, followed: int) -> 
     """What is found of one model: a row for each parameter, and the tests of all of them at once."""
     from scipy.stats import chi2
 
-    model = gmwm.parse_model(text).sorted(RATE)
+    model = gmwm.Model.parse(text).sorted(RATE)
     seeds = (SEED + 1_000_000 * number + np.arange(count)).tolist()
     # Those with a profile are shared among the processors one by one.
     found = recordings.everywhere(partial(outcome, text, samples, True), seeds[:followed], least=20)

@@ -139,7 +139,7 @@ def _exact(fit: gmwm.Fit) -> gmwm.Fit:
 
 
 def _truth(place: int) -> gmwm.Model:
-    return gmwm.parse_model(CASES[place].truth).sorted(CASES[place].rate)
+    return gmwm.Model.parse(CASES[place].truth).sorted(CASES[place].rate)
 
 
 def _setting(place: int) -> Design:
@@ -165,7 +165,7 @@ def _implied(place: int, weighting: str, variance: recordings.Array) -> recordin
 def _fitted(place: int, weighting: str, variance: recordings.Array) -> gmwm.Fit:
     matrix = _posed(place, weighting).fit.weighting_matrix
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return gmwm.fit(CASES[place].fitted, _measured(CASES[place], variance), weighting=matrix, certify=False)
 
 
@@ -179,7 +179,7 @@ def _bootstrapped(draws: int, asked: tuple[int, str, int]) -> float:
     """By a bootstrap of the fit to recording b, whose seed is b."""
     place, weighting, b = asked
     fit = _fitted(place, weighting, _recorded(place, b + 1)[b])
-    return fit.wic("bootstrap", draws=draws, seed=b).optimism
+    return fit.wic("bootstrap", draws=draws, rng=b).optimism
 
 
 def table(result: dict[str, Any]) -> str:

@@ -42,7 +42,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     rows = []
     for index, sequence in enumerate(np.random.SeedSequence(SEED).spawn(recordings)):
         rng = np.random.default_rng(sequence)
-        truth = gmwm.parse_model(TRUTHS[index % len(TRUTHS)])
+        truth = gmwm.Model.parse(TRUTHS[index % len(TRUTHS)])
         wv = gmwm.wavelet_variance(truth.simulate(samples, RATE, rng), RATE)
         fit = gmwm.fit(truth.structure, wv)
         omega = fit.weighting_matrix

@@ -35,7 +35,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     lengths = SAMPLES[1:2] if reduced else SAMPLES
     rows = []
     for m, text in enumerate(TRUTHS):
-        truth = gmwm.parse_model(text)
+        truth = gmwm.Model.parse(text)
         planned = gmwm.plan(truth, duration=max(lengths) / RATE, rate=RATE)
         for samples in lengths:
             # Neither the length nor the model of another row moves the seed of this one.

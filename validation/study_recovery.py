@@ -31,7 +31,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     samples = 100_000
     rows = []
     for text, sequence in zip(TRUTHS, np.random.SeedSequence(SEED).spawn(len(TRUTHS)), strict=True):
-        truth = gmwm.parse_model(text).sorted(RATE)
+        truth = gmwm.Model.parse(text).sorted(RATE)
         paths = (np.random.default_rng(s) for s in sequence.spawn(recordings))
         fits = [gmwm.fit(truth.structure, truth.simulate(samples, RATE, rng), RATE, certify=False) for rng in paths]
         for name, value in truth.parameters.items():

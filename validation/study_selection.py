@@ -36,7 +36,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     design = Design(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
     rows = []
     for place, text in enumerate(TRUTHS[:2] if reduced else TRUTHS):
-        truth = gmwm.parse_model(text).sorted(RATE)
+        truth = gmwm.Model.parse(text).sorted(RATE)
         drawn = simulated_variances(truth, design, count, SEED + place)
         for weighting in ("optimal",) if reduced else ("optimal", "diagonal"):
             chosen = recordings.everywhere(partial(_selected, weighting, draws, truth.structure), list(drawn))
@@ -60,7 +60,7 @@ def _selected(weighting: str, draws: int, truth: str, variance: recordings.Array
     """What comes out for one recording."""
     wv = gmwm.WaveletVariance.from_values(variance, samples=SAMPLES, rate=RATE)
     ranking = gmwm.select(GENERAL, wv, weighting=weighting, draws=draws)  # type: ignore[arg-type]
-    wanted = structure_of(gmwm.parse_model(truth))
+    wanted = structure_of(gmwm.Model.parse(truth))
     chosen = structure_of(ranking.recommended.model)
     return {
         "recommended": ranking.recommended.structure,

@@ -60,7 +60,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
 
 def by_length(times: int, count: int, followed: int) -> list[Row]:
     """Intervals of β and σ² from recordings of so many correlation times, by each weighting and by likelihood."""
-    truth = gmwm.parse_model(SLOW).sorted(RATE)
+    truth = gmwm.Model.parse(SLOW).sorted(RATE)
     seeds = (SEED + 10_000 * times + np.arange(count)).tolist()
     asked: list[tuple[str, list[int], Any]] = [(weighting, seeds, weighted) for weighting in recordings.WEIGHTINGS]
     if times <= PROFILED:
@@ -91,8 +91,8 @@ def weighted(samples: int, weighting: str, seed: int) -> recordings.Array:
 def likely(samples: int, method: str, seed: int) -> recordings.Array:
     """The same by maximum likelihood."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
-        fit = gmwm.fit_ml("GM + WN", gmwm.parse_model(SLOW).simulate(samples, RATE, seed), RATE)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
+        fit = gmwm.fit_ml("GM + WN", gmwm.Model.parse(SLOW).simulate(samples, RATE, seed), RATE)
     intervals = fit.confidence_intervals(method="profile" if method == "profile" else "wald")
     return ends(intervals, fit.diagnostics)
 
@@ -105,7 +105,7 @@ def ends(intervals: dict[str, tuple[float, float]], diagnostics: Any) -> recordi
 
 def recorded(text: str, samples: int, seed: int) -> gmwm.WaveletVariance:
     """The wavelet variance of one recording."""
-    return gmwm.wavelet_variance(gmwm.parse_model(text).simulate(samples, RATE, seed), RATE)
+    return gmwm.wavelet_variance(gmwm.Model.parse(text).simulate(samples, RATE, seed), RATE)
 
 
 # --- beside a term that is zero -----------------------------------------------------------------------
@@ -113,7 +113,7 @@ def recorded(text: str, samples: int, seed: int) -> gmwm.WaveletVariance:
 
 def beside_zero(text: str, samples: int, name: str, term: str, seeds: list[int], followed: int) -> list[Row]:
     """Intervals of a parameter, of all recordings and of those where its neighbour is zero, or is not."""
-    truth = gmwm.parse_model(text).sorted(RATE)
+    truth = gmwm.Model.parse(text).sorted(RATE)
     value = truth.parameters[name]
     assert value is not None
     rows = []
@@ -132,11 +132,11 @@ def beside_zero(text: str, samples: int, name: str, term: str, seeds: list[int],
 
 def neighbour(text: str, samples: int, way: str, name: str, term: str, seed: int) -> tuple[float, float, float]:
     """Ends of the interval of a parameter in one recording, and whether the term beside it is zero."""
-    structure = gmwm.parse_model(text).sorted(RATE).structure
+    structure = gmwm.Model.parse(text).sorted(RATE).structure
     if way == "profile":
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", gmwm.FitWarning)
-            likeliest = gmwm.fit_ml(structure, gmwm.parse_model(text).simulate(samples, RATE, seed), RATE)
+            warnings.simplefilter("ignore", gmwm.errors.FitWarning)
+            likeliest = gmwm.fit_ml(structure, gmwm.Model.parse(text).simulate(samples, RATE, seed), RATE)
         interval = likeliest.confidence_intervals(method="profile")[name]
         return *interval, float(term in likeliest.diagnostics.not_supported)
     fit = recordings.fitted(structure, recorded(text, samples, seed).variance, way, samples, RATE)
@@ -153,7 +153,7 @@ def share(held: Any, where: Any) -> float | None:
 
 def after_choice(text: str, samples: int, name: str, term: str, seeds: list[int]) -> Row:
     """Intervals of a parameter under the model recommended, and under the largest that was compared."""
-    truth = gmwm.parse_model(text).sorted(RATE)
+    truth = gmwm.Model.parse(text).sorted(RATE)
     value = truth.parameters[name]
     assert value is not None
     found = np.array(recordings.everywhere(partial(chosen, text, samples, name, term), seeds))
@@ -171,8 +171,8 @@ def after_choice(text: str, samples: int, name: str, term: str, seeds: list[int]
 def chosen(text: str, samples: int, name: str, term: str, seed: int) -> tuple[float, ...]:
     """Ends of the interval under the model recommended, the largest, from least to most of both; whether it lacks."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
-        ranking = gmwm.select(gmwm.parse_model(text).structure, recorded(text, samples, seed))
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
+        ranking = gmwm.select(gmwm.Model.parse(text).structure, recorded(text, samples, seed))
         fit, largest = ranking.recommended.fit, ranking.general
         wide = largest.confidence_intervals()[name]
         # A choice without the parameter says nothing of it: zero.

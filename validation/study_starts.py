@@ -33,17 +33,18 @@ def outcome(draws: tuple[int, ...], task: Task) -> list[float]:
     """Objectives over that of the convex route: from the exact values, then from each number of draws."""
     number, samples, robust = task
     rng = np.random.default_rng([SEED, number, samples])
-    truth = gmwm.parse_model(TRUTH)
+    truth = gmwm.Model.parse(TRUTH)
     wv = gmwm.wavelet_variance(truth.simulate(samples, RATE, rng), RATE, robust=robust)
     omega = (wv.upper - wv.lower) ** -2.0
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         best = gmwm.fit(truth.structure, wv, weighting=omega)
         # Where there are as many parameters as levels the fit may be perfect, but for rounding.
         floor = 1e-9 * len(wv)
         starts = [gmwm.fit(truth, wv, weighting=omega)]
         starts += [
-            gmwm.fit(truth.structure, wv, weighting=omega, certify=False, start=gmwm.Sampled(g, number)) for g in draws
+            gmwm.fit(truth.structure, wv, weighting=omega, certify=False, start=gmwm.estimation.Sampled(g, number))
+            for g in draws
         ]
     return [max(fit.objective, floor) / max(best.objective, floor) for fit in starts]
 

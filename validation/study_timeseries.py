@@ -39,7 +39,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     design = Design(np.arange(1, SAMPLES.bit_length()), samples=SAMPLES, rate=RATE)
     rows = []
     for number, text in enumerate(truths):
-        model = gmwm.parse_model(text).sorted(RATE)
+        model = gmwm.Model.parse(text).sorted(RATE)
         drawn = simulated_variances(model, design, count, SEED + number)
         # The usual weights are "optimal" where a process has several parameters of its shape.
         for weighting in ("optimal",) if number else ("optimal", "diagonal"):

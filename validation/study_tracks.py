@@ -59,7 +59,7 @@ Result = dict[str, Any]
 
 def record(text: str, seed: int) -> tuple[Signal, Array]:
     """A record with its gap, and the true bias (N,) of every sample, those that are missing among them."""
-    made = gmwm.simulate_signal(text, rate=RATE, samples=SAMPLES, seed=seed, unit="rad/s")
+    made = gmwm.simulate_signal(text, rate=RATE, samples=SAMPLES, rng=seed, unit="rad/s")
     terms = zip(made.model.terms, made.model.processes, strict=True)
     bias = OFFSET + sum(made[term].values for term, process in terms if process.correlation_time(RATE) != 0)
     first, last = GAP
@@ -71,7 +71,7 @@ def record(text: str, seed: int) -> tuple[Signal, Array]:
 def outcome(text: str, seed: int) -> Array:
     """Of one record: (parameters, kinds, fields) of its tracks, and (parameters, 1, 2) p-values of its residuals."""
     signal, bias = record(text, seed)
-    truth = gmwm.parse_model(text)
+    truth = gmwm.Model.parse(text)
     fit = gmwm.fit(truth.structure, signal, certify=False)
     models = (truth, fit, gmwm.fit_ml(truth.structure, signal, start=fit))
     found = np.empty((len(PARAMETERS), len(KINDS) + 1, len(FIELDS)))
@@ -83,7 +83,7 @@ def outcome(text: str, seed: int) -> Array:
     return found
 
 
-def _agreement(tracks: gmwm.Tracks, bias: Array) -> list[float]:
+def _agreement(tracks: gmwm.likelihood.Tracks, bias: Array) -> list[float]:
     """Mean square of the error, and of the standard deviation told; share within two of these; and in the gap."""
     low, high = tracks.band("bias")
     square, said = np.square(tracks.mean["bias"] - bias), np.square(tracks.error["bias"])
@@ -120,7 +120,7 @@ def _row(text: str, k: int, i: int, found: Array) -> dict[str, Any]:
     spread = np.std(found[:, k, i], axis=0, ddof=1) / np.sqrt(found.shape[0])
     least = float(np.sqrt(np.mean(found[:, 0, i, 0])))
     return {
-        "model": gmwm.parse_model(text).structure, "values": text, "parameters": PARAMETERS[k], "kind": KINDS[i], **row,
+        "model": gmwm.Model.parse(text).structure, "values": text, "parameters": PARAMETERS[k], "kind": KINDS[i], **row,
         "covered_uncertain": float(spread[2]), "gap_covered_uncertain": float(spread[5]),
         "over_true": row["error"] / least, "rejected": float(np.mean(found[:, k, -1, 0] <= 0.05)),
     }  # fmt: skip
@@ -207,7 +207,7 @@ def draw(result: Result, path: Path) -> None:
 def picture() -> Figure:
     """Record, filtered and smoothed bias of the first record of the first model, as data."""
     signal, bias = record(TRUTHS[0], SEED)
-    model = gmwm.parse_model(TRUTHS[0])
+    model = gmwm.Model.parse(TRUTHS[0])
     rows = []
     for kind, title in TITLES.items():
         (over,), (alone,) = tracks_figure(getattr(model, METHODS[kind])(signal), truth=bias).rows

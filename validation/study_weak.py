@@ -47,7 +47,7 @@ def run(reduced: bool = False) -> dict[str, Any]:
     for place, (pattern, name, values) in enumerate(LADDERS):
         for value in (values[2], values[5]) if reduced else values:
             text = pattern.format(repr(value))
-            structure = gmwm.parse_model(text).sorted(recordings.RATE).structure
+            structure = gmwm.Model.parse(text).sorted(recordings.RATE).structure
             drawn = recordings.simulated(text, count, SEED + place)
             for weighting in recordings.WEIGHTINGS[:1] if reduced else recordings.WEIGHTINGS:
                 task = partial(limits, structure, weighting, name)
@@ -87,7 +87,7 @@ def shares(
 
 def relative_error(text: str, name: str, weighting: str) -> float | None:
     """Standard error of the variance, or of the square of the drift, over its value; None where that is zero."""
-    model, design = gmwm.parse_model(text).sorted(recordings.RATE), recordings.design()
+    model, design = gmwm.Model.parse(text).sorted(recordings.RATE), recordings.design()
     value = model.parameters[name]
     if not value:
         return None

@@ -21,7 +21,7 @@ NAME = "weighting"
 SEED = 20261127
 RATE = 100.0
 SAMPLES = 100_000
-TRUTH = gmwm.parse_model("GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)").sorted(RATE)
+TRUTH = gmwm.Model.parse("GM(beta=8.0, sigma2=1e-6) + WN(sigma2=4e-6) + RW(gamma2=4e-10)").sorted(RATE)
 WHITE = 4e-6
 WEIGHTINGS = ("diagonal", "optimal", "identity")
 RARELY = 5
@@ -146,7 +146,7 @@ def _theory() -> list[dict[str, Any]]:
     """Standard errors over those of optimal weights where the model is right; errors where it is slightly wrong."""
     rows = []
     for text in RIGHT:
-        model = gmwm.parse_model(text).sorted(RATE)
+        model = gmwm.Model.parse(text).sorted(RATE)
         design = as_design(SAMPLES, RATE, None, "haar", "modwt", None)
         wavelet = covariance(model, design)
         optimal = precision(wavelet)

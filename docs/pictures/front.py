@@ -12,7 +12,7 @@ RATE, SAMPLES, SEED = 100.0, 2_880_000, 3
 
 def write(folder: Path) -> list[Path]:
     """Eight hours of it."""
-    made = gmwm.simulate_signal(TRUTH, rate=RATE, samples=SAMPLES, seed=SEED, unit="rad/s")
+    made = gmwm.simulate_signal(TRUTH, rate=RATE, samples=SAMPLES, rng=SEED, unit="rad/s")
     fit = gmwm.fit("GM + WN + QN + RW", made.signal)
     path = folder / "front.svg"
     fit.plot(view="allan", units="datasheet", path=path)

@@ -62,8 +62,8 @@ class Truth:
 
 def panels(shown: Shown) -> Iterator[tuple[str, Panel]]:
     """The three panels of a process, by the ends of their names."""
-    model = gmwm.parse_model(shown.model)
-    signal = gmwm.simulate_signal(model, rate=RATE, samples=SAMPLES, seed=shown.seed, unit="rad/s").signal
+    model = gmwm.Model.parse(shown.model)
+    signal = gmwm.simulate_signal(model, rate=RATE, samples=SAMPLES, rng=shown.seed, unit="rad/s").signal
     stretch = gmwm.Signal(signal.values[: round(shown.seconds * RATE)], RATE, "rad/s")
     panel = signal_panel(stretch, width=WIDTH)
     unit = panel.x.label[panel.x.label.rindex("(") :]

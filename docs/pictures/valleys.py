@@ -20,7 +20,7 @@ RATE, SAMPLES, SEED = 100.0, 360_000, 1
 
 def write(folder: Path) -> list[Path]:
     """The criterion where β is held, all else at its best for it; and where `fit` ends."""
-    signal = gmwm.simulate_signal(TRUTH, rate=RATE, samples=SAMPLES, seed=SEED).signal
+    signal = gmwm.simulate_signal(TRUTH, rate=RATE, samples=SAMPLES, rng=SEED).signal
     wv = gmwm.wavelet_variance(signal)
     best = gmwm.fit("GM + WN", wv)
     held = np.geomspace(2e-3, 100, 120)

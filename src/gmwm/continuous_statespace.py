@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_rate
 from gmwm.statespace import StateSpace, checked
 
+__all__ = ["ContinuousStateSpace"]
+
 _ROUNDING = 1e-9
 """What is smaller than this share of the largest is taken for zero: steps are known to some 1e-12."""
 
@@ -50,7 +52,7 @@ class ContinuousStateSpace:
     Examples
     --------
     >>> import gmwm
-    >>> model = gmwm.parse_model("GM(beta=0.5, sigma2=4.0) + WN(sigma2=3.0)")
+    >>> model = gmwm.Model.parse("GM(beta=0.5, sigma2=4.0) + WN(sigma2=3.0)")
     >>> smooth = model.continuous(rate=100.0)
     >>> smooth.A, smooth.Qc, smooth.Rc
     (array([[-0.5]]), array([[4.]]), array([[0.03]]))
@@ -130,7 +132,7 @@ class ContinuousStateSpace:
         Examples
         --------
         >>> import gmwm
-        >>> walk = gmwm.parse_model("RW(gamma2=2.0)").continuous(rate=100.0)
+        >>> walk = gmwm.Model.parse("RW(gamma2=2.0)").continuous(rate=100.0)
         >>> walk.discrete(rate=10.0).Q
         array([[20.]])
         """

@@ -23,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.errors import MissingDependencyError, OptionError
 
+__all__ = ["WaveletFilter", "find_filter"]
+
 LONGEST_FILTER = 2**24
 """Longest level filter that is written out tap by tap."""
 _DEPENDENT = 1e-12

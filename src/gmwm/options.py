@@ -56,7 +56,7 @@ class ReadOptions:
     def __post_init__(self) -> None:
         one_of(self.gaps, "gaps", ("keep", "longest"))
         if self.topic is not None and not isinstance(self.topic, str):
-            raise OptionError(f"topic must be the name of a recording in the file, got {self.topic!r}")
+            raise OptionError(argument="topic", expected="the name of a recording in the file", got=self.topic)
         kept_ranges(self.start, self.stop, self.skip)
         checked = {
             "rate": None if self.rate is None else as_rate(self.rate),
@@ -96,7 +96,7 @@ def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
     """Raise an OptionError if `value` is none of the `allowed` texts."""
     if not isinstance(value, str) or value not in allowed:
         *others, last = map(repr, allowed)
-        raise OptionError(f"{name} must be {', '.join(others)} or {last}, got {value!r}")
+        raise OptionError(argument=name, expected=f"{', '.join(others)} or {last}", got=value)
 
 
 def as_confidence(value: object, name: str = "confidence") -> float:
@@ -119,11 +119,14 @@ def as_confidence(value: object, name: str = "confidence") -> float:
 def as_whole_number(value: int, name: str, least: int) -> int:
     """A whole number of at least `least`."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
+        raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)
 
 
 # --- the fields of ReadOptions --------------------------------------------------------------------------
+
+
+_UNITS = '{"gyro": "deg/s", "accel": "g"}'
 
 
 def _checked_columns(columns: Columns | None) -> Columns | None:
@@ -131,16 +134,17 @@ def _checked_columns(columns: Columns | None) -> Columns | None:
         return None
     if isinstance(columns, str) or not isinstance(columns, Mapping | Sequence):
         raise OptionError(
-            'columns= must map axes to columns, as {"gyro_x": "ch1", "time": 0}, or be a list of axes in the order '
-            f"of the columns; got {columns!r}"
+            argument="columns",
+            expected='a mapping such as {"gyro_x": "ch1", "time": 0}, or a list of axes in the order of the columns',
+            got=columns,
         )
     roles = list(columns) if isinstance(columns, Mapping) else [role for role in columns if role]
     unknown = next((role for role in roles if role not in ROLES), None)
     if unknown is not None:
-        raise OptionError(f"columns= must name {', '.join(ROLES)}; got {unknown!r}")
+        raise OptionError(argument="columns", expected=f"columns for {', '.join(ROLES)}", got=unknown)
     twice = next((role for role in roles if roles.count(role) > 1), None)
     if twice is not None:
-        raise OptionError(f"columns= names {twice!r} twice")
+        raise OptionError(argument="columns", expected=f"a list that names {twice} once", got=list(columns))
     if not isinstance(columns, Mapping):
         return tuple(columns)
     return {role: int(column) if isinstance(column, np.integer) else column for role, column in columns.items()}
@@ -149,17 +153,17 @@ def _checked_columns(columns: Columns | None) -> Columns | None:
 def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
     """The units with each key and value known, units of time in short."""
     if not isinstance(units, Mapping):
-        raise OptionError(f'units must map sensors to units, as {{"gyro": "deg/s", "accel": "g"}}; got {units!r}')
+        raise OptionError(argument="units", expected=f"a mapping such as {_UNITS}", got=units)
     given = dict(units)
     for quantity, text in given.items():
         if quantity not in (*SI_UNIT, "time"):
-            raise OptionError(f"units must name gyro, accel or time; got {quantity!r}")
+            raise OptionError(argument="units", expected="units of gyro, accel or time", got=quantity)
         if not isinstance(text, str):
-            raise OptionError(f'the unit of {quantity} must be a text, as "deg/s"; got {text!r}')
+            raise OptionError(argument="units", expected=f"a mapping to texts, such as {_UNITS}", got=text)
         if quantity == "time":
             given[quantity] = find_time_unit(text)
             if not given[quantity]:
-                raise UnitError(f"the time unit must be one of {TIME_NAMES}; got {text!r}")
+                raise UnitError(f"{text!r} is not a unit of time; the units are {TIME_NAMES}")
         else:
             parse_unit(text, quantity)  # type: ignore[arg-type]
     return given
@@ -168,17 +172,17 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
 def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
     """The factors with each key an axis or a sensor, and each factor a finite number other than 0."""
     if not isinstance(scale, Mapping):
-        raise OptionError(f'scale must map axes or sensors to factors, as {{"gyro": 1 / 131}}; got {scale!r}')
+        raise OptionError(argument="scale", expected='a mapping such as {"gyro": 1 / 131}', got=scale)
     factors = {}
     for key, value in scale.items():
         if key not in (*AXES, *SI_UNIT):
-            raise OptionError(f"scale must name {', '.join((*SI_UNIT, *AXES))}; got {key!r}")
+            raise OptionError(argument="scale", expected=f"factors of {', '.join((*SI_UNIT, *AXES))}", got=key)
         try:
             factor = float(value)
         except (TypeError, ValueError):
             factor = math.nan
         if isinstance(value, bool | str) or not math.isfinite(factor) or factor == 0:
-            raise OptionError(f"the scale of {key} must be a finite number other than 0, as 1 / 131; got {value!r}")
+            raise OptionError(argument="scale", expected=f"a finite number other than 0 for {key}", got=value)
         factors[key] = factor
     return factors
 
@@ -188,10 +192,11 @@ def _checked_increments(increments: bool | Sequence[str]) -> tuple[str, ...]:
     if isinstance(increments, bool):
         return tuple(SI_UNIT) if increments else ()
     if isinstance(increments, str) or not isinstance(increments, Sequence):
-        raise OptionError(f'increments must be True or a list of sensors or axes, as ["gyro"]; got {increments!r}')
+        expected = 'True or a list of sensors or axes, such as ["gyro"]'
+        raise OptionError(argument="increments", expected=expected, got=increments)
     unknown = next((key for key in increments if key not in (*AXES, *SI_UNIT)), None)
     if unknown is not None:
-        raise OptionError(f"increments must name {', '.join((*SI_UNIT, *AXES))}; got {unknown!r}")
+        raise OptionError(argument="increments", expected=f"a list of {', '.join((*SI_UNIT, *AXES))}", got=unknown)
     return tuple(increments)
 
 

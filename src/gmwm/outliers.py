@@ -17,8 +17,10 @@ from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
+
+__all__ = ["Verdict", "contamination"]
 
 HUGE = 10.0
 """Excess from which on text states it as a factor instead of a percentage."""
@@ -295,8 +297,8 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
-        classical = wavelet_variance(x, rate)
-        return classical, wavelet_variance(x, rate, robust=True, efficiency=efficiency)
+        classical = signal_wavelet_variance(x, rate)
+        return classical, signal_wavelet_variance(x, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
         raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._text import counted
 from gmwm.errors import DataError, OptionError
 from gmwm.remarks import Remark
+from gmwm.time_base import TimeBase, begins_of, times_of
 from gmwm.units import SI_UNIT, Quantity, parse_unit
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
     from gmwm.plots.view import UnitSystem
+
+__all__ = ["AXES", "Imu", "Signal"]
 
 T = TypeVar("T")
 
@@ -242,37 +245,30 @@ class Signal:
 
         return plot_signal(self, units=units, ax=ax, path=path)
 
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the signal to a file as a recording of one axis: see `Imu.write`.
+
+        Parameters
+        ----------
+        path : path
+            File to write, ending in .csv, .parquet or .imu.
+        format : str, optional
+            Record type of an .imu file.
+
+        Raises
+        ------
+        OptionError
+            If the suffix or the format is unknown, or the axis is none of an IMU.
+        """
+        from gmwm.writers import write
+
+        write(self, path, format=format)
+
     def longest(self) -> Signal:
         """The longest segment as a signal without gaps."""
         k = max(range(len(self.segments)), key=lambda k: self.segments[k][1] - self.segments[k][0])
         first, last = self.segments[k]
         return replace_values(self, self.values[first:last], start=self.starts[k])
-
-
-def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
-    """Times of the samples with these indices (s), from the segments and their start times (s)."""
-    index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
-    segment = np.searchsorted(firsts, index, side="right") - 1
-    return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
-
-
-def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
-    """Start time of each segment in seconds from the first sample, never before the end of the previous segment.
-
-    If the clock was set back, the segment starts one interval after the last sample before it.
-
-    >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
-    [0.0, 5.0, 9.0]
-    """
-    begins: list[float] = []
-    ahead, end = 0.0, 0.0
-    for (first, last), time in zip(segments, starts, strict=True):
-        begin = time - starts[0] + ahead
-        if begin < end:
-            ahead, begin = ahead + end - begin, end
-        begins.append(begin)
-        end = begin + (last - first) / rate
-    return begins
 
 
 def replace_values(signal: Signal, values: Vector, *, start: float) -> Signal:
@@ -301,6 +297,15 @@ class Imu:
     ------
     DataError
         If there is no axis, or the axes or the temperature do not fit each other.
+
+    Examples
+    --------
+    >>> axes = {"gyro_x": [0.0, 0.1], "gyro_y": [0.0, 0.2], "accel_z": [9.8, 9.8]}
+    >>> imu = Imu.from_arrays(axes, rate=100)
+    >>> imu["gyro_x"]
+    Signal(gyro_x, 2 samples at 100 Hz, rad/s)
+    >>> imu["gyro"]
+    Imu(gyro_x, gyro_y: 2 samples at 100 Hz, 0.02 s)
     """
 
     signals: Mapping[str, Signal]
@@ -378,11 +383,19 @@ class Imu:
         # A mapping proxy cannot be pickled, a dict can.
         return Imu, (dict(self.signals), self.source, self.remarks, self.time_base, self.temperature)
 
-    def __getitem__(self, axis: str) -> Signal:
-        try:
+    @overload
+    def __getitem__(self, axis: Quantity) -> Imu: ...  # type: ignore[overload-overlap]
+    @overload
+    def __getitem__(self, axis: str) -> Signal: ...
+    def __getitem__(self, axis: str) -> Signal | Imu:
+        """The signal of an axis, `imu["gyro_x"]`; or the Imu of a sensor's axes, `imu["gyro"]` and `imu["accel"]`."""
+        if axis in self.signals:
             return self.signals[axis]
-        except KeyError:
-            raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis) from None
+        members = {name: signal for name, signal in self.signals.items() if name in AXES and name[:-2] == axis}
+        if not members:
+            sensors = dict.fromkeys(name[:-2] for name in self.axes if name in AXES)
+            raise DataError(argument="axis", expected=f"one of {', '.join((*self.axes, *sensors))}", got=axis)
+        return replace(self, signals=members)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)
@@ -486,6 +499,46 @@ class Imu:
 
         return plot_recording(self, units=units, path=path)
 
+    def write(self, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+        """Write the recording to a file; the suffix of the path chooses the format: .csv, .parquet or .imu.
+
+        In tables the columns are `time [s]`, the axes with their units as in `gyro_x [rad/s]`, and `temperature [°C]`
+        if there is one. Numbers keep full precision. Times are those of the uniform clock of each segment, so gaps stay
+        gaps. If writing fails, no partial file is left.
+
+        An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are whole
+        numbers, the rounding error of a sample is carried over to the next one, as a sensor of that type does: no angle
+        or velocity is lost, and the added noise is quantization noise of one count.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        format : str, optional
+            Record type of an .imu file: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA", "imu:NAVCHIP_INT" or
+            "imu:NAVCHIP_FLT".
+
+        Raises
+        ------
+        OptionError
+            If the suffix or the format is unknown.
+        DataError
+            If an .imu file is asked for and an axis is missing, or a value does not fit into its counts.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> path = pathlib.Path(folder.name, "three.csv")
+        >>> Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3]}, rate=100).write(path)
+        >>> path.read_text().splitlines()[:2]
+        ['time [s],gyro_x [rad/s]', '0.0,0.1']
+        >>> folder.cleanup()
+        """
+        from gmwm.writers import write
+
+        write(self, path, format=format)
+
     def longest(self) -> Imu:
         """The longest segment as a recording without gaps; its remarks say so."""
         if len(self.segments) == 1:
@@ -561,39 +614,3 @@ def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:
             advice="Pass its transpose." if transposed else "",
         )
     return {axis: table[:, k] for k, axis in enumerate(axes)}
-
-
-@dataclass(frozen=True)
-class TimeBase:
-    """Sampling of a recording, from its time stamps.
-
-    Parameters
-    ----------
-    rate : float
-        Samples per second (Hz): the declared rate if there is one, otherwise 1 / median interval. If time stamps are
-        so rounded that a clock of the median interval departs from them, it is 1 / mean interval between gaps.
-    stamped : bool
-        Whether the recording has time stamps.
-    start : float
-        First time stamp (s).
-    jitter : float
-        Root mean square deviation of the intervals within segments from their median (s).
-    gaps : tuple of (index, duration)
-        For each gap, the index of the first sample after it and the time from the sample before it (s).
-    duplicates : int
-        Number of time stamps that are equal to the one before.
-    backward : int
-        Number of time stamps that are earlier than the one before.
-    left : float
-        Time (s) that was left out before the first sample. The times `start`, `stop` and `skip` of `read` count from
-        the first sample of the whole recording, this much earlier.
-    """
-
-    rate: float
-    stamped: bool = False
-    start: float = 0.0
-    jitter: float = 0.0
-    gaps: tuple[tuple[int, float], ...] = ()
-    duplicates: int = 0
-    backward: int = 0
-    left: float = 0.0

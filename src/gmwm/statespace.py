@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Matrix, Vector, as_levels, freeze
 from gmwm.errors import ModelError
 
+__all__ = ["StateSpace"]
+
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:

@@ -16,7 +16,8 @@ from gmwm._template import joined
 from gmwm._text import moment
 from gmwm.errors import DataError, GmwmWarning, OptionError
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal, TimeBase, begins_of
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.time_base import TimeBase, begins_of
 
 ROUNDING = 1e-6
 """Tolerance in samples within which a given time is that of a sample: above the rounding of times in float64 (1e-7 of a

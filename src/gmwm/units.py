@@ -13,6 +13,8 @@ from typing import Literal
 
 from gmwm.errors import UnitError
 
+__all__ = ["Unit", "datasheet_units", "find_unit", "parse_unit", "unit_names"]
+
 Quantity = Literal["gyro", "accel"]
 
 STANDARD_GRAVITY = 9.80665

@@ -22,43 +22,7 @@ RECORDS = ".imu"
 
 
 def write(imu: Imu | Signal, path: str | os.PathLike[str], *, format: str | None = None) -> None:
-    """Write a recording to a .csv, .parquet or .imu file; the extension chooses the format.
-
-    The columns of a table are `time [s]`, the axes with their units, such as `gyro_x [rad/s]`, and `temperature [°C]`
-    if the recording has one. Numbers keep full precision. Times are those of the uniform clock of each segment, so gaps
-    stay gaps. The file is replaced at once when it is complete.
-
-    An .imu file holds the time and the increments v/f of six axes in counts of its type. If the counts are integers,
-    the remainder of each rounding is carried over to the next sample, as the sensor does it. No angle or velocity is
-    lost, and the noise added is quantization noise of one count. The temperature is not written.
-
-    Parameters
-    ----------
-    imu : Imu or Signal
-        The recording. A signal must have one of the axes of an IMU.
-    path : path
-        The file.
-    format : str, optional
-        Type of .imu records: "imu:IMAR", "imu:LN200", "imu:LN200IG", "imu:IXSEA", "imu:NAVCHIP_INT" or
-        "imu:NAVCHIP_FLT".
-
-    Raises
-    ------
-    OptionError
-        If the extension or the format is not one of these, or `imu` is not a recording.
-    DataError
-        If an .imu file is to be written and an axis is missing, or a value does not fit into its counts.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = pathlib.Path(folder.name, "three.csv")
-    >>> write(Imu.from_arrays({"gyro_x": [0.1, 0.2, 0.3]}, rate=100), path)
-    >>> path.read_text().splitlines()[:2]
-    ['time [s],gyro_x [rad/s]', '0.0,0.1']
-    >>> folder.cleanup()
-    """
+    """Write a recording: see `Imu.write`."""
     imu, target = _recording(imu), Path(path)
     suffix = target.suffix.lower()
     if suffix not in (*SUFFIXES, RECORDS):

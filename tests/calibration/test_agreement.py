@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import OptionError, UnitError, agreement
+from gmwm import agree
 from gmwm.calibration.reference import as_reference
 from gmwm.datasheets import Datasheet, Entry
+from gmwm.errors import OptionError, UnitError
 from gmwm.remarks import Remark
 from tests.helpers import codes, only, raises
 
@@ -25,7 +26,7 @@ Z = NormalDist().inv_cdf(0.975)
 
 
 def recorded(truth, seed, **options):
-    imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=seed)
+    imu = gmwm.simulate(truth, rate=100.0, samples=100_000, rng=seed)
     return gmwm.calibrate(replace(imu, source=f"records/day_{seed}.csv"), WITHIN, **options)
 
 
@@ -81,14 +82,14 @@ def limit(symbol, value, high, unit="rad/s/√s", **given):
 
 
 def of(*sheets, **options):
-    return agreement([{"gyro_x": one} for one in sheets], **options)
+    return agree([{"gyro_x": one} for one in sheets], **options)
 
 
 # --- recordings -------------------------------------------------------------------------------------
 
 
 def test_recordings_of_one_unit_agree(three):
-    found = agreement(three)
+    found = agree(three)
     assert found.labels == ("day_11", "day_12", "day_13")
     assert found.disagreeing == ()
     assert {(row.axis, row.symbol) for row in found.compared} >= {
@@ -101,7 +102,7 @@ def test_recordings_of_one_unit_agree(three):
 
 
 def test_a_number_that_changed_is_named(changed):
-    found = agreement(changed)
+    found = agree(changed)
     assert [(row.axis, row.symbol) for row in found.disagreeing] == [("gyro_y", "N")]
     row = found["gyro_y.N"]
     assert row.apart == pytest.approx(1.0, abs=0.1)
@@ -117,18 +118,18 @@ def test_a_number_that_changed_is_named(changed):
 def test_the_summary_fits_eighty_columns(changed):
     reference = {"gyro.N": (0.2, "deg/√h"), "gyro.R": (1.0, "deg/h/h")}
     for labels in (None, ["a", "b", "c"], [f"a very long name of the recording number {k}" for k in range(3)]):
-        text = agreement(changed, labels=labels, reference=reference).summary()
+        text = agree(changed, labels=labels, reference=reference).summary()
         assert max(map(len, text.splitlines())) <= 80
         for label in labels or ():
             assert label in text
-    many = agreement([*changed, *changed], labels=[f"recording {k}" for k in range(6)]).summary()
+    many = agree([*changed, *changed], labels=[f"recording {k}" for k in range(6)]).summary()
     assert max(map(len, many.splitlines())) <= 80
     assert all(f"({k})" in many for k in range(1, 7))
 
 
 def test_axes_of_one_recording_are_not_compared(three):
     one = replace(three[1], axes={axis: found for axis, found in three[1].axes.items() if axis == "gyro_x"})
-    found = agreement([three[0], one])
+    found = agree([three[0], one])
     assert {row.axis for row in found.compared} == {"gyro_x"}
     assert {row.reason for row in found if row.axis == "gyro_y"} == {"one recording"}
     assert found.models["gyro_y"][1] is None
@@ -137,20 +138,20 @@ def test_axes_of_one_recording_are_not_compared(three):
     other = replace(three[1], axes={"gyro_z": three[1].axes["gyro_x"]})
     axes = {"day_11": "gyro_x, gyro_y", "day_12": "gyro_z"}
     with raises(OptionError, argument="calibrations", got=axes):
-        agreement([three[0], other])
+        agree([three[0], other])
 
 
 def test_models_that_a_test_rejects_are_a_remark(three):
     axis = three[0].axes["gyro_x"]
     poor = replace(three[0], axes={**three[0].axes, "gyro_x": replace(axis, test=replace(axis.test, pvalue=1e-9))})
-    found = agreement([poor, *three[1:]])
+    found = agree([poor, *three[1:]])
     assert found.rejected == {"gyro_x": ("day_11",)}
     remark = only(found.remarks, "axis-rejected")
     assert (remark.subject, remark.facts["recordings"]) == ("gyro_x", ("day_11",))
 
 
 def test_it_is_plain_numbers(changed):
-    found = agreement(changed, reference={"gyro.N": (0.2, "deg/√h")})
+    found = agree(changed, reference={"gyro.N": (0.2, "deg/√h")})
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert content["disagreeing"] == ["gyro_y.N"]
     assert content["compared"] == len(found.compared)
@@ -310,9 +311,7 @@ def test_the_unit_does_not_change_the_verdict(factor):
 
 def test_references_are_of_sensors_and_axes(three):
     density = three[0].datasheets["gyro_x"]["N"].in_units("deg/√h")[0]
-    found = agreement(
-        three, reference={"gyro_y.N": (9.0, "°/√h"), "gyro.N": (density, "deg/√h"), "gyro.Q": (1, "µrad")}
-    )
+    found = agree(three, reference={"gyro_y.N": (9.0, "°/√h"), "gyro.N": (density, "deg/√h"), "gyro.Q": (1, "µrad")})
     assert found["gyro_x.N"].ratios[0] == pytest.approx(1.0, rel=1e-12)
     assert found["gyro_y.N"].reference.value == 9.0
     assert found["gyro_x.K"].ratios == (None, None, None)
@@ -347,18 +346,18 @@ def test_units_as_datasheets_write_them(unit, si, factor):
 
 def test_wrong_references_say_what_they_may_be(three):
     with raises(UnitError, argument="reference", got="deg/h") as caught:
-        agreement(three, reference={"gyro.N": (2.0, "deg/h")})
+        agree(three, reference={"gyro.N": (2.0, "deg/h")})
     assert "deg/√h" in caught.value.expected
     with raises(UnitError, argument="reference", got="mg"):
-        agreement(three, reference={"gyro.B": (2.0, "mg")})
+        agree(three, reference={"gyro.B": (2.0, "mg")})
     with raises(OptionError, argument="reference", got="accel.N") as caught:
-        agreement(three, reference={"accel.N": (2.0, "m/s/√h")})
+        agree(three, reference={"accel.N": (2.0, "m/s/√h")})
     assert "gyro, gyro_x, gyro_y" in caught.value.expected
     with raises(OptionError, argument="reference", got="gyro.M"):
-        agreement(three, reference={"gyro.M": (2.0, "deg/√h")})
+        agree(three, reference={"gyro.M": (2.0, "deg/√h")})
     for given in (2.0, (0.0, "deg/√h"), (math.nan, "deg/√h"), ("2", 3.0), (True, "deg/√h"), "ab"):
         with pytest.raises(OptionError) as caught:
-            agreement(three, reference={"gyro.N": given})
+            agree(three, reference={"gyro.N": given})
         assert caught.value.argument == "reference"
         assert caught.value.got is given
 
@@ -369,19 +368,19 @@ def test_wrong_references_say_what_they_may_be(three):
 def test_one_recording_is_no_agreement(three):
     for given in ([], three[:1], three[0], "calibration.json"):
         with raises(OptionError, argument="calibrations"):
-            agreement(given)
+            agree(given)
     for given in ({}, {"gyro_x": three[0]["gyro_x"]}, 3):
         with raises(OptionError, argument="calibrations", got=f"{type(given).__name__} in place 2"):
-            agreement([three[0], given])
+            agree([three[0], given])
 
 
 def test_options_are_checked(three):
     for size in (0, 1, True, "5 %"):
         with raises(OptionError, argument="size", got=size):
-            agreement(three, size=size)
+            agree(three, size=size)
     for labels in (["a"], ["a", "a", "b"], "abc", [1, 2, 3], ["", "a", "b"]):
         with raises(OptionError, argument="labels", got=labels):
-            agreement(three, labels=labels)
+            agree(three, labels=labels)
 
 
 def test_an_axis_has_one_unit():
@@ -390,8 +389,8 @@ def test_an_axis_has_one_unit():
 
 
 def test_labels_fall_back_on_numbers(three):
-    assert agreement([three[0], three[0]]).labels == ("1", "2")
-    assert agreement(three[:2], labels=("a", "b")).labels == ("a", "b")
+    assert agree([three[0], three[0]]).labels == ("1", "2")
+    assert agree(three[:2], labels=("a", "b")).labels == ("a", "b")
 
 
 def test_an_axis_that_is_absent_is_not_a_model_without_a_number(calibration):
@@ -400,7 +399,7 @@ def test_an_axis_that_is_absent_is_not_a_model_without_a_number(calibration):
     unrecorded = replace(calibration, axes=axes)
     lost = replace(calibration, axes=axes, failed={"accel_x": "constant"})
     for other, said in ((unrecorded, "not recorded"), (lost, "not calibrated")):
-        found = gmwm.agreement([calibration, other], labels=["a", "b"], reference={"accel.N": (0.1, "m/s/√h")})
+        found = gmwm.agree([calibration, other], labels=["a", "b"], reference={"accel.N": (0.1, "m/s/√h")})
         section = found.summary().split("\naccel_x\n")[1].split("\n\n")[0]
         (row,) = [line for line in section.splitlines() if line.strip().startswith("model")]
         assert row.endswith(said)

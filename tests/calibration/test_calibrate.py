@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import DataError, OptionError
 from gmwm.calibration.api import STAGES
+from gmwm.errors import DataError, OptionError
 from gmwm.selection.structure import structure_of
 
 from .conftest import TRUTH, WITHIN
@@ -19,7 +19,7 @@ def structures(calibration):
 
 
 def test_the_truth_is_recommended_on_every_axis(calibration):
-    assert structures(calibration) == {axis: structure_of(gmwm.parse_model(text)) for axis, text in TRUTH.items()}
+    assert structures(calibration) == {axis: structure_of(gmwm.Model.parse(text)) for axis, text in TRUTH.items()}
     assert list(calibration) == list(TRUTH)
     assert calibration.failed == {}
 
@@ -45,7 +45,7 @@ def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
         assert found.intervals == fit.confidence_intervals()
         assert found.test is not None
         assert found.test.to_dict() == fit.goodness_of_fit().to_dict()
-        assert found.datasheet.to_dict() == gmwm.datasheet(fit).to_dict()
+        assert found.datasheet.to_dict() == fit.datasheet().to_dict()
         assert fit.gap is not None
 
 
@@ -134,7 +134,7 @@ def test_what_stops_the_progress_stops_the_work(imu):
 
 def test_fits_warn_in_the_notes_and_nowhere_else():
     # With GM alone there is nothing to choose, and in white noise it ends as white noise.
-    x = gmwm.parse_model("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=1)
+    x = gmwm.Model.parse("WN(sigma2=1.0)").simulate(20_000, 100.0, rng=1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), "GM")
@@ -166,7 +166,7 @@ def test_needed_lengths_hold(imu):
         ({"confidence": 95}, "confidence must be at least 0.5 and less than 1"),
         ({"confidence": 0.3}, "confidence must be at least 0.5 and less than 1"),
         ({"draws": 50}, "draws must be a whole number of at least 100, got 50"),
-        ({"seed": -1}, "seed must be a whole number of at least 0, got -1"),
+        ({"rng": -1}, "rng must be an integer that is not negative, or a numpy.random.Generator; got -1"),
         ({"robust": False, "efficiency": 2.0}, "efficiency must be from 0.3 to 0.99"),
         ({"threads": 0}, "threads must be"),
         ({"axes": ["gyro_q"]}, "axes must be some of gyro_x"),
@@ -201,3 +201,12 @@ def test_a_name_and_a_unit_of_two_sensors_are_refused(axis, unit):
 def test_other_data_are_refused(data):
     with pytest.raises(OptionError, match="must be"):
         gmwm.calibrate(data, "WN")
+
+
+def test_a_generator_draws_the_seed_that_the_settings_record(imu):
+    found = gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2))
+    assert found.settings.seed == gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=np.random.default_rng(2)).settings.seed
+    again = gmwm.calibrate(imu["gyro_x"], "WN + RW", rng=found.settings.seed)
+    assert again.to_dict() == found.to_dict()
+    with pytest.raises(OptionError, match="rng must be an integer that is not negative, or a numpy"):
+        gmwm.calibrate(imu["gyro_x"], "WN + RW", rng="three")

@@ -18,7 +18,7 @@ def words(found):
 
 @pytest.fixture(scope="module")
 def short_of_a_walk():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, seed=4)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
     return gmwm.calibrate(imu, "WN")
 
 
@@ -71,7 +71,7 @@ def test_causes_are_told_once_for_all_axes(short_of_a_walk):
 def test_outliers_leave_a_model_with_a_line_its_classical_curve():
     # Knocks over a hum: the advice of a rejected model, to add a line, must lead to a calibration.
     truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"
-    hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, seed=3)
+    hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, rng=3)
     values = hum["gyro_x"].values.copy()
     for start in range(1000, 60_000, 12_000):
         values[start : start + 100] += 0.004 * np.random.default_rng(start).standard_normal(100)
@@ -109,7 +109,7 @@ def test_outliers_that_could_not_be_tested_are_not_called_none():
 
 def test_what_n_counts_is_among_the_notes():
     truth = {"gyro_x": "WN(sigma2=4e-7) + GM(beta=20.0, sigma2=4e-7)"}
-    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=100_000, seed=1), "GM + WN")
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=100_000, rng=1), "GM + WN")
     (note,) = [note for note in found.datasheets["gyro_x"].notes if note.startswith("N counts GM")]
     assert note in found.axes["gyro_x"].notes
     assert note in words(found)
@@ -118,7 +118,7 @@ def test_what_n_counts_is_among_the_notes():
 
 @pytest.mark.parametrize(("samples", "short"), [(200, True), (3000, False)])
 def test_a_recording_of_a_few_scales_is_a_trial(samples, short):
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=samples, seed=1)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=samples, rng=1)
     assert ("a trial of the plumbing, not a calibration" in words(gmwm.calibrate(imu, "WN"))) is short
 
 
@@ -138,7 +138,7 @@ def test_axes_of_several_lengths_are_told_as_such(imu):
 
 def test_a_unit_declared_against_the_file_is_told(tmp_path):
     path = tmp_path / "named.csv"
-    values = gmwm.simulate({"gyro_x": "WN(sigma2=1e-8)"}, rate=100.0, samples=5000, seed=1)["gyro_x"].values
+    values = gmwm.simulate({"gyro_x": "WN(sigma2=1e-8)"}, rate=100.0, samples=5000, rng=1)["gyro_x"].values
     path.write_text("gyro_x [rad/s]\n" + "\n".join(map(repr, values.tolist())) + "\n", encoding="utf-8")
     said = "the unit was declared against the file: gyro: deg/s, declared (the file says rad/s)"
     assert said in words(gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "deg/s"}), "WN"))

@@ -15,18 +15,18 @@ MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    imu = gmwm.simulate(MODELS, rate=100.0, samples=20_000, seed=1)
+    imu = gmwm.simulate(MODELS, rate=100.0, samples=20_000, rng=1)
     spoilt = imu["gyro_y"].values.copy()
     spoilt[7000:7010] += 0.1
     arrays = {axis: imu[axis].values for axis in imu} | {"gyro_y": spoilt}
     file = tmp_path_factory.mktemp("streamed") / "static.csv"
-    gmwm.write(gmwm.Imu.from_arrays(arrays, 100.0, segments=((0, 6000), (6000, 20_000))), file)
+    gmwm.Imu.from_arrays(arrays, 100.0, segments=((0, 6000), (6000, 20_000))).write(file)
     return file
 
 
 def test_a_stream_is_calibrated_as_the_recording(path):
     told = []
-    options = {"within": "GM + WN + RW", "seed": 3}
+    options = {"within": "GM + WN + RW", "rng": 3}
     whole = gmwm.calibrate(gmwm.read(path), **options)
     pieces = gmwm.calibrate(gmwm.stream(path, chunk=3000), progress=lambda *step: told.append(step), **options)
     assert list(whole) == list(pieces)

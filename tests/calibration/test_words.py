@@ -92,7 +92,7 @@ def test_what_to_do_with_knocks_hangs_on_what_was_done(imu, robust, end):
 
 
 def test_a_drift_is_told():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + DR(omega=-2e-8)"}, rate=100.0, samples=100_000, seed=1)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + DR(omega=-2e-8)"}, rate=100.0, samples=100_000, rng=1)
     found = gmwm.calibrate(imu, "WN + RW + DR")
     value, _, _, unit = found.datasheets["gyro_x"]["R"].in_units("datasheet")
     assert value < 0
@@ -101,7 +101,7 @@ def test_a_drift_is_told():
 
 def test_a_rejected_model_is_told(calibration):
     assert "the test rejects" not in words(calibration)
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, seed=4)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
     assert "gyro_x: the test rejects even the recommended model" in words(gmwm.calibrate(imu, "WN"))
 
 
@@ -129,7 +129,7 @@ def test_one_gauss_markov_term_stands_beside_the_first_of_two():
         "gyro_x": "GM(beta=8.0, sigma2=5e-8) + GM(beta=0.2, sigma2=2e-8) + WN(sigma2=4e-7)",
         "gyro_y": "GM(beta=2.0, sigma2=5e-8) + WN(sigma2=4e-7)",
     }
-    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=200_000, seed=2), "2*GM + WN")
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=200_000, rng=2), "2*GM + WN")
     assert [fit.model.structure for fit in found.values()] == ["2*GM + WN", "GM + WN"]
     rows = [line for line in found.summary().splitlines() if line.startswith("  T_c")]
     assert [row.split()[0] for row in rows] == ["T_c[1]", "T_c[2]"]

@@ -7,7 +7,6 @@ from typer.testing import CliRunner
 
 from gmwm.cli.main import app
 from gmwm.simulation import simulate
-from gmwm.writers import write
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ MODELS = {"gyro": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel": "WN(sigma2=2e-5
 def recording(folder) -> Path:
     """Six axes, 200 s at 100 Hz, as CSV with names, units and time."""
     path = folder / "six.csv"
-    write(simulate(MODELS, rate=100.0, samples=20_000, seed=5), path)
+    simulate(MODELS, rate=100.0, samples=20_000, rng=5).write(path)
     return path
 
 
@@ -57,7 +56,7 @@ def recording(folder) -> Path:
 def unlabelled(folder) -> Path:
     """One gyroscope axis without time or unit."""
     path = folder / "one.csv"
-    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, seed=6)["gyro_x"].values
+    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, rng=6)["gyro_x"].values
     path.write_text("gyro_x\n" + "\n".join(map(repr, values.tolist())) + "\n")
     return path
 
@@ -66,7 +65,7 @@ def unlabelled(folder) -> Path:
 def broken(folder) -> Path:
     """One gyroscope axis with a gap of ten seconds after 300 samples of 500."""
     path = folder / "gap.csv"
-    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, seed=7)["gyro_x"].values
+    values = simulate({"gyro_x": "WN(sigma2=1e-4)"}, rate=100.0, samples=500, rng=7)["gyro_x"].values
     rows = [f"{k / 100 + (10 if k >= 300 else 0)!r},{v!r}" for k, v in enumerate(values.tolist())]
     path.write_text("time [s],gyro_x [rad/s]\n" + "\n".join(rows) + "\n")
     return path

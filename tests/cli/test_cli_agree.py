@@ -7,7 +7,6 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.cli.agree import names_of, parse_reference
-from gmwm.writers import write
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
 
@@ -18,7 +17,7 @@ def files(gmwm, tmp_path_factory):
     made = []
     for seed in (1, 2, 3):
         recording = folder / f"day_{seed}.csv"
-        write(library.simulate(TRUTH, rate=100.0, samples=20_000, seed=seed), recording)
+        library.simulate(TRUTH, rate=100.0, samples=20_000, rng=seed).write(recording)
         target = folder / f"results_{seed}"
         assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
         made.append(target / "calibration.json")
@@ -27,7 +26,7 @@ def files(gmwm, tmp_path_factory):
 
 def test_it_prints_the_library_s_summary(gmwm, files):
     outcome = gmwm("agree", *files, "--reference", "gyro.N=0.2°/√h", "--size", 0.1)
-    found = library.agreement([Calibration.load(file) for file in files], size=0.1, reference={"gyro.N": (0.2, "°/√h")})
+    found = library.agree([Calibration.load(file) for file in files], size=0.1, reference={"gyro.N": (0.2, "°/√h")})
     assert outcome.code == 0
     assert outcome.out == found.summary() + "\n"
     assert "day_2" in outcome.out
@@ -35,7 +34,7 @@ def test_it_prints_the_library_s_summary(gmwm, files):
 
 def test_json_is_the_library_s(gmwm, files):
     content = gmwm("agree", *files[:2], "--label", "a", "--label", "b", "--json").json
-    found = library.agreement([Calibration.load(file) for file in files[:2]], labels=["a", "b"])
+    found = library.agree([Calibration.load(file) for file in files[:2]], labels=["a", "b"])
     expected = json.loads(json.dumps(found.to_dict()))
     assert content["command"] == "agree"
     assert {name: content[name] for name in expected} == expected

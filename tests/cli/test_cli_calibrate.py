@@ -8,7 +8,6 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.readers import read
-from gmwm.writers import write
 
 WITHIN = "GM + WN + RW"
 FILES = ["by_sensor.png", "calibration.json", "calibration.png", "imu.yaml", "report.html", "summary.txt"]
@@ -73,7 +72,7 @@ def test_axes_and_options_reach_the_library(gmwm, recording):
 def test_a_lost_axis_is_told(gmwm, folder):
     # A robust variance of one spike alone is zero.
     path = folder / "lost.csv"
-    values = library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=4000, seed=6)["gyro_x"].values
+    values = library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=4000, rng=6)["gyro_x"].values
     lines = [f"{v!r},{0.6 if k == 1000 else 0.5}" for k, v in enumerate(values.tolist())]
     path.write_text("gyro_x [rad/s],gyro_y [rad/s]\n" + "\n".join(lines) + "\n")
     arguments = ("--rate", 100, "--within", "WN + RW", "--robust", "yes")
@@ -111,7 +110,7 @@ def doubled(recording, folder):
     imu = read(recording)
     factors = {axis: 2.0 if axis.startswith("accel") else 1.0 for axis in imu}
     path = folder / "doubled.csv"
-    write(library.Imu.from_arrays({axis: factor * imu[axis].values for axis, factor in factors.items()}, 100.0), path)
+    library.Imu.from_arrays({axis: factor * imu[axis].values for axis, factor in factors.items()}, 100.0).write(path)
     return path
 
 

@@ -4,7 +4,6 @@ import pytest
 
 import gmwm as library
 from gmwm.readers import streams
-from gmwm.writers import write
 
 WITHIN = "GM + WN + RW"
 
@@ -13,7 +12,7 @@ WITHIN = "GM + WN + RW"
 def file(tmp_path_factory):
     models = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_z": "WN(sigma2=2e-5)"}
     path = tmp_path_factory.mktemp("chunks") / "static.csv"
-    write(library.simulate(models, rate=100.0, samples=20_000, seed=1), path)
+    library.simulate(models, rate=100.0, samples=20_000, rng=1).write(path)
     return path
 
 

@@ -6,7 +6,6 @@ import pytest
 import gmwm as library
 from gmwm.readers import read
 from gmwm.simulation import simulate
-from gmwm.writers import write
 
 
 def test_compare_json_is_the_library_s(gmwm, recording):
@@ -39,7 +38,7 @@ def test_compare_plot(gmwm, recording, tmp_path, extra):
 
 def test_compare_recordings(gmwm, recording, tmp_path):
     other = tmp_path / "other.csv"
-    write(simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, seed=9), other)
+    simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5000, rng=9).write(other)
     both = gmwm("compare", recording, other, "--axis", "gyro_x", "--robust", "--json").json
     assert list(both["axes"]["gyro_x"]) == ["six", "other"]
     assert all(wv["robust"] for wv in both["axes"]["gyro_x"].values())
@@ -60,7 +59,7 @@ def coarse(tmp_path_factory):
     """One gyroscope axis in steps of three standard deviations."""
     path = tmp_path_factory.mktemp("coarse") / "coarse.csv"
     values = 1e-3 * np.round(np.random.default_rng(1).normal(0, 0.3, size=20_000))
-    write(library.Imu.from_arrays({"gyro_x": values}, 100.0), path)
+    library.Imu.from_arrays({"gyro_x": values}, 100.0).write(path)
     return path
 
 

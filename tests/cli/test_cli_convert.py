@@ -6,15 +6,14 @@ import pytest
 from gmwm.readers import read
 from gmwm.signals import AXES, Imu
 from gmwm.simulation import simulate
-from gmwm.writers import write
 
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory):
     """Counts of an LN200, 60 s at 62.5 Hz."""
     path = tmp_path_factory.mktemp("convert") / "survey.imu"
-    noise = simulate("WN(sigma2=1e-6)", rate=62.5, samples=3750, seed=3)
-    write(Imu.from_arrays({axis: noise[axis] for axis in AXES}, 62.5, start=1000.0), path, format="imu:LN200")
+    noise = simulate("WN(sigma2=1e-6)", rate=62.5, samples=3750, rng=3)
+    Imu.from_arrays({axis: noise[axis] for axis in AXES}, 62.5, start=1000.0).write(path, format="imu:LN200")
     return path
 
 

@@ -4,9 +4,8 @@ import polars as pl
 import pytest
 
 import gmwm as library
-from gmwm import Fleet
 from gmwm.cli.fleet import SHOWN
-from gmwm.writers import write
+from gmwm.fleets import Fleet
 
 WITHIN = "WN + RW"
 FILES = ["fleet.json", "fleet.parquet", "fleet.png", "summary.txt", "units"]
@@ -18,7 +17,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings")
     models = {"gyro_x": "WN(sigma2=4e-7)", "accel_z": "WN(sigma2=2e-5)"}
     for k in range(8):
-        write(library.simulate(models, rate=100.0, samples=2000, seed=k), folder / f"unit {k}.parquet")
+        library.simulate(models, rate=100.0, samples=2000, rng=k).write(folder / f"unit {k}.parquet")
     (folder / "broken.parquet").write_bytes((folder / "unit 0.parquet").read_bytes()[:500])
     (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0" + bytes(range(64)))
     return folder

@@ -145,11 +145,10 @@ def test_help_fits_eighty_columns_and_gives_examples(gmwm, command):
 
 
 def test_a_knock_is_not_normal(gmwm, recording, tmp_path):
-    from gmwm.writers import write
 
     signal = read(recording)["gyro_x"]
     values = np.array(signal.values)
     values[5000] += 0.05
-    write(library.Imu.from_arrays({"gyro_x": values}, signal.rate), tmp_path / "knocked.csv")
+    library.Imu.from_arrays({"gyro_x": values}, signal.rate).write(tmp_path / "knocked.csv")
     found = gmwm("residuals", tmp_path / "knocked.csv", "-m", "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "--json").json
     assert found["axes"]["gyro_x"]["jarque_bera"]["p_value"] < 1e-12

@@ -52,14 +52,13 @@ def test_a_last_line_without_an_end_is_noted(gmwm, recording, tmp_path):
 @pytest.fixture(scope="module")
 def moved(recording, tmp_path_factory):
     """The recording with a motion of ten seconds and a knock of one sample."""
-    from gmwm.writers import write
 
     imu = read(recording)
     values = {axis: np.array(imu[axis].values) for axis in imu}
     values["gyro_x"][8000:9000] += 0.5 * np.sin(np.arange(1000) / 50)
     values["accel_y"][333] += 3
     path = tmp_path_factory.mktemp("moved") / "moved.csv"
-    write(library.Imu.from_arrays(values, imu.rate), path)
+    library.Imu.from_arrays(values, imu.rate).write(path)
     return path
 
 
@@ -159,11 +158,13 @@ def test_fit_tables_show_what_acts_as_another(gmwm, recording):
 
 
 def test_fit_wants_enough_records_of_a_bootstrap(gmwm, recording):
-    for given, least in ((("--bootstrap", 38), 39), (("--bootstrap", 198, "--confidence", 0.99), 199)):
+    for given, least in ((("--bootstrap-draws", 38), 39), (("--bootstrap-draws", 198, "--confidence", 0.99), 199)):
         outcome = gmwm("fit", recording, "--model", "WN", *given)
         assert outcome.code == 2
-        assert f"--bootstrap must be a whole number of at least {least}" in outcome.err
-    assert gmwm("fit", recording, "-m", "WN", "--axis", "gyro_x", "--bootstrap", 19, "--confidence", 0.9).code == 0
+        assert f"--bootstrap-draws must be a whole number of at least {least}" in outcome.err
+    assert (
+        gmwm("fit", recording, "-m", "WN", "--axis", "gyro_x", "--bootstrap-draws", 19, "--confidence", 0.9).code == 0
+    )
 
 
 def test_fit_one_axis_is_its_summary(gmwm, recording):

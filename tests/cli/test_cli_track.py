@@ -204,11 +204,10 @@ def test_an_interrupt_ends_with_130_and_leaves_no_file(gmwm, recording, tmp_path
 
 
 def test_fits_hold_for_another_recording_of_the_unit(gmwm, recording, fits, tmp_path):
-    from gmwm.writers import write
 
     signal = read(recording)["gyro_x"]
     other = tmp_path / "other.csv"
-    write(library.Imu.from_arrays({"gyro_x": np.array(signal.values)}, signal.rate * (1 + 3e-5)), other)
+    library.Imu.from_arrays({"gyro_x": np.array(signal.values)}, signal.rate * (1 + 3e-5)).write(other)
     found = gmwm("track", other, "--from-fits", fits, "--json").json["axes"]["gyro_x"]
     assert found["parameters"] == json.loads(fits.read_text(encoding="utf-8"))["axes"]["gyro_x"]["parameters"]
     far = gmwm("track", other, "--from-fits", fits, "--columns", "time=,gyro_x=1", "--rate", 200)

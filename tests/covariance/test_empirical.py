@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import GM, RW, WN, Signal, wavelet_covariance
+from gmwm import GM, RW, WN, Signal
+from gmwm.covariance import wavelet_covariance
 from gmwm.covariance.empirical import empirical_covariance
 
 RATE = 100.0
@@ -74,14 +75,14 @@ def test_a_signal_is_as_its_samples():
 @pytest.mark.parametrize(
     ("x", "how", "error", "words"),
     [
-        (np.ones(100), {}, gmwm.DataError, "zero at level 1, 2"),
-        (np.arange(1000.0), {"levels": 3}, gmwm.DataError, "level 1, 2, 3 do not vary"),
-        (9.81 + 0.1 * np.arange(1000.0), {"levels": 3}, gmwm.DataError, "level 1, 2, 3 do not vary"),
-        (np.arange(1000.0), {"levels": 3, "transform": "dwt"}, gmwm.DataError, "do not vary"),
-        ((-1.0) ** np.arange(1000), {"levels": 1}, gmwm.DataError, "level 1 do not vary"),
-        (np.arange(4.0), {}, gmwm.DataError, "at least 8 samples"),
-        (np.random.default_rng(1).normal(size=100), {"transform": "fft"}, gmwm.OptionError, "transform"),
-        (np.random.default_rng(1).normal(size=100), {"levels": 9}, gmwm.OptionError, "levels"),
+        (np.ones(100), {}, gmwm.errors.DataError, "zero at level 1, 2"),
+        (np.arange(1000.0), {"levels": 3}, gmwm.errors.DataError, "level 1, 2, 3 do not vary"),
+        (9.81 + 0.1 * np.arange(1000.0), {"levels": 3}, gmwm.errors.DataError, "level 1, 2, 3 do not vary"),
+        (np.arange(1000.0), {"levels": 3, "transform": "dwt"}, gmwm.errors.DataError, "do not vary"),
+        ((-1.0) ** np.arange(1000), {"levels": 1}, gmwm.errors.DataError, "level 1 do not vary"),
+        (np.arange(4.0), {}, gmwm.errors.DataError, "at least 8 samples"),
+        (np.random.default_rng(1).normal(size=100), {"transform": "fft"}, gmwm.errors.OptionError, "transform"),
+        (np.random.default_rng(1).normal(size=100), {"levels": 9}, gmwm.errors.OptionError, "levels"),
     ],
 )
 def test_refused(x, how, error, words):

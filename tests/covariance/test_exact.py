@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, GM, QN, RW, WN, wavelet_covariance
+from gmwm import AR1, DR, GM, QN, RW, WN
+from gmwm.covariance import wavelet_covariance
 
 _spec = importlib.util.spec_from_file_location(
     "covariance_oracle", Path(__file__).parent.parent / "oracles/covariance.py"
@@ -95,9 +96,9 @@ def test_against_simulation():
 @pytest.mark.parametrize(
     ("model", "samples", "levels", "error", "words"),
     [
-        ("WN(sigma2=1.0)", 1.5, None, gmwm.OptionError, "integer"),
-        ("WN(sigma2=1.0)", 100, 9, gmwm.OptionError, "512 samples"),
-        ("WN", 100, None, gmwm.ModelError, "WN.sigma2"),
+        ("WN(sigma2=1.0)", 1.5, None, gmwm.errors.OptionError, "integer"),
+        ("WN(sigma2=1.0)", 100, 9, gmwm.errors.OptionError, "512 samples"),
+        ("WN", 100, None, gmwm.errors.ModelError, "WN.sigma2"),
     ],
 )
 def test_refused(model, samples, levels, error, words):

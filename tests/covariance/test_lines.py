@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from gmwm import DR, FN, GM, RW, WN, MissingTheoryError, ModelError, wavelet_covariance
-from gmwm.covariance import covariance, lines, ratio_variances, variances
+from gmwm import DR, FN, GM, RW, WN
+from gmwm.covariance import covariance, lines, ratio_variances, variances, wavelet_covariance
 from gmwm.covariance.design import Design
+from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.reweighting import implied_weights
 from gmwm.filters import find_filter
 from gmwm.processes import SIN, Model

@@ -27,7 +27,7 @@ def design(samples: int, efficiency: float, levels: int) -> Design:
 @pytest.mark.parametrize("efficiency", [0.4, 0.6, 0.9])
 @pytest.mark.parametrize("text", MODELS)
 def test_the_ratio_has_what_the_robust_variance_has_beyond_the_classical(text: str, efficiency: float) -> None:
-    model, robust = gmwm.parse_model(text).sorted(RATE), design(3000, efficiency, 8)
+    model, robust = gmwm.Model.parse(text).sorted(RATE), design(3000, efficiency, 8)
     size = model.wavelet_variance(robust.levels, RATE) ** 2
     beyond = (variances(model, robust) - variances(model, replace(robust, efficiency=None))) / size
     assert ratio_variances(model, robust) == pytest.approx(beyond, rel=1e-9)
@@ -35,7 +35,7 @@ def test_the_ratio_has_what_the_robust_variance_has_beyond_the_classical(text: s
 
 @pytest.mark.parametrize("text", [*MODELS, "QN(q2=1.0) + WN(sigma2=0.1)", "DR(omega=0.1) + WN(sigma2=1.0)"])
 def test_both_ways_to_sum_over_lags_agree(text: str) -> None:
-    model, robust = gmwm.parse_model(text).sorted(RATE), design(3000, 0.6, 8)
+    model, robust = gmwm.Model.parse(text).sorted(RATE), design(3000, 0.6, 8)
     assert filtered.ratio_variances(model, robust) == pytest.approx(ratio_variances(model, robust), rel=1e-6)
 
 
@@ -43,7 +43,7 @@ def test_uncorrelated_coefficients_have_the_efficiency() -> None:
     # At level 1 of white noise neighbours are correlated by ½ and nothing else is.
     robust, q = design(1000, 0.6, 1), np.arange(4, 17, 2)
     expected = hermite_weights(0.6)[1:] @ (999 + 2 * 998 * 0.5**q) / 999**2
-    assert ratio_variances(gmwm.parse_model("WN(sigma2=3.0)"), robust) == pytest.approx([expected], rel=1e-12)
+    assert ratio_variances(gmwm.Model.parse("WN(sigma2=3.0)"), robust) == pytest.approx([expected], rel=1e-12)
 
 
 @pytest.mark.parametrize("efficiency", [0.6, 0.9])
@@ -67,7 +67,7 @@ def test_skewness_is_that_of_simulated_ratios(efficiency: float) -> None:
 
 @pytest.mark.parametrize("text", MODELS)
 def test_ratios_of_simulated_records_follow_the_law(text: str) -> None:
-    model, robust, draws = gmwm.parse_model(text).sorted(RATE), design(4000, 0.6, 7), 4000
+    model, robust, draws = gmwm.Model.parse(text).sorted(RATE), design(4000, 0.6, 7), 4000
     pair = [simulated_variances(model, s, draws, seed=3) for s in (replace(robust, efficiency=None), robust)]
     ratios, errors = np.log(pair[0] / pair[1]), np.sqrt(ratio_variances(model, robust))
     assert ratios.std(axis=0) / errors == pytest.approx(np.ones(7), abs=5 / np.sqrt(2 * draws))
@@ -86,7 +86,7 @@ def test_the_law_is_the_gamma_law_of_its_skewness() -> None:
 
 @pytest.mark.parametrize("text", MODELS)
 def test_without_a_model_the_errors_are_those_of_the_mixture(text: str) -> None:
-    model = gmwm.parse_model(text).sorted(RATE)
+    model = gmwm.Model.parse(text).sorted(RATE)
     robust = gmwm.wavelet_variance(model.simulate(20_000, RATE, rng=2), RATE, robust=True)
     tested = np.arange(len(robust)) < 9
     known, found = (ratio_errors(robust, tested, given) for given in (model, None))
@@ -95,7 +95,7 @@ def test_without_a_model_the_errors_are_those_of_the_mixture(text: str) -> None:
 
 
 def test_a_median_scatters_more_and_a_drift_alone_has_a_bound() -> None:
-    model = gmwm.parse_model("WN(sigma2=1.0)")
+    model = gmwm.Model.parse("WN(sigma2=1.0)")
     robust = gmwm.wavelet_variance(model.simulate(20_000, RATE, rng=2), RATE, robust=True)
     tested = np.arange(len(robust)) < 3
     plain = ratio_errors(robust, tested, model)
@@ -109,7 +109,7 @@ def test_a_median_scatters_more_and_a_drift_alone_has_a_bound() -> None:
 
 @pytest.mark.parametrize("text", ["WN(sigma2=1.0)", "GM(beta=0.5, sigma2=1.0) + WN(sigma2=1.0) + RW(gamma2=1e-8)"])
 def test_levels_of_which_not_all_coefficients_are_taken_have_the_same_errors(text: str) -> None:
-    model = gmwm.parse_model(text)
+    model = gmwm.Model.parse(text)
     x = model.simulate(200_000, RATE, 1)
     live = gmwm.WaveletAccumulator(RATE, exact=6, robust=True)
     live.update(x)

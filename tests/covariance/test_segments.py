@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import DR, GM, QN, RW, WN, wavelet_covariance
-from gmwm.covariance import as_design, covariance, ratio_variances, segments, variances
+from gmwm import DR, GM, QN, RW, WN
+from gmwm.covariance import as_design, covariance, ratio_variances, segments, variances, wavelet_covariance
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.model import as_model
 
@@ -103,12 +103,12 @@ def test_the_covariance_from_the_data_of_segments():
     edges = np.cumsum([0, *lengths])
     segments = tuple(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
     x = gmwm.Signal(rng.normal(size=edges[-1]), RATE, segments=segments)
-    found = gmwm.empirical_covariance(x, levels=8)
+    found = gmwm.covariance.empirical_covariance(x, levels=8)
     ratio = np.diag(found) / np.diag(wavelet_covariance(WN(1.0), lengths, RATE, levels=8))
     assert np.all(np.abs(np.log(ratio)) < 0.6)
 
 
 @pytest.mark.parametrize("lengths", [(), (100, 0), (100, 2.5), (1, 1)])
 def test_lengths_that_are_none_are_refused(lengths):
-    with pytest.raises(gmwm.OptionError, match="integer of at least 2"):
+    with pytest.raises(gmwm.errors.OptionError, match="integer of at least 2"):
         wavelet_covariance(WN(1.0), lengths, RATE)

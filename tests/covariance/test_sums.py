@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR1, DR, GM, QN, RW, WN, wavelet_covariance
-from gmwm.covariance import Design, variances
+from gmwm import AR1, DR, GM, QN, RW, WN
+from gmwm.covariance import Design, variances, wavelet_covariance
 from gmwm.covariance.robust import hermite_weights
 from gmwm.processes.model import as_model
 from gmwm.variance.biweight import biweight
@@ -179,5 +179,5 @@ def test_setting_of_a_wavelet_variance():
     ],
 )
 def test_options_are_checked(options, words):
-    with pytest.raises(gmwm.OptionError, match=words):
+    with pytest.raises(gmwm.errors.OptionError, match=words):
         wavelet_covariance(WN(1.0), 500, RATE, **options)

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from gmwm.simulation import reference_imu, simulate
-from gmwm.writers import write
 from tests.docs import pages
 
 README = pages.DOCS.parent / "README.md"
@@ -15,11 +14,11 @@ README = pages.DOCS.parent / "README.md"
 
 def test_the_commands_of_readme_run(tmp_path):
     # What is his: a recording, another of the same unit, a log that no longer grows, a folder with two units.
-    write(simulate(reference_imu(), rate=100.0, duration=600.0, seed=7), tmp_path / "static.csv")
+    simulate(reference_imu(), rate=100.0, duration=600.0, rng=7).write(tmp_path / "static.csv")
     shutil.copy(tmp_path / "static.csv", tmp_path / "log.csv")
     (tmp_path / "recordings").mkdir()
     for seed, day in enumerate(("monday", "tuesday")):
-        write(simulate(reference_imu(), rate=100.0, duration=300.0, seed=seed), tmp_path / f"recordings/{day}.csv")
+        simulate(reference_imu(), rate=100.0, duration=300.0, rng=seed).write(tmp_path / f"recordings/{day}.csv")
         run(f"gmwm calibrate recordings/{day}.csv --within 'GM + WN + RW' --output {day}", tmp_path)
     commands = [line for _, language, code in pages.blocks(README) if language == "sh" for line in pages.commands(code)]
     assert len(commands) > 15

@@ -14,7 +14,7 @@ from gmwm._text import OVERRULED
 from gmwm.calibration.summary_text import advice
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from tests.docs.pages import DOCS
 
 PAGE = (DOCS / "howto" / "warnings.md").read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def written():
 def of_recordings():
     """All cautions that a look at a recording can bring."""
     base = TimeBase(100.0, True, 0.0, 0.005, ((7, 0.5),), 3, 2)
-    look = gmwm.inspect(gmwm.simulate({"accel_x": "WN(sigma2=1e-4)"}, rate=100.0, duration=10.0, seed=1))
+    look = gmwm.inspect(gmwm.simulate({"accel_x": "WN(sigma2=1e-4)"}, rate=100.0, duration=10.0, rng=1))
     coarse = {axis: replace(found, lsb=10 * found.noise) for axis, found in look.axes.items()}
     knock, step = (
         Knock(time=1.0, duration=0.1, axes=("gyro_x",), peak=20.0),
@@ -100,7 +100,7 @@ def test_all_advice_of_a_difficult_calibration_has_entries():
         "gyro_y": "GM(beta=200, sigma2=4e-7) + DR(omega=1e-7)",
         "gyro_z": "GM(beta=0.02, sigma2=4e-8) + WN(sigma2=4e-7)",
     }
-    imu = gmwm.simulate(noise, rate=100.0, duration=200.0, seed=1)
+    imu = gmwm.simulate(noise, rate=100.0, duration=200.0, rng=1)
     values = {axis: imu[axis].values.copy() for axis in imu.axes}
     for start in range(1000, 20_000, 1500):
         values["gyro_z"][start : start + 50] += 0.05 * np.sin(np.arange(50))

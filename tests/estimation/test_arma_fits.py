@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, Sampled, fixed
+from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, fixed
 from gmwm.errors import FitWarning
+from gmwm.estimation import Sampled
 from tests.helpers import only
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 TRUTHS = [
     "AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)",
@@ -22,12 +23,12 @@ TRUTHS = [
 
 
 def measured(text, seed, n=10_000):
-    return gmwm.wavelet_variance(gmwm.parse_model(text).simulate(n, 1.0, rng=seed), 1.0)
+    return gmwm.wavelet_variance(gmwm.Model.parse(text).simulate(n, 1.0, rng=seed), 1.0)
 
 
 @pytest.mark.parametrize("text", TRUTHS)
 def test_the_truth_is_found_and_no_random_start_beats_the_fit(text):
-    wv, truth = measured(text, 8), gmwm.parse_model(text)
+    wv, truth = measured(text, 8), gmwm.Model.parse(text)
     found = gmwm.fit(truth.structure, wv)
     for name, value in truth.parameters.items():
         assert abs(found.parameters[name] - value) < 4 * found.standard_errors[name]
@@ -86,7 +87,7 @@ def test_coefficients_may_be_held_or_given():
 
 
 def test_with_gauss_markov_terms_each_is_found():
-    truth = gmwm.parse_model("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + GM(beta=0.001, sigma2=30.0)")
+    truth = gmwm.Model.parse("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0) + GM(beta=0.001, sigma2=30.0)")
     wv = gmwm.wavelet_variance(truth.simulate(50_000, 1.0, rng=1), 1.0)
     found = gmwm.fit(GM() + AR(2), wv)
     for name, value in truth.parameters.items():
@@ -151,7 +152,7 @@ def test_a_thin_set_of_processes_beside_a_held_coefficient_is_found():
     wv = measured("AR(2, phi1=1.99, phi2=-0.995, sigma2=1)", 1)
     held = gmwm.fit("AR(2, phi1=fixed(1.99))", wv)
     assert held.parameters["AR(2).phi2"] == pytest.approx(-0.995, abs=2e-3)
-    with pytest.raises(gmwm.ModelError, match="between -2 and 2"):
+    with pytest.raises(gmwm.errors.ModelError, match="between -2 and 2"):
         AR(2, phi1=fixed(5.0))
 
 

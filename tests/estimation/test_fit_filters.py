@@ -63,7 +63,7 @@ def test_a_fit_to_exact_theory_finds_the_truth(name):
     np.testing.assert_allclose(sum(found.decomposition.values()), found.implied, rtol=1e-13)
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @transforms
 @pytest.mark.parametrize("name", ["haar", "d4", "la8", "fk8"])
 def test_a_fit_to_data_finds_the_truth_within_its_scatter(name, transform):

@@ -15,7 +15,7 @@ from gmwm import AR1, DR, GM, QN, RW, WN, Model, WaveletVariance
 RATE = 100.0
 CHAIN = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW", "2*GM + WN + RW + QN", "3*GM + WN + RW + QN + DR")
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 seeds = st.integers(0, 2**32 - 1)
 WEIGHTINGS = st.sampled_from(["diagonal", "optimal", "identity"])
@@ -121,7 +121,7 @@ EXACT = (
 @pytest.mark.parametrize("text", EXACT)
 @pytest.mark.parametrize("factor", [1e-12, 1.0, 1e12])
 def test_the_wavelet_variance_of_a_model_gives_the_model_back(text: str, factor: float) -> None:
-    truth = gmwm.parse_model(text).sorted(RATE)
+    truth = gmwm.Model.parse(text).sorted(RATE)
     wv = WaveletVariance.from_values(truth.wavelet_variance(19, RATE) * factor**2, samples=10**6, rate=RATE)
     fit = gmwm.fit(truth.structure, wv)
     for name, value in truth.parameters.items():
@@ -165,17 +165,17 @@ def test_held_values_stay_and_the_rest_is_the_best_given_them() -> None:
 def test_a_term_at_the_edge_says_what_it_acts_as() -> None:
     # Quantization falls faster than white noise and a drift rises faster than a random walk: both push β to an edge.
     steep = (WN(1.0) + QN(0.1)).simulate(50_000, RATE, np.random.default_rng(7))
-    with pytest.warns(gmwm.FitWarning, match="GM acts as WN"):
+    with pytest.warns(gmwm.errors.FitWarning, match="GM acts as WN"):
         fit = gmwm.fit(GM() + DR(), steep, RATE)
     assert fit.diagnostics.acts_as == {"GM": "WN"}
     wandering = (RW(1e-2) + DR(1e-1)).simulate(50_000, RATE, np.random.default_rng(8))
-    with pytest.warns(gmwm.FitWarning, match="GM acts as RW"):
+    with pytest.warns(gmwm.errors.FitWarning, match="GM acts as RW"):
         gmwm.fit(GM() + QN(), wandering, RATE)
 
 
 def test_an_unsupported_term_is_zero_and_said() -> None:
     white = WN(1.0).simulate(50_000, RATE, np.random.default_rng(9))
-    with pytest.warns(gmwm.FitWarning, match="not supported by these data"):
+    with pytest.warns(gmwm.errors.FitWarning, match="not supported by these data"):
         fit = gmwm.fit(WN() + DR() + QN() + RW(), white, RATE)
     for term in fit.diagnostics.not_supported:
         assert not fit.decomposition[term].any()

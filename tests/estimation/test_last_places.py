@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import GM, RW, WaveletVariance, parse_model
+from gmwm import GM, RW, Model, WaveletVariance
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 RATE = 100.0
 EPS = np.finfo(float).eps
 TRUTHS = {
@@ -27,7 +27,7 @@ def rounded(curve, rng):
 @pytest.mark.parametrize("model", TRUTHS)
 def test_what_a_term_acts_as_does_not_depend_on_the_last_place(model, samples, levels, weighting):
     truth, acts_as = TRUTHS[model]
-    curve, rng = parse_model(truth).wavelet_variance(levels, RATE), np.random.default_rng(1)
+    curve, rng = Model.parse(truth).wavelet_variance(levels, RATE), np.random.default_rng(1)
     for _ in range(4):
         wv = WaveletVariance.from_values(rounded(curve, rng), samples=samples, rate=RATE)
         fit = gmwm.fit(model, wv, weighting=weighting)

@@ -16,7 +16,7 @@ def said(mapping, name):
         return error.args[0]
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_a_parameter_at_zero_has_a_limit_and_no_error():
     x = gmwm.WN(sigma2=1.0).simulate(2000, RATE, rng=2)
     for fit in (gmwm.fit("WN + RW", x, RATE), gmwm.fit_ml("WN + RW", x, RATE)):
@@ -28,7 +28,7 @@ def test_a_parameter_at_zero_has_a_limit_and_no_error():
         assert fit.standard_errors.get("RW.gamma2") is None
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_a_term_at_zero_with_a_free_shape_has_no_limit():
     fit = gmwm.fit("WN + 2*GM", gmwm.WN(sigma2=1.0).simulate(2000, RATE, rng=2), RATE)
     assert "GM[1]" in fit.diagnostics.not_supported
@@ -46,7 +46,7 @@ def test_a_held_parameter_says_so():
         assert said(found.standard_errors, "GM.beta") == "GM.beta has no standard error: it is held at its value"
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_a_term_that_acts_as_another_says_so():
     x = (gmwm.WN(sigma2=1.0) + gmwm.RW(gamma2=1e-3)).simulate(20_000, RATE, rng=1)
     fit = gmwm.fit("GM + WN", x, RATE)
@@ -81,4 +81,4 @@ def test_they_are_dicts_in_all_else():
 
 def noise():
     """A Gauss-Markov process in white noise, long enough for both to be seen."""
-    return gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(20_000, RATE, rng=2)
+    return gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(20_000, RATE, rng=2)

@@ -21,7 +21,7 @@ MODELS = {
 
 pytestmark = [
     pytest.mark.skipif(not DATA.exists(), reason=f"the published wavelet variances are not at {DATA}"),
-    pytest.mark.filterwarnings("ignore::gmwm.FitWarning"),
+    pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning"),
 ]
 
 

@@ -18,7 +18,7 @@ def spoilt(n=50_000, seed=1):
     return np.where(np.arange(n) % 1250 == 600, 2.0, x)
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_robust_fit_of_a_signal_is_that_of_its_robust_variance():
     x = spoilt()
     wv = gmwm.wavelet_variance(x, RATE, robust=True, efficiency=0.8)
@@ -49,7 +49,7 @@ def test_weights_of_a_fit_are_those_of_the_robust_estimate():
     x = np.random.default_rng(2).normal(size=20_000)
     wv = gmwm.wavelet_variance(x, RATE, robust=True)
     fit = gmwm.fit(WN(), wv)
-    inflation = 1 / np.diag(fit.weighting_matrix) / np.diag(gmwm.wavelet_covariance(fit.model, 20_000, RATE))
+    inflation = 1 / np.diag(fit.weighting_matrix) / np.diag(gmwm.covariance.wavelet_covariance(fit.model, 20_000, RATE))
     # Less than 1/0.6: neighbouring coefficients are correlated.
     np.testing.assert_allclose(inflation[:8], [1.49, 1.40, 1.33, 1.30, 1.29, 1.28, 1.28, 1.28], rtol=0.06)
 
@@ -69,18 +69,18 @@ def test_sampling_variance_is_a_safe_bound():
 def test_asking_for_what_the_data_are_not():
     x = np.random.default_rng(3).normal(size=5000)
     classical = gmwm.wavelet_variance(x, RATE)
-    with pytest.raises(gmwm.OptionError, match="classical wavelet variance"):
+    with pytest.raises(gmwm.errors.OptionError, match="classical wavelet variance"):
         gmwm.fit(WN(), classical, robust=True)
     robust = gmwm.wavelet_variance(x, RATE, robust=True, efficiency=0.8)
-    with pytest.raises(gmwm.OptionError, match=r"contradicts the wavelet variance's 0\.8"):
+    with pytest.raises(gmwm.errors.OptionError, match=r"contradicts the wavelet variance's 0\.8"):
         gmwm.fit(WN(), robust, robust=True, efficiency=0.9)
-    with pytest.raises(gmwm.OptionError, match="efficiency must be"):
+    with pytest.raises(gmwm.errors.OptionError, match="efficiency must be"):
         gmwm.fit(WN(), x, RATE, robust=True, efficiency=1.0)
 
 
 def test_a_level_that_is_zero_cannot_be_weighed():
     x = np.round(np.random.default_rng(4).normal(0, 0.2, size=5000))
-    with pytest.raises(gmwm.DataError, match="robust=False"):
+    with pytest.raises(gmwm.errors.DataError, match="robust=False"):
         gmwm.fit(WN(), x, RATE, robust=True)
     assert gmwm.fit(WN(), x, RATE, robust=True, weighting="identity").parameters["WN.sigma2"] > 0
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import GM, RW, WN, Sampled, fixed
+from gmwm import GM, RW, WN, fixed
 from gmwm.errors import FitWarning
+from gmwm.estimation import Sampled
 from gmwm.processes import Parameter
 
 SIGMA2 = Parameter("sigma2", "σ²", "variance", signal_power=2, scale_power=1)
@@ -100,10 +101,10 @@ def test_held_parameters_stay_and_given_ones_are_tried():
 # --- the paper's draws ------------------------------------------------------------------------------------
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("model", ["WN", "WN + RW", "WN + QN + RW + FN"])
 def test_draws_for_a_model_without_shapes_lead_to_its_only_optimum(model):
-    drawn, found = gmwm.fit(model, WV, start=Sampled(100, seed=1)), gmwm.fit(model, WV)
+    drawn, found = gmwm.fit(model, WV, start=Sampled(100, rng=1)), gmwm.fit(model, WV)
     assert drawn.diagnostics.start.how == "sampled"
     assert drawn.objective == pytest.approx(found.objective, rel=1e-9)
     np.testing.assert_allclose(list(drawn.parameters.values()), list(found.parameters.values()), rtol=1e-6)
@@ -111,29 +112,29 @@ def test_draws_for_a_model_without_shapes_lead_to_its_only_optimum(model):
 
 def test_draws_lead_to_a_local_optimum_and_the_proof_says_what_they_missed():
     convex = gmwm.fit(2 * GM() + WN(), WV)
-    drawn = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1))
+    drawn = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, rng=1))
     start = drawn.diagnostics.start
     assert (start.how, start.tried) == ("sampled", 2000)
     assert start.objective >= drawn.objective >= drawn.lower_bound
     assert start.default == pytest.approx(convex.objective, rel=1e-6)
     assert "from the best of 2000 draws" in drawn.summary()
-    again = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1))
+    again = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, rng=1))
     assert again.parameters == drawn.parameters
-    without = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, seed=1), certify=False)
+    without = gmwm.fit(2 * GM() + WN(), WV, start=Sampled(2000, rng=1), certify=False)
     assert without.lower_bound is None
     assert without.diagnostics.start.default is None
 
 
 def test_a_descent_from_draws_says_what_a_term_acts_as():
     three = "GM(beta=20, sigma2=1) + GM(beta=1, sigma2=1) + GM(beta=0.05, sigma2=1)"
-    curve = gmwm.wavelet_variance(gmwm.simulate_signal(three, rate=100.0, samples=10_000, seed=6).signal)
+    curve = gmwm.wavelet_variance(gmwm.simulate_signal(three, rate=100.0, samples=10_000, rng=6).signal)
     weights = (curve.upper - curve.lower) ** -2.0
     best = gmwm.fit("3*GM", curve, weighting=weights).objective
     told = []
     for seed in range(1, 10):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            drawn = gmwm.fit("3*GM", curve, weighting=weights, start=Sampled(1000, seed=seed))
+            drawn = gmwm.fit("3*GM", curve, weighting=weights, start=Sampled(1000, rng=seed))
         astray = bool(drawn.objective > 1.5 * best)
         assert drawn.diagnostics.acts_as == ({"GM[3]": "RW"} if astray else {})
         # Of the one end it stands at, not of the other that would serve as well; and nothing of its correlation time.
@@ -145,7 +146,7 @@ def test_a_descent_from_draws_says_what_a_term_acts_as():
 def test_draws_serve_every_process_and_a_signal():
     x = (TRUTH + RW(gamma2=1e-6)).simulate(20_000, 100.0, rng=5)
     with pytest.warns(FitWarning):
-        found = gmwm.fit("AR1 + WN + QN + RW + DR", x, rate=100.0, start=Sampled(500, seed=2))
+        found = gmwm.fit("AR1 + WN + QN + RW + DR", x, rate=100.0, start=Sampled(500, rng=2))
     best = gmwm.fit("WN", x, rate=100.0).objective
     assert found.objective < best
 
@@ -185,10 +186,10 @@ def test_draws_follow_the_paper():
 
 @pytest.mark.parametrize("wrong", [0, -1, 2.5, True, "many"])
 def test_wrong_numbers_of_draws_are_named(wrong):
-    with pytest.raises(gmwm.OptionError, match="draws must be a whole number"):
+    with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number"):
         Sampled(wrong)
 
 
 def test_a_wrong_start_is_named():
-    with pytest.raises(gmwm.OptionError, match="start must be Sampled"):
+    with pytest.raises(gmwm.errors.OptionError, match="start must be Sampled"):
         gmwm.fit(WN(), WV, start="random")

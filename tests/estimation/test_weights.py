@@ -8,7 +8,7 @@ from gmwm.covariance.mixture import smoothed
 from gmwm.estimation.weighting import weighting_matrix
 from tests.helpers import codes
 
-TRUTH = gmwm.parse_model("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
+TRUTH = gmwm.Model.parse("GM(beta=0.05, sigma2=0.3) + WN(sigma2=1.0)")
 
 
 @pytest.mark.parametrize("samples", [2**15, 33_000, 65_000])
@@ -43,11 +43,11 @@ def test_smoothing_scales_and_leaves_what_is_smooth(factor):
 @pytest.mark.parametrize("samples", [500, 20_000])
 def test_a_covariance_that_is_not_inverted_is_noticed(samples):
     wv = gmwm.wavelet_variance(TRUTH.simulate(samples, 10.0, 1), 10.0)
-    v = gmwm.wavelet_covariance(TRUTH, samples, 10.0)
+    v = gmwm.covariance.wavelet_covariance(TRUTH, samples, 10.0)
     scale = np.sqrt(np.diag(v))
     inverse = np.linalg.inv(v / np.outer(scale, scale)) / np.outer(scale, scale)
     for matrix in (v, np.diag(v)):
-        with pytest.warns(gmwm.FitWarning) as caught:
+        with pytest.warns(gmwm.errors.FitWarning) as caught:
             found = gmwm.fit("WN", wv, weighting=matrix)
         assert [one.message.remark.code for one in caught] == codes(found.remarks) == ["weights-are-covariance"]
     for matrix in (inverse, 1 / np.diag(v), np.ones(len(wv)), wv.degrees_of_freedom):

@@ -10,7 +10,7 @@ import gmwm
 from gmwm.exporters.api import _options
 from gmwm.exporters.base import HORIZON, find_exporter
 from gmwm.exporters.text import plain
-from gmwm.processes import parse_model
+from gmwm.processes import Model
 from gmwm.variance.api import wavelet_variance
 
 RATE, SAMPLES = 200.0, 400_000
@@ -49,7 +49,7 @@ TRUTHS = {
 def exact_curve(axis, truth):
     """The wavelet variance of a model, as if it had been measured."""
     like = wavelet_variance(np.random.default_rng(0).standard_normal(SAMPLES), RATE)
-    ratio = parse_model(truth).wavelet_variance(like.levels, RATE) / like.variance
+    ratio = Model.parse(truth).wavelet_variance(like.levels, RATE) / like.variance
     values = {name: getattr(like, name) * ratio for name in ("variance", "lower", "upper")}
     return replace(like, **values, axis=axis, unit=UNITS[axis.partition("_")[0]], slope=None)
 

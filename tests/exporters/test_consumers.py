@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters import export, export_formats
-from gmwm.processes import parse_model
+from gmwm.exporters import export_formats
+from gmwm.processes import Model
 from gmwm.remarks import Quantity, texts
 from tests.helpers import only, raises
 
@@ -27,7 +27,7 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.\d*|\d+)(?:e[-+]?\d+)?(?![\w.])")
 def by_hand(truth, horizon=HORIZON):
     """N and K of a model, from its parameters: σ²/f, γ²f, and what Gauss-Markov terms add."""
     white, walk = 0.0, 0.0
-    for process in parse_model(truth).processes:
+    for process in Model.parse(truth).processes:
         values = process.values
         if process.name == "WN":
             white += values["sigma2"] / RATE
@@ -62,10 +62,10 @@ def test_every_format_has_a_consumer_here():
 def test_consumers_read_n_and_k_back(unit, format, rule):
     name, calibration = unit
     if rule == "each" and format not in PER_AXIS:
-        with raises(gmwm.OptionError, argument="axes", got="each"):
-            export(calibration, format=format, axes=rule)
+        with raises(gmwm.errors.OptionError, argument="axes", got="each"):
+            calibration.export(format=format, axes=rule)
         return
-    text = export(calibration, format=format, axes=rule)
+    text = calibration.export(format=format, axes=rule)
     for sensor, (white, walk) in expected(TRUTHS[name], rule).items():
         found_white, found_walk = CONSUMERS[format](text)[sensor]
         assert found_white == pytest.approx(white, rel=2e-6)
@@ -80,8 +80,8 @@ def test_consumers_read_n_and_k_back(unit, format, rule):
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_inflation_scales_n_and_k(units, format):
     calibration = units["quantized"]
-    plain = CONSUMERS[format](export(calibration, format=format))
-    text = export(calibration, format=format, inflation=10.0)
+    plain = CONSUMERS[format](calibration.export(format=format))
+    text = calibration.export(format=format, inflation=10.0)
     inflated = CONSUMERS[format](text)
     for sensor, pair in plain.items():
         for before, after in zip(pair, inflated[sensor], strict=True):
@@ -92,7 +92,7 @@ def test_inflation_scales_n_and_k(units, format):
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_the_horizon_parts_white_noise_from_walks(units, format):
     calibration, truths = units["gauss-markov"], TRUTHS["gauss-markov"]
-    text = export(calibration, format=format, horizon=0.01)
+    text = calibration.export(format=format, horizon=0.01)
     for sensor, pair in expected(truths, "worst" if format not in PER_AXIS else _default(format), 0.01).items():
         for found, wanted in zip(CONSUMERS[format](text)[sensor], pair, strict=True):
             assert found == pytest.approx(wanted, rel=2e-6)
@@ -105,7 +105,7 @@ def _default(format):
 
 @pytest.mark.parametrize("format", ["vins", "fastlio", "gazebo", "matlab"])
 def test_discrete_numbers_are_for_the_rate_that_is_asked_for(units, format):
-    text = export(units["quantized"], format=format, rate=400.0, axes="worst")
+    text = units["quantized"].export(format=format, rate=400.0, axes="worst")
     for sensor, pair in expected(TRUTHS["quantized"], "worst").items():
         for found, wanted in zip(CONSUMERS[format](text, rate=400.0)[sensor], pair, strict=True):
             assert found == pytest.approx(wanted, rel=2e-6)
@@ -113,12 +113,12 @@ def test_discrete_numbers_are_for_the_rate_that_is_asked_for(units, format):
 
 def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
     fit = units["no-walk"]["accel_y"]
-    with pytest.warns(gmwm.FitWarning):
+    with pytest.warns(gmwm.errors.FitWarning):
         wider = gmwm.fit("WN + RW", fit.wavelet_variance, weighting="optimal")
     limit = math.sqrt(wider.confidence_intervals()["RW.gamma2"][1] * RATE)
-    walk = CONSUMERS["matlab"](export(units["no-walk"], format="matlab"))["accel"][1]
+    walk = CONSUMERS["matlab"](units["no-walk"].export(format="matlab"))["accel"][1]
     assert walk[1] == pytest.approx(limit, rel=1e-3)
-    text = export(units["no-walk"], format="matlab")
+    text = units["no-walk"].export(format="matlab")
     found = [remark for remark in remarks_in(units["no-walk"], "matlab") if remark.code == "upper-limit"]
     assert [remark.subject for remark in found] == ["K of gyro_x, gyro_y, gyro_z", "K of accel_x, accel_y, accel_z"]
     assert {remark.facts["level"] for remark in found} == {Quantity(97.5, "%")}
@@ -130,7 +130,7 @@ def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
 
     truths = {**TRUTHS["quantized"], "gyro_x": "RW(gamma2=1e-9)", "gyro_y": "RW(gamma2=1e-9)"}
     calibration = calibrated({**truths, "gyro_z": "RW(gamma2=1e-9)"})
-    text = export(calibration)
+    text = calibration.export()
     assert only(remarks_in(calibration, "kalibr"), "upper-limit").subject == "N of the gyroscopes"
     white, walk = CONSUMERS["kalibr"](text)["gyro"]
     assert 0 < white[0] < walk[0]
@@ -138,7 +138,7 @@ def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
 
 
 def test_kf_gins_has_the_gauss_markov_term_itself(units):
-    content = yaml(export(units["gauss-markov"], format="kfgins", axes="each"))["imunoise"]
+    content = yaml(units["gauss-markov"].export(format="kfgins", axes="each"))["imunoise"]
     assert content["corrtime"] * 3600 == pytest.approx(10.0, rel=2e-6)
     assert content["gbstd"][0] * math.pi / 180 / 3600 == pytest.approx(math.sqrt(2e-8), rel=2e-6)
     assert np.array(content["abstd"])[[0, 2]] * 1e-5 == pytest.approx(np.sqrt([2e-6, 3e-6]), rel=2e-6)
@@ -147,7 +147,7 @@ def test_kf_gins_has_the_gauss_markov_term_itself(units):
 def test_gazebo_simulates_the_gauss_markov_term_itself(units):
     from xml.etree import ElementTree
 
-    text = export(units["gauss-markov"], format="gazebo")
+    text = units["gauss-markov"].export(format="gazebo")
     imu = ElementTree.fromstring(re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL))
     noise = imu.find("linear_acceleration/z/noise")
     time, drive = (float(noise.find(f"dynamic_bias_{key}").text) for key in ("correlation_time", "stddev"))
@@ -157,18 +157,18 @@ def test_gazebo_simulates_the_gauss_markov_term_itself(units):
 
 
 def test_an_endless_walk_has_the_length_of_the_recording(units):
-    content = yaml(export(units["quantized"], format="kfgins"))["imunoise"]
+    content = yaml(units["quantized"].export(format="kfgins"))["imunoise"]
     assert content["corrtime"] * 3600 == pytest.approx(400_000 / RATE, rel=2e-6)
 
 
 @pytest.mark.parametrize("rule", ["worst", "mean", "each"])
 def test_ros_covariances_are_the_variances_of_samples(unit, rule):
     name, calibration = unit
-    content = yaml(export(calibration, format="ros", axes=rule, inflation=2.0))
+    content = yaml(calibration.export(format="ros", axes=rule, inflation=2.0))
     for sensor, key in (("gyro", "angular_velocity_covariance"), ("accel", "linear_acceleration_covariance")):
         three = []
         for letter in "xyz":
-            found = [p.values for p in parse_model(TRUTHS[name][f"{sensor}_{letter}"]).processes]
+            found = [p.values for p in Model.parse(TRUTHS[name][f"{sensor}_{letter}"]).processes]
             three.append(sum(v.get("sigma2", 0.0) + 2 * v.get("q2", 0.0) for v in found))
         wanted = {"worst": [max(three)] * 3, "mean": [np.mean(three)] * 3, "each": three}[rule]
         matrix = np.array(content[key]).reshape(3, 3)
@@ -178,7 +178,7 @@ def test_ros_covariances_are_the_variances_of_samples(unit, rule):
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_the_head_says_what_the_numbers_are(units, format):
-    text = export(units["no-walk"], format=format)
+    text = units["no-walk"].export(format=format)
     head = words(text)
     units_of = ("deg/h", "mGal") if format == "kfgins" else ("rad/s", "m/s^2")
     for said in (
@@ -196,7 +196,7 @@ def test_the_head_says_what_the_numbers_are(units, format):
 @pytest.mark.parametrize("name", TRUTHS)
 def test_files_are_as_they_were(units, name, format):
     """Texts to the letter, numbers to 1e-5; `python -m tests.exporters.make_golden` writes them anew."""
-    text = export(units[name], format=format)
+    text = units[name].export(format=format)
     kept = (GOLDEN / name / f"{format}.txt").read_text(encoding="utf-8")
     version = re.escape(f"gmwm {gmwm.__version__}")
     texts = [NUMBER.sub("#", re.sub(version, "gmwm", one)) for one in (text, kept)]
@@ -207,7 +207,7 @@ def test_files_are_as_they_were(units, name, format):
 
 def test_csv_has_every_number_of_every_datasheet(unit):
     _, calibration = unit
-    lines = [line for line in export(calibration, format="csv").splitlines() if line and not line.startswith("#")]
+    lines = [line for line in calibration.export(format="csv").splitlines() if line and not line.startswith("#")]
     rows = list(csv.DictReader(lines))
     entries = [(axis, e) for axis, sheet in calibration.datasheets.items() for e in sheet.entries]
     assert [(row["axis"], row["symbol"]) for row in rows] == [(axis, e.symbol) for axis, e in entries]
@@ -221,7 +221,7 @@ def test_csv_has_every_number_of_every_datasheet(unit):
 
 def test_latex_is_a_table_for_each_sensor(unit):
     _, calibration = unit
-    text = export(calibration, format="latex")
+    text = calibration.export(format="latex")
     tables = re.findall(r"\\begin\{tabular\}\{(lr+)\}(.*?)\\end\{tabular\}", text, re.DOTALL)
     assert [len(columns) for columns, _ in tables] == [4, 4]
     for columns, body in tables:
@@ -236,7 +236,7 @@ def test_latex_is_a_table_for_each_sensor(unit):
 
 def test_json_has_the_numbers_of_a_filter(unit):
     name, calibration = unit
-    content = json.loads(export(calibration, format="json"))
+    content = json.loads(calibration.export(format="json"))
     assert (content["format"], content["version"]) == ("gmwm-numbers", 1)
     for axis, found in content["axes"].items():
         white, walk = by_hand(TRUTHS[name][axis])

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import export, export_formats
 from gmwm.calibration.findings import rejected, unusable
 from gmwm.calibration.misfit import misfit_of
-from gmwm.exporters import export_all
+from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.base import find_exporter
 from gmwm.remarks import Quantity, Severity, texts
 from tests.helpers import only
@@ -36,7 +35,7 @@ def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
         ("model-misfit", "gyro_z"),
         ("model-misfit", "accel_x"),
     ]
-    text = export(bad, format=format)
+    text = bad.export(format=format)
     if format == "json":
         assert [one["subject"] for one in json.loads(text)["remarks"] if one["severity"] == "unusable"] == [
             "gyro_z", "accel_x"
@@ -65,8 +64,8 @@ def test_a_rejected_model_that_follows_its_curve_is_no_caution():
     axes = {**found.axes, "gyro_z": gmwm.calibrate({"gyro_z": wave}, "WN + RW").axes["gyro_z"]}
     found = replace(found, axes=axes)
     assert rejected(found) == ["gyro_z"]
-    assert "CAUTION" not in export(found)
-    assert json.loads(export(found, format="json"))["remarks"] == []
+    assert "CAUTION" not in found.export()
+    assert json.loads(found.export(format="json"))["remarks"] == []
 
 
 # White noise so large on gyro_z that its limit of K lies above what the others have; on accel_x it lies far below.
@@ -91,8 +90,8 @@ def among(remarks):
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_limit_among_measured_values_names_its_axis(mixed, format):
-    text = export(mixed, format=format, axes="worst")
-    limit = float(export(mixed, format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2])
+    text = mixed.export(format=format, axes="worst")
+    limit = float(mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2])
     found = remarks_in(mixed, format, axes="worst")
     assert words(text).count("UPPER LIMIT") == 1
     assert among(found) == {
@@ -137,7 +136,7 @@ def test_each_axis_has_its_own_limit(mixed, format):
     found = remarks_in(mixed, format, axes="each")
     assert [remark.subject for remark in found if remark.code == "upper-limit"] == ["K of gyro_z", "K of accel_x"]
     assert among(found) == {}
-    assert words(export(mixed, format=format, axes="each")).count("UPPER LIMIT") == 1
+    assert words(mixed.export(format=format, axes="each")).count("UPPER LIMIT") == 1
 
 
 RATE = 200.00116000672804
@@ -145,15 +144,13 @@ RATE = 200.00116000672804
 
 @pytest.mark.parametrize("format", sorted(f for f in CONSUMERS if "rate" in find_exporter(f).takes))
 def test_rates_have_six_digits_and_numbers_the_rate_itself(units, format):
-    text = export(units["quantized"], format=format, rate=RATE)
+    text = units["quantized"].export(format=format, rate=RATE)
     assert "200.0011" not in text
     has_none = format in ("gtsam", "gtsam-python", "liosam")
     assert len(re.findall(r"\b200\.001\b", text)) == (0 if has_none else 1)
     if format in ("vins", "fastlio"):
         key, power = {"vins": ("acc_n", 0.5), "fastlio": ("acc_cov", 1.0)}[format]
-        ratio = [
-            float(re.search(rf"{key}: (\S+)", one)[1]) for one in (text, export(units["quantized"], format=format))
-        ]
+        ratio = [float(re.search(rf"{key}: (\S+)", one)[1]) for one in (text, units["quantized"].export(format=format))]
         assert ratio[0] / ratio[1] == pytest.approx((RATE / 200.0) ** power, rel=1e-6)
 
 
@@ -164,7 +161,7 @@ def test_json_keeps_all_digits_of_a_rate(units):
     told = replace(
         calibration, axes={**calibration.axes, "gyro_x": replace(found, fit=replace(found.fit, wavelet_variance=wave))}
     )
-    assert json.loads(export(told, format="json"))["axes"]["gyro_x"]["rate"] == RATE
+    assert json.loads(told.export(format="json"))["axes"]["gyro_x"]["rate"] == RATE
 
 
 def test_all_formats_at_once_have_the_cautions(bad, tmp_path):
@@ -182,6 +179,6 @@ def test_a_ramp_in_matrices_is_a_caution():
     calibration = calibrated(drifting, "WN + DR")
     remark = only(remarks_in(calibration, "state-space"), "ramp-in-matrices")
     assert (remark.subject, remark.facts["term"]) == ("gyro_z", "DR")
-    assert f"CAUTION: {words(remark.text())}" in words(export(calibration, format="state-space"))
+    assert f"CAUTION: {words(remark.text())}" in words(calibration.export(format="state-space"))
     none = remarks_in(calibrated(TRUTHS["no-walk"], "WN + RW"), "state-space")
     assert "ramp-in-matrices" not in {remark.code for remark in none}

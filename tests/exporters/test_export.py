@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.exporters import export, export_all, export_formats
+from gmwm.errors import DataError, FitWarning, OptionError
+from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.text import plain, unended
 from gmwm.remarks import Quantity, Remark
 from tests.helpers import codes, only
@@ -29,7 +30,7 @@ def with_axes(calibration, *axes, failed=()):
 def test_it_writes_what_it_gives_and_kalibr_by_default(units, tmp_path):
     calibration = units["quantized"]
     text = calibration.export(tmp_path / "imu.yaml")
-    assert (tmp_path / "imu.yaml").read_text(encoding="utf-8") == text == gmwm.export(calibration, format="kalibr")
+    assert (tmp_path / "imu.yaml").read_text(encoding="utf-8") == text == calibration.export(format="kalibr")
 
 
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - {"matlab", "gazebo"}))
@@ -37,8 +38,8 @@ def test_consumers_of_both_sensors_say_which_is_missing(units, tmp_path, format)
     gyro = with_axes(units["quantized"], "gyro_x", "gyro_y", "gyro_z")
     path = tmp_path / "old"
     path.write_text("kept")
-    with pytest.raises(gmwm.DataError, match=f"^{format} .* no accelerometers, only gyro_x, gyro_y, gyro_z"):
-        export(gyro, path, format)
+    with pytest.raises(DataError, match=f"^{format} .* no accelerometers, only gyro_x, gyro_y, gyro_z"):
+        gyro.export(path, format)
     # Whole or not at all.
     assert path.read_text() == "kept"
     assert list(tmp_path.iterdir()) == [path]
@@ -46,7 +47,7 @@ def test_consumers_of_both_sensors_say_which_is_missing(units, tmp_path, format)
 
 @pytest.mark.parametrize("format", ["matlab", "gazebo", "ros", "json", "csv", "latex", "state-space"])
 def test_others_take_one_sensor(units, format):
-    text = export(with_axes(units["quantized"], "gyro_x", "gyro_y", "gyro_z"), format=format)
+    text = with_axes(units["quantized"], "gyro_x", "gyro_y", "gyro_z").export(format=format)
     head = {"matlab": "%", "gazebo": " "}.get(format, "#")
     body = "\n".join(line for line in text.splitlines() if not line.startswith(head))
     assert "gyro" in text
@@ -55,27 +56,27 @@ def test_others_take_one_sensor(units, format):
 
 def test_an_axis_that_failed_is_told_and_left_out(units):
     two = with_axes(units["quantized"], *(a for a in TRUTHS["quantized"] if a != "gyro_y"), failed=["gyro_y"])
-    text = export(two)
+    text = two.export()
     assert "the largest of gyro_x, gyro_z." in text
     assert [r.subject for r in remarks_in(two, "kalibr") if r.code == "not-calibrated"] == ["gyro_y"]
     walk = CONSUMERS["kalibr"](text)["gyro"][1]
     assert walk == pytest.approx((2e-11 * RATE) ** 0.5, rel=2e-6)
     for format in ("ros", *PER_AXIS):
-        with pytest.raises(gmwm.DataError, match="gyro_y is not calibrated"):
-            export(two, format=format, axes="each")
-        assert export(two, format=format, axes="worst")
+        with pytest.raises(DataError, match="gyro_y is not calibrated"):
+            two.export(format=format, axes="each")
+        assert two.export(format=format, axes="worst")
 
 
 def test_units_must_be_known(units):
     wv = replace(exact_curve("gyro_x", "WN(sigma2=1e-6)"), unit="")
     unknown = gmwm.calibrate({"gyro_x": wv, "accel_x": exact_curve("accel_x", "WN(sigma2=1e-6)")}, "WN + RW")
-    with pytest.raises(gmwm.DataError, match="gyro_x is in an unknown unit instead of rad/s"):
-        export(unknown)
-    assert "unknown" in json.loads(export(unknown, format="json"))["axes"]["gyro_x"]["filter"]["none_because"]
+    with pytest.raises(DataError, match="gyro_x is in an unknown unit instead of rad/s"):
+        unknown.export()
+    assert "unknown" in json.loads(unknown.export(format="json"))["axes"]["gyro_x"]["filter"]["none_because"]
     nameless = gmwm.calibrate({"signal": wv}, "WN")
     for format in ("kalibr", "ros"):
-        with pytest.raises(gmwm.DataError, match=f"^{format} .* only signal"):
-            export(nameless, format=format)
+        with pytest.raises(DataError, match=f"^{format} .* only signal"):
+            nameless.export(format=format)
 
 
 @pytest.mark.parametrize(
@@ -94,15 +95,15 @@ def test_units_must_be_known(units):
     ],
 )
 def test_options_are_checked(units, options, argument):
-    with pytest.raises(gmwm.OptionError) as caught:
-        export(units["quantized"], **options)
+    with pytest.raises(OptionError) as caught:
+        units["quantized"].export(**options)
     assert caught.value.argument == argument
     assert repr(caught.value.got) == repr(options[argument])
 
 
 def test_the_horizon_is_checked(units):
-    with pytest.raises(gmwm.OptionError, match="horizon"):
-        export(units["quantized"], horizon=-1.0)
+    with pytest.raises(OptionError, match="horizon"):
+        units["quantized"].export(horizon=-1.0)
 
 
 HOSTILE = 'a\nrostopic: evil\r\n--><x/>*/ int main(){}\\\n"""\n%YAML é√\u2028b: 1 \x1b[31m\\'
@@ -111,34 +112,34 @@ HOSTILE = 'a\nrostopic: evil\r\n--><x/>*/ int main(){}\\\n"""\n%YAML é√\u2028
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_texts_from_elsewhere_stay_in_the_head(units, format):
     calibration = units["quantized"]
-    text = export(replace(calibration, source=HOSTILE), format=format)
+    text = replace(calibration, source=HOSTILE).export(format=format)
     assert text.isascii()
     assert "\x1b" not in text
-    wanted, found = (CONSUMERS[format](one) for one in (export(calibration, format=format), text))
+    wanted, found = (CONSUMERS[format](one) for one in (calibration.export(format=format), text))
     for sensor, pair in wanted.items():
         assert np.array_equal(pair, found[sensor])
-    body = export(calibration, format=format).split("\n\n", 1)[-1]
+    body = calibration.export(format=format).split("\n\n", 1)[-1]
     assert text.endswith(body.split("-->\n", 1)[-1] if format == "gazebo" else body)
     assert not any(line.endswith("\\") for line in text.splitlines())
 
 
 def test_hostile_texts_do_no_harm_elsewhere(units):
     calibration = replace(units["quantized"], source=HOSTILE)
-    assert json.loads(export(calibration, format="json"))["source"] == HOSTILE
-    assert list(yaml(export(calibration, format="ros"))) == [
+    assert json.loads(calibration.export(format="json"))["source"] == HOSTILE
+    assert list(yaml(calibration.export(format="ros"))) == [
         "angular_velocity_covariance", "linear_acceleration_covariance"
     ]  # fmt: skip
     for format in ("csv", "latex"):
-        known = export(units["quantized"], format=format)
-        lines = export(calibration, format=format).splitlines()
+        known = units["quantized"].export(format=format)
+        lines = calibration.export(format=format).splitlines()
         mark = {"csv": "#", "latex": "%"}[format]
         assert [line for line in lines if not line.startswith(mark)] == [
             line for line in known.splitlines() if not line.startswith(mark)
         ]
     names = {}
-    exec(compile(export(calibration, format="state-space"), "noise.py", "exec"), names)
+    exec(compile(calibration.export(format="state-space"), "noise.py", "exec"), names)
     assert list(names["AXES"]) == list(calibration)
-    ElementTree.fromstring(export(calibration, format="gazebo"))
+    ElementTree.fromstring(calibration.export(format="gazebo"))
 
 
 def test_a_plain_text_stays_so_when_it_is_made_plain_again():
@@ -153,8 +154,8 @@ def test_a_plain_text_stays_so_when_it_is_made_plain_again():
 
 def test_only_xml_breaks_double_hyphens(units):
     told = replace(units["quantized"], source="a--b.csv")
-    assert "a--b.csv" in export(told, format="kalibr")
-    text = export(told, format="gazebo")
+    assert "a--b.csv" in told.export(format="kalibr")
+    text = told.export(format="gazebo")
     assert "a- -b.csv" in text
     ElementTree.fromstring(text)
 
@@ -166,13 +167,13 @@ def test_doubts_of_the_recording_stand_in_every_head(units):
     told = replace(units["quantized"], recording_remarks=(doubt, knocks))
     for format in export_formats():
         assert [r.code for r in remarks_in(told, format) if r.code in ("gravity-off", "knocks")] == ["gravity-off"]
-        text = words(export(told, format=format))
+        text = words(told.export(format=format))
         assert f"CAUTION: {words(doubt.text())}".replace("--", "- -" if format == "gazebo" else "--") in text or (
             format == "json" and "gravity-off" in text
         ), format
         assert "knocks" not in text, format
-    ElementTree.fromstring(export(told, format="gazebo"))
-    assert "CAUTION" not in export(units["quantized"])
+    ElementTree.fromstring(told.export(format="gazebo"))
+    assert "CAUTION" not in units["quantized"].export()
 
 
 def test_all_formats_at_once(units, tmp_path):
@@ -182,7 +183,7 @@ def test_all_formats_at_once(units, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in written.values()}
     assert "Inflation factor: 3." in written["kalibr"].read_text(encoding="utf-8")
     assert CONSUMERS["vins"](written["vins"].read_text(encoding="utf-8"), rate=400.0)
-    assert written["csv"].read_text(encoding="utf-8") == export(units["quantized"], format="csv")
+    assert written["csv"].read_text(encoding="utf-8") == units["quantized"].export(format="csv")
 
 
 def test_what_cannot_be_is_left_and_told(units, tmp_path):
@@ -202,7 +203,7 @@ def test_sensors_of_two_rates_are_told(units):
     mixed = replace(calibration, axes={**calibration.axes, **slow})
     remark = only(remarks_in(mixed, "kalibr"), "rates-differ")
     assert remark.facts == {"gyro": Quantity(200.0, "Hz"), "accel": Quantity(50.0, "Hz")}
-    text = export(mixed)
+    text = mixed.export()
     assert words(remark.text()) in words(text)
     assert yaml(text)["update_rate"] == 200.0
 
@@ -215,8 +216,8 @@ def test_a_time_near_the_horizon_is_told(units):
 def test_terms_that_act_as_others_are_counted_to_these(units):
     curve = exact_curve("gyro_x", "WN(sigma2=6e-7) + RW(gamma2=1e-11)")
     found = calibrated(TRUTHS["quantized"])
-    with pytest.warns(gmwm.FitWarning, match="acts as RW"):
+    with pytest.warns(FitWarning, match="acts as RW"):
         fit = gmwm.fit("GM + WN", curve)
     axes = {**found.axes, "gyro_x": replace(found.axes["gyro_x"], fit=fit)}
-    walk = CONSUMERS["matlab"](export(replace(found, axes=axes), format="matlab"))["gyro"][1]
+    walk = CONSUMERS["matlab"](replace(found, axes=axes).export(format="matlab"))["gyro"][1]
     assert walk[0] == pytest.approx((1e-11 * RATE) ** 0.5, rel=1e-3)

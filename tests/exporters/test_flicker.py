@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from gmwm import GM, export, export_formats
+from gmwm import GM
 from gmwm.errors import MissingTheoryError
+from gmwm.exporters import export_formats
 from gmwm.remarks import texts
 
 from .conftest import RATE, SAMPLES, calibrated, remarks_in, words
@@ -31,7 +32,7 @@ OTHERS = ("matlab", "kfgins", "gazebo")
 
 @pytest.mark.parametrize("format", sorted(set(CONSUMERS) - set(OTHERS)))
 def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
-    text = export(unit, format=format, horizon=2.0)
+    text = unit.export(format=format, horizon=2.0)
     read = CONSUMERS[format](text)
     for sensor, b2 in B2.items():
         assert read[sensor][1] == pytest.approx(math.sqrt(3 * FLAT * b2 / 2.0), rel=1e-4)
@@ -45,7 +46,7 @@ def test_the_walk_has_its_allan_deviation_at_the_horizon(unit, format):
 
 @pytest.mark.parametrize("format", ["kfgins", "gazebo"])
 def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
-    text = export(unit, format=format, horizon=2.0)
+    text = unit.export(format=format, horizon=2.0)
     time = SAMPLES / RATE
     for sensor, b2 in B2.items():
         bias = GM(beta=1 / time, sigma2=float(np.max(CONSUMERS[format](text)[sensor][1])) ** 2 * time / 2)
@@ -56,7 +57,7 @@ def test_a_gauss_markov_bias_has_it_at_its_correlation_time(unit, format):
 
 
 def test_matlab_has_a_parameter_for_it(unit):
-    text = export(unit, format="matlab", inflation=2.0)
+    text = unit.export(format="matlab", inflation=2.0)
     code = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
     for maker, b2 in (("gyroparams", B2["gyro"]), ("accelparams", B2["accel"])):
         call = code[code.index(maker) :]
@@ -89,7 +90,7 @@ def test_ros_leaves_it_out_and_says_so(unit):
 
 def test_matrices_name_the_axis(unit):
     with pytest.raises(MissingTheoryError, match=r"gyro_x: FN"):
-        export(unit, format="state-space")
-    assert '"matrices": null' in export(unit, format="json")
+        unit.export(format="state-space")
+    assert '"matrices": null' in unit.export(format="json")
     for format in set(export_formats()) - {"state-space"}:
-        assert export(unit, format=format)
+        assert unit.export(format=format)

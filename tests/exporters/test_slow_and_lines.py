@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from gmwm import export
 from gmwm.remarks import texts
 
 from .conftest import RATE, calibrated, remarks_in, words
@@ -37,7 +36,7 @@ def lines():
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_slow_term_is_never_lost(slow, format):
-    text = export(slow, format=format)
+    text = slow.export(format=format)
     for sensor, (s2, _) in SLOW.items():
         # As the Gauss-Markov process of the same law; nearly so at a horizon that is no mere moment to it.
         assert CONSUMERS[format](text)[sensor][1] == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.03)
@@ -48,7 +47,7 @@ def test_a_slow_term_is_never_lost(slow, format):
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_lines_are_named_and_not_counted(lines, format):
-    text = export(lines, format=format)
+    text = lines.export(format=format)
     white, walk = CONSUMERS[format](text)["gyro"]
     assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-4)
     assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
@@ -63,7 +62,7 @@ def test_lines_are_named_and_not_counted(lines, format):
 
 
 def test_ros_leaves_lines_out(lines):
-    text = export(lines, format="ros")
+    text = lines.export(format="ros")
     (variance,) = re.findall(r"^angular_velocity_covariance: \[(\S+),", text, re.MULTILINE)
     assert float(variance) == pytest.approx(6e-7, rel=1e-4)
     axes = [remark.subject for remark in remarks_in(lines, "ros") if remark.code == "line-left-out"]
@@ -71,9 +70,9 @@ def test_ros_leaves_lines_out(lines):
 
 
 def test_tables_have_frequency_and_amplitude(lines):
-    rows = [line.split(",") for line in export(lines, format="csv").splitlines() if not line.startswith("#")]
+    rows = [line.split(",") for line in lines.export(format="csv").splitlines() if not line.startswith("#")]
     found = {row[2]: (float(row[5]), row[8]) for row in rows if row[0] == "accel_x"}
     assert found["f_0[2]"] == (pytest.approx(20.0, rel=1e-3), "Hz")
     assert found["A[2]"] == (pytest.approx(math.sqrt(8e-6), rel=1e-3), "m/s²")
-    assert r"f\_0[2] (Hz)" in export(lines, format="latex")
+    assert r"f\_0[2] (Hz)" in lines.export(format="latex")
     assert "f_0 frequency of a line; A amplitude of a line" in words(lines.summary())

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gmwm.continuous_statespace import ContinuousStateSpace
-from gmwm.exporters import export
 from gmwm.statespace import StateSpace
 
 
@@ -19,7 +18,7 @@ def loaded(text):
 
 def test_the_file_has_the_wavelet_variance_of_the_fit(unit):
     _, calibration = unit
-    names = loaded(export(calibration, format="state-space"))
+    names = loaded(calibration.export(format="state-space"))
     for axis, fit in calibration.items():
         found = names["matrices"](axis)
         space = StateSpace(**found, diffuse=names["AXES"][axis]["diffuse"])
@@ -29,7 +28,7 @@ def test_the_file_has_the_wavelet_variance_of_the_fit(unit):
 
 
 def test_the_continuous_matrices_of_the_file_have_the_steps_of_the_discrete_ones(units):
-    axes = loaded(export(units["gauss-markov"], format="state-space"))["AXES"]
+    axes = loaded(units["gauss-markov"].export(format="state-space"))["AXES"]
     for one in axes.values():
         steps = ContinuousStateSpace(one["A"], one["Qc"], one["H_c"], one["Rc"]).discrete(one["rate"])
         for name in ("F", "Q", "H", "R"):
@@ -37,7 +36,7 @@ def test_the_continuous_matrices_of_the_file_have_the_steps_of_the_discrete_ones
 
 
 def test_axes_join_to_one_system(units):
-    names = loaded(export(units["gauss-markov"], format="state-space"))
+    names = loaded(units["gauss-markov"].export(format="state-space"))
     whole = names["unit"]()
     one_by_one = [names["matrices"](axis) for axis in names["AXES"]]
     assert whole["F"].shape == (7, 7)
@@ -49,7 +48,7 @@ def test_axes_join_to_one_system(units):
 
 
 def test_its_simulation_has_the_right_size(units):
-    names = loaded(export(units["quantized"], format="state-space"))
+    names = loaded(units["quantized"].export(format="state-space"))
     drawn = names["simulate"]("accel_x", 20_000, seed=1)
     # 2Q² + σ²; four standard errors of differences that are correlated.
     assert np.var(np.diff(drawn)) == pytest.approx(6 * 1e-5 + 2 * 2e-5, rel=0.06)
@@ -57,7 +56,7 @@ def test_its_simulation_has_the_right_size(units):
 
 def test_it_runs_with_numpy_alone(units, tmp_path):
     path = tmp_path / "noise.py"
-    export(units["no-walk"], path, format="state-space")
+    units["no-walk"].export(path, format="state-space")
     command = [sys.executable, "-c", f"import runpy, sys; runpy.run_path({str(path)!r}, run_name='__main__'); "
                "assert 'gmwm' not in sys.modules and 'scipy' not in sys.modules"]  # fmt: skip
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout

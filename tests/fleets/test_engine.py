@@ -10,10 +10,10 @@ import polars as pl
 import pytest
 
 import gmwm
-from gmwm import Calibration, DataError, Fleet, GmwmError, OptionError, ReadError, calibrate, fleet, read, simulate
+from gmwm import Calibration, GmwmError, calibrate, fleet, read, simulate
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.errors import GmwmWarning
-from gmwm.fleets import unit_job
+from gmwm.errors import DataError, GmwmWarning, OptionError, ReadError
+from gmwm.fleets import Fleet, unit_job
 from gmwm.fleets.discovery import find_units
 from gmwm.fleets.unit_job import Job, UnitOptions
 from gmwm.fleets.workers import allowing_lost_workers, on_cluster
@@ -32,7 +32,7 @@ BAD = ("lot 0/unit 013.parquet", "lot 1/unit 120.csv")
 
 def made(path, seed, samples=2000, models=ONE):
     path.parent.mkdir(parents=True, exist_ok=True)
-    gmwm.write(simulate(models, rate=100.0, samples=samples, seed=seed), path)
+    simulate(models, rate=100.0, samples=samples, rng=seed).write(path)
     return path
 
 
@@ -228,7 +228,7 @@ def test_what_is_asked_for_otherwise_is_done_anew(few, tmp_path):
 
 def test_another_recording_is_done_anew_a_touched_one_is_not(few, tmp_path):
     def fixed(name, seed):
-        values = simulate(ONE, rate=100.0, samples=2000, seed=seed)["gyro_x"].values.tolist()
+        values = simulate(ONE, rate=100.0, samples=2000, rng=seed)["gyro_x"].values.tolist()
         rows = "".join(f"{k / 100:05.2f},{value:+.12e}\n" for k, value in enumerate(values))
         (few / name).write_text("time [s],gyro_x [rad/s]\n" + rows)
         return (few / name).stat().st_size
@@ -371,11 +371,11 @@ def test_an_axis_that_fails_is_a_row_and_its_unit_is_calibrated(few, tmp_path, m
 
 
 def test_what_reading_warns_of_is_kept_with_the_unit(few, tmp_path):
-    values = simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=1000, seed=2)["gyro_x"].values
+    values = simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=1000, rng=2)["gyro_x"].values
     text = "time,accel_x,accel_y,accel_z\n"
     text += "".join(f"{k / 100:.2f},{v!r},{-v!r},{1 + v!r}\n" for k, v in enumerate(values.tolist()))
     (few / "g.csv").write_text(text)
-    with pytest.warns(gmwm.InferredUnitWarning) as warned:
+    with pytest.warns(gmwm.errors.InferredUnitWarning) as warned:
         read(few / "g.csv")
     remarks = {one.message.remark for one in warned}
     found = fleet([few / "g.csv"], tmp_path / "out", within="WN", workers=0)["g.csv"]

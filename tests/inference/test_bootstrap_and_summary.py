@@ -14,7 +14,7 @@ from gmwm.processes.parameter import Parameter
 from tests.helpers import codes, only
 
 RATE = 100.0
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def fit():
 
 
 def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
-    again = fit.bootstrap(draws=300, seed=1)
+    again = fit.bootstrap(draws=300, rng=1)
     for name, error in fit.standard_errors.items():
         assert again.errors[name] == pytest.approx(error, rel=0.2)
     assert again.estimates.shape == (300, 3)
@@ -32,49 +32,66 @@ def test_standard_errors_of_the_bootstrap_are_those_of_theory(fit):
 
 
 def test_intervals_of_both_kinds_agree(fit):
-    one, other = fit.confidence_intervals(), fit.confidence_intervals(method="bootstrap", draws=300, seed=1)
+    one, other = fit.confidence_intervals(), fit.confidence_intervals(method="bootstrap", draws=300, rng=1)
     for name, (low, high) in one.items():
         assert np.log(other[name][1] / other[name][0]) == pytest.approx(np.log(high / low), rel=0.25)
 
 
 def test_the_same_seed_gives_the_same_bootstrap(fit):
-    first = fit.bootstrap(draws=20, seed=3)
-    x = gmwm.fit("GM + WN", fit.wavelet_variance).bootstrap(draws=20, seed=3)
+    first = fit.bootstrap(draws=20, rng=3)
+    x = gmwm.fit("GM + WN", fit.wavelet_variance).bootstrap(draws=20, rng=3)
     np.testing.assert_array_equal(first.estimates, x.estimates)
-    assert not np.array_equal(first.estimates, fit.bootstrap(draws=20, seed=4).estimates)
+    assert not np.array_equal(first.estimates, fit.bootstrap(draws=20, rng=4).estimates)
+
+
+def test_a_generator_draws_a_seed_that_the_result_records(fit):
+    one, other = (fit.bootstrap(draws=20, rng=np.random.default_rng(5)) for _ in range(2))
+    assert one.seed == other.seed
+    assert np.array_equal(one.estimates, other.estimates)
+    assert np.array_equal(fit.bootstrap(draws=20, rng=one.seed).estimates, one.estimates)
+    generator = np.random.default_rng(5)
+    first, second = (fit.bootstrap(draws=20, rng=generator) for _ in range(2))
+    assert first.seed == one.seed != second.seed
+    bootstrapped = {"method": "bootstrap", "draws": 40}
+    intervals = fit.confidence_intervals(**bootstrapped, rng=np.random.default_rng(5))
+    assert intervals == fit.confidence_intervals(**bootstrapped, rng=one.seed)
+    assert fit.summary(**bootstrapped, rng=np.random.default_rng(5)) == fit.summary(**bootstrapped, rng=one.seed)
+    for method in (fit.goodness_of_fit, fit.wic):
+        drawn, given = (method(**bootstrapped, rng=rng) for rng in (np.random.default_rng(5), one.seed))
+        assert drawn.to_dict() == given.to_dict()
 
 
 def test_options_are_checked(fit):
-    with pytest.raises(gmwm.OptionError, match="between 0 and 1"):
+    with pytest.raises(gmwm.errors.OptionError, match="between 0 and 1"):
         fit.confidence_intervals(95)
-    with pytest.raises(gmwm.OptionError, match="'asymptotic'"):
+    with pytest.raises(gmwm.errors.OptionError, match="'asymptotic'"):
         fit.confidence_intervals(method="exact")
     for draws in (0, 1, 2.5, True):
-        with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 2"):
+        with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number of at least 2"):
             fit.bootstrap(draws=draws)
-    with pytest.raises(gmwm.OptionError, match="belongs to"):
+    with pytest.raises(gmwm.errors.OptionError, match="belongs to"):
         fit.confidence_intervals(method="bootstrap", covariance=fit.sandwich.wavelet)
 
 
 def test_too_few_records_are_refused(fit):
     for level, least in ((0.8, 9), (0.95, 39), (0.99, 199)):
-        with pytest.raises(gmwm.OptionError, match=f"at least {least}, which an interval of"):
+        with pytest.raises(gmwm.errors.OptionError, match=f"at least {least}, which an interval of"):
             fit.confidence_intervals(level, method="bootstrap", draws=least - 1)
     assert set(fit.confidence_intervals(0.8, method="bootstrap", draws=9)) == set(fit.parameters)
-    with pytest.raises(gmwm.OptionError, match="at least 39"):
+    with pytest.raises(gmwm.errors.OptionError, match="at least 39"):
         fit.summary(method="bootstrap", draws=38)
     # A test of so wide an interval needs more than the interval.
-    with pytest.raises(gmwm.OptionError, match="at least 19"):
+    with pytest.raises(gmwm.errors.OptionError, match="at least 19"):
         fit.summary(0.5, method="bootstrap", draws=18)
 
 
 def test_results_are_shown_short(fit):
-    assert repr(fit.bootstrap(draws=20, seed=3)) == "Bootstrap(20 draws of GM.beta, GM.sigma2, WN.sigma2, seed 3)"
+    assert repr(fit.bootstrap(draws=20, rng=3)) == "Bootstrap(20 draws of GM.beta, GM.sigma2, WN.sigma2, seed 3)"
     assert repr(fit.sandwich) == "Sandwich(GM.beta, GM.sigma2, WN.sigma2, 15 levels)"
 
 
 def refused(what):
-    return pytest.raises(gmwm.OptionError, match=what)
+    return pytest.raises(gmwm.errors.OptionError, match=what)
 
 
 def test_a_covariance_must_be_one(fit):
@@ -98,7 +115,7 @@ def test_a_covariance_may_be_of_fewer_directions_and_in_any_unit(fit):
     assert set(fit.confidence_intervals(covariance=np.outer(size, size))) == set(fit.parameters)
     x = 1e-9 * WN(sigma2=4.0).simulate(5000, RATE, 1)
     tiny = gmwm.fit("WN", x, RATE)
-    low, high = tiny.confidence_intervals(covariance=gmwm.empirical_covariance(x, RATE))["WN.sigma2"]
+    low, high = tiny.confidence_intervals(covariance=gmwm.covariance.empirical_covariance(x, RATE))["WN.sigma2"]
     assert low < 4e-18 < high
 
 
@@ -111,7 +128,7 @@ def test_a_fit_without_noise_has_no_intervals():
         fit.confidence_intervals,
         lambda: fit.confidence_intervals(method="bootstrap", draws=39),
     ):
-        with pytest.raises(gmwm.ModelError, match="DR as estimated has no noise at some level"):
+        with pytest.raises(gmwm.errors.ModelError, match="DR as estimated has no noise at some level"):
             ask()
     for text in (fit.summary(), fit.summary(method="bootstrap", draws=39), fit._repr_html_()):
         assert "There are no confidence intervals: DR as estimated has no noise at some level" in text
@@ -201,5 +218,5 @@ def test_a_process_without_covariance_is_fitted_with_weights_of_the_data():
     assert fit.parameters["P.q"] == pytest.approx(4.0, rel=0.05)
     assert "weights-from-data" in codes(fit.remarks)
     assert "There are no confidence intervals" in fit.summary()
-    with pytest.raises(gmwm.MissingTheoryError):
+    with pytest.raises(gmwm.errors.MissingTheoryError):
         gmwm.fit(gmwm.Model((Pure(),)), WN(sigma2=4.0).simulate(30_000, RATE, 6), RATE, weighting="optimal")

@@ -23,19 +23,19 @@ TRUTHS = (
 )
 WEIGHTINGS = ("diagonal", "optimal")
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 truths = st.sampled_from(TRUTHS)
 seeds = st.integers(0, 2**32 - 1)
 
 
 def recorded(truth: str, seed: int, samples: int = 50_000, **options) -> WaveletVariance:
-    return gmwm.wavelet_variance(gmwm.parse_model(truth).simulate(samples, RATE, seed), RATE, **options)
+    return gmwm.wavelet_variance(gmwm.Model.parse(truth).simulate(samples, RATE, seed), RATE, **options)
 
 
 def curve(truth: str, samples: int, rate: float = RATE) -> tuple[WaveletVariance, np.ndarray]:
     """The wavelet variance of a model without any error, and V."""
-    model = gmwm.parse_model(truth).sorted(rate)
+    model = gmwm.Model.parse(truth).sorted(rate)
     design = Design(np.arange(1, samples.bit_length()), samples=samples, rate=rate)
     variance = model.wavelet_variance(design.levels, rate, design.filter)
     return WaveletVariance.from_values(variance, samples=samples, rate=rate), covariance(model, design)
@@ -56,7 +56,7 @@ def weights(weighting: str, wavelet: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_optimal_weights_cost_two_for_each_parameter(truth: str) -> None:
     wv, wavelet = curve(truth, 50_000)
-    fit = gmwm.fit(gmwm.parse_model(truth).structure, wv, weighting=precision(wavelet), certify=False)
+    fit = gmwm.fit(gmwm.Model.parse(truth).structure, wv, weighting=precision(wavelet), certify=False)
     assert optimism(fit, wavelet) == pytest.approx(2 * len(fit.parameters), rel=1e-6)
     other = np.diag(1 / np.diag(wavelet))
     # Any other weights count the scatter in their own unit: all of it is tr ΩV.
@@ -124,7 +124,7 @@ def test_scaling_the_data_changes_nothing(truth: str, seed: int, factor: float, 
     wv = recorded(truth, seed)
     one, other = (
         gmwm.fit(
-            gmwm.parse_model(truth).structure,
+            gmwm.Model.parse(truth).structure,
             WaveletVariance.from_values(wv.variance * scale**2, samples=wv.samples, rate=RATE),
             weighting=weighting,
             certify=False,
@@ -197,15 +197,15 @@ def fit() -> gmwm.Fit:
 
 
 def test_bootstrap_and_theory_agree(fit: gmwm.Fit) -> None:
-    one, other = fit.wic(), fit.wic("bootstrap", draws=200, seed=1)
-    drawn = fit.bootstrap(draws=200, seed=1)
+    one, other = fit.wic(), fit.wic("bootstrap", draws=200, rng=1)
+    drawn = fit.bootstrap(draws=200, rng=1)
     deviation = drawn.variances - drawn.variances.mean(axis=0)
     each = 2 * np.sum((drawn.implied @ fit.weighting_matrix) * deviation, axis=1)
     assert other.loss == one.loss == fit.objective
     assert abs(other.optimism - one.optimism) < 4 * each.std() / 200**0.5 + 0.05 * one.optimism
     assert (one.method, other.method) == ("asymptotic", "bootstrap")
-    assert other == fit.wic("bootstrap", draws=200, seed=1)
-    assert other.optimism != fit.wic("bootstrap", draws=200, seed=2).optimism
+    assert other == fit.wic("bootstrap", draws=200, rng=1)
+    assert other.optimism != fit.wic("bootstrap", draws=200, rng=2).optimism
 
 
 def test_value_is_loss_and_optimism(fit: gmwm.Fit) -> None:
@@ -228,7 +228,7 @@ def test_trace_is_that_of_the_covariance() -> None:
 def test_refits_are_those_of_the_bootstrap_and_of_fit() -> None:
     wv = recorded(TRUTHS[2], 6)
     held = gmwm.fit(GM() + WN() + RW(gamma2=gmwm.fixed(4e-4)), wv, certify=False)
-    drawn = held.bootstrap(draws=12, seed=3)
+    drawn = held.bootstrap(draws=12, rng=3)
     done: list[int] = []
     implied = implied_by_refits(*problem_of(held), drawn.variances, done.append)
     np.testing.assert_allclose(implied, drawn.implied, rtol=1e-9)
@@ -241,16 +241,16 @@ def test_refits_are_those_of_the_bootstrap_and_of_fit() -> None:
 
 
 def test_options_are_checked(fit: gmwm.Fit) -> None:
-    with pytest.raises(gmwm.OptionError, match="method must be 'asymptotic' or 'bootstrap', got 'exact'"):
+    with pytest.raises(gmwm.errors.OptionError, match="method must be 'asymptotic' or 'bootstrap', got 'exact'"):
         fit.wic("exact")
     for draws in (1, 2.5, True):
-        with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 2"):
+        with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number of at least 2"):
             fit.wic("bootstrap", draws=draws)
-    with pytest.raises(gmwm.OptionError, match="seed must be an integer of at least 0"):
-        fit.wic("bootstrap", seed=-1)
+    with pytest.raises(gmwm.errors.OptionError, match="rng must be an integer that is not negative"):
+        fit.wic("bootstrap", rng=-1)
 
 
 def test_a_model_without_noise_has_no_criterion() -> None:
     wv = gmwm.wavelet_variance((DR(omega=1.0) + WN(sigma2=1e-6)).simulate(5000, RATE, 1), RATE)
-    with pytest.raises(gmwm.ModelError, match="no noise at some level"):
+    with pytest.raises(gmwm.errors.ModelError, match="no noise at some level"):
         gmwm.fit("DR", wv, weighting="identity", certify=False).wic()

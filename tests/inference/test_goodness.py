@@ -9,7 +9,7 @@ from gmwm import GM, RW, WN
 from gmwm.inference.goodness import shortened, usable_levels
 
 RATE = 100.0
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 
 @pytest.mark.parametrize("samples", [2**14, 20_000, 2**15 - 1])
@@ -51,14 +51,14 @@ def test_the_statistic_under_the_inverse_covariance_is_the_criterion():
     # With Ω = V⁻¹ at the estimate, DᵀΩr = 0, and T is rᵀV⁻¹r itself.
     truth = GM(beta=0.5, sigma2=0.5) + WN(sigma2=4.0)
     wv = gmwm.wavelet_variance(truth.simulate(100_000, RATE, 3), RATE)
-    v = gmwm.wavelet_covariance(truth, wv.samples, RATE)
+    v = gmwm.covariance.wavelet_covariance(truth, wv.samples, RATE)
     used = int(np.count_nonzero(usable_levels(wv)))
     short = shortened(wv, used)
     for _ in range(12):
         scale = np.sqrt(np.diag(v)[:used])
         omega = np.linalg.inv(v[:used, :used] / np.outer(scale, scale)) / np.outer(scale, scale)
         fit = gmwm.fit("GM + WN", short, weighting=omega)
-        v = gmwm.wavelet_covariance(fit.model, wv.samples, RATE)
+        v = gmwm.covariance.wavelet_covariance(fit.model, wv.samples, RATE)
     test = gmwm.fit("GM + WN", short, weighting="optimal").goodness_of_fit()
     assert test.statistic == pytest.approx(fit.objective, rel=0.02)
     assert test.pvalue == pytest.approx(chi2.sf(test.statistic, test.df), rel=1e-12)
@@ -80,11 +80,11 @@ def test_zero_terms_are_not_counted():
 def test_too_few_levels_are_an_error_that_says_so():
     wv = gmwm.wavelet_variance((WN(sigma2=4.0) + RW(gamma2=1.0)).simulate(20, RATE, 5), RATE)
     fit = gmwm.fit("WN + RW", wv)
-    with pytest.raises(gmwm.ModelError, match="record longer"):
+    with pytest.raises(gmwm.errors.ModelError, match="record longer"):
         fit.goodness_of_fit()
     assert "not tested" in fit.summary()
     short = gmwm.fit("WN + RW", gmwm.wavelet_variance((WN(4.0) + RW(1.0)).simulate(8, RATE, 5), RATE))
-    with pytest.raises(gmwm.ModelError, match=r"2 parameters, and only 1 level is fine enough .*'bootstrap'"):
+    with pytest.raises(gmwm.errors.ModelError, match=r"2 parameters, and only 1 level is fine enough .*'bootstrap'"):
         short.goodness_of_fit()
     assert short.goodness_of_fit("bootstrap", draws=19).levels.size == 3
 
@@ -92,7 +92,7 @@ def test_too_few_levels_are_an_error_that_says_so():
 def test_a_bootstrap_that_could_not_reject_is_refused():
     x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(8192, RATE, 1)
     wrong = gmwm.fit("WN", x, RATE)
-    with pytest.raises(gmwm.OptionError, match="draws must be a whole number of at least 19"):
+    with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number of at least 19"):
         wrong.goodness_of_fit("bootstrap", draws=18)
     test = wrong.goodness_of_fit("bootstrap", draws=19)
     assert test.pvalue == 0.05
@@ -102,12 +102,12 @@ def test_a_bootstrap_that_could_not_reject_is_refused():
 def test_bootstrap():
     x = (WN(sigma2=4.0) + RW(gamma2=1e-3)).simulate(8192, RATE, 1)
     good, bad = gmwm.fit("WN + RW", x, RATE), gmwm.fit("WN", x, RATE)
-    test = good.goodness_of_fit("bootstrap", draws=200, seed=1)
+    test = good.goodness_of_fit("bootstrap", draws=200, rng=1)
     assert test.df is None
     assert test.left_out == ()
     assert test.pvalue > 0.05
-    assert bad.goodness_of_fit("bootstrap", draws=99, seed=1).pvalue == pytest.approx(0.01)
-    with pytest.raises(gmwm.OptionError, match="'bootstrap'"):
+    assert bad.goodness_of_fit("bootstrap", draws=99, rng=1).pvalue == pytest.approx(0.01)
+    with pytest.raises(gmwm.errors.OptionError, match="'bootstrap'"):
         good.goodness_of_fit("bootstap")
 
 

@@ -20,14 +20,14 @@ TRUTHS = (
 )
 WEIGHTINGS = ("diagonal", "optimal")
 
-pytestmark = pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
 truths = st.sampled_from(TRUTHS)
 seeds = st.integers(0, 2**32 - 1)
 
 
 def recorded(truth: str, seed: int, samples: int = 50_000) -> gmwm.WaveletVariance:
-    return gmwm.wavelet_variance(gmwm.parse_model(truth).simulate(samples, RATE, seed), RATE)
+    return gmwm.wavelet_variance(gmwm.Model.parse(truth).simulate(samples, RATE, seed), RATE)
 
 
 def times(wv: WaveletVariance, factor: float) -> WaveletVariance:
@@ -38,7 +38,7 @@ def times(wv: WaveletVariance, factor: float) -> WaveletVariance:
 @given(truths, seeds, st.sampled_from([1e-12, 1e-3, 7.0, 1e12]), st.sampled_from(WEIGHTINGS))
 def test_scaling_the_data_scales_intervals_and_tests(truth: str, seed: int, factor: float, weighting: str) -> None:
     wv = recorded(truth, seed)
-    model = gmwm.parse_model(truth).structure
+    model = gmwm.Model.parse(truth).structure
     one, other = (
         gmwm.fit(model, data, weighting=weighting, certify=False) for data in (times(wv, 1), times(wv, factor))
     )
@@ -65,7 +65,7 @@ def _parameters(fit):
 @settings(max_examples=10, derandomize=True, deadline=None)
 @given(truths, seeds)
 def test_intervals_hold_the_estimate_and_widen_with_the_level(truth: str, seed: int) -> None:
-    fit = gmwm.fit(gmwm.parse_model(truth).structure, recorded(truth, seed), certify=False)
+    fit = gmwm.fit(gmwm.Model.parse(truth).structure, recorded(truth, seed), certify=False)
     narrow, wide = fit.confidence_intervals(0.8), fit.confidence_intervals(0.99)
     assert list(narrow) == list(fit.parameters)
     for name, value in fit.parameters.items():
@@ -76,7 +76,7 @@ def test_intervals_hold_the_estimate_and_widen_with_the_level(truth: str, seed: 
 @settings(max_examples=6, derandomize=True, deadline=None)
 @given(truths, seeds)
 def test_the_covariance_is_that_of_the_standard_errors(truth: str, seed: int) -> None:
-    fit = gmwm.fit(gmwm.parse_model(truth).structure, recorded(truth, seed), certify=False)
+    fit = gmwm.fit(gmwm.Model.parse(truth).structure, recorded(truth, seed), certify=False)
     errors = fit.standard_errors
     np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), list(errors.values()), rtol=1e-12)
     correlations = fit.covariance / np.outer(list(errors.values()), list(errors.values()))

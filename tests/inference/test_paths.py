@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gmwm import GM, RW, WN, Model, parse_model, wavelet_covariance, wavelet_variance
+from gmwm import GM, RW, WN, Model, wavelet_variance
+from gmwm.covariance import wavelet_covariance
 from gmwm.covariance.design import Design
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import find_filter
@@ -38,7 +39,7 @@ def standard_errors(rows, expected):
 
 @pytest.mark.parametrize("samples", [100, 5000, BATCH + 3])
 def test_neither_threads_nor_draws_matter(samples):
-    model, where = parse_model(SUM), design(samples)
+    model, where = Model.parse(SUM), design(samples)
     draws = max(3, 2 * BATCH // samples + 2)
     rows = simulated_variances(model, where, draws, seed=3, threads=1)
     assert rows.shape == (draws, where.levels.size)
@@ -84,14 +85,14 @@ def test_rows_are_the_wavelet_variances_of_the_paths():
 
 
 def test_some_levels_are_those_of_all():
-    model = parse_model(SUM)
+    model = Model.parse(SUM)
     every = simulated_variances(model, design(300), 5, seed=1)
     assert np.array_equal(simulated_variances(model, design(300, [2, 5, 6]), 5, seed=1), every[:, [1, 4, 5]])
 
 
 @pytest.mark.parametrize("power", [-40, 40])
 def test_scales_with_the_model(power):
-    model = parse_model("WN(sigma2=1.0) + RW(gamma2=0.25) + QN(q2=4.0)")
+    model = Model.parse("WN(sigma2=1.0) + RW(gamma2=0.25) + QN(q2=4.0)")
     scaled = Model(tuple(p.with_values(**{p.scale_parameter().name: p.scale * 4.0**power}) for p in model.processes))
     one, other = (simulated_variances(m, design(512), 20, seed=1) for m in (model, scaled))
     assert other == pytest.approx(one * 4.0**power, rel=1e-9)
@@ -106,7 +107,7 @@ def test_scales_with_the_model(power):
     ["WN(sigma2=2.0)", "QN(q2=3.0)", "RW(gamma2=0.5)", "GM(beta=0.3, sigma2=2.0)", "AR1(phi=-0.7, sigma2=1.0)", SUM],
 )
 def test_mean_is_the_models_wavelet_variance(text, options):
-    model = parse_model(text)
+    model = Model.parse(text)
     whole = design(512, levels=np.arange(1, 6), **options)
     rows = simulated_variances(model, whole, 2000, seed=7)
     expected = model.wavelet_variance(whole.levels, whole.rate, whole.filter)
@@ -114,13 +115,13 @@ def test_mean_is_the_models_wavelet_variance(text, options):
 
 
 def test_a_drift_alone_is_no_noise():
-    model = parse_model("DR(omega=-0.2)")
+    model = Model.parse("DR(omega=-0.2)")
     rows = simulated_variances(model, design(1000), 3, seed=1)
     assert rows == pytest.approx(np.tile(model.wavelet_variance(9, 10.0), (3, 1)), rel=1e-9)
 
 
 def test_a_slow_process_is_stationary_from_the_start():
-    n, draws, model = 1024, 4000, parse_model("GM(beta=3.0, sigma2=1.0)")
+    n, draws, model = 1024, 4000, Model.parse("GM(beta=3.0, sigma2=1.0)")
     where = design(n, levels=[9, 10], rate=float(n))
     expected = model.wavelet_variance(where.levels, where.rate)
     assert np.all(np.abs(standard_errors(simulated_variances(model, where, draws, seed=2), expected)) < 4)
@@ -209,7 +210,7 @@ def test_interrupted_soon():
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            simulated_variances(parse_model(SUM), design(10**6), 10**6, seed=1)
+            simulated_variances(Model.parse(SUM), design(10**6), 10**6, seed=1)
     finally:
         signal.signal(signal.SIGINT, handler)
     timer.join()
@@ -219,7 +220,7 @@ def test_interrupted_soon():
 
 
 def test_memory_is_some_batches_whatever_the_draws():
-    model, peaks = parse_model(SUM), []
+    model, peaks = Model.parse(SUM), []
     for draws in (200, 1600):
         tracemalloc.start()
         rows = simulated_variances(model, design(4096), draws, seed=1, threads=2)

@@ -136,7 +136,7 @@ def test_as_plain_numbers_and_in_a_notebook():
     content = json.loads(json.dumps(plan.to_dict()))
     assert content["errors"]["RW.gamma2"] == plan.errors["RW.gamma2"].tolist()
     assert content["planned"] == plan.at(60.0)
-    assert gmwm.parse_model(content["model"]) == plan.model
+    assert gmwm.Model.parse(content["model"]) == plan.model
     assert content["parameters"] == plan.model.parameters
     assert "<pre>Relative standard errors of WN + RW" in plan._repr_html_()
     assert repr(plan) == "Plan(WN + RW, 60 s at 100 Hz)"

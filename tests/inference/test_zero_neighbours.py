@@ -6,22 +6,23 @@ import warnings
 
 import numpy as np
 
-from gmwm import FitWarning, fit, parse_model, wavelet_covariance
-from gmwm.covariance import Design
+from gmwm import Model, fit
+from gmwm.covariance import Design, wavelet_covariance
+from gmwm.errors import FitWarning
 from gmwm.inference.asymptotic import sandwich_of
 
-TRUTH = parse_model("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=5e-6)")
+TRUTH = Model.parse("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=5e-6)")
 
 
 def test_errors_are_those_of_a_term_that_is_free() -> None:
     design = Design(np.arange(1, 15), samples=20_000, rate=100.0)
-    zero = parse_model("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=0.0)")
-    tiny = parse_model("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=1e-20)")
+    zero = Model.parse("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=0.0)")
+    tiny = Model.parse("GM(beta=180.0, sigma2=3e-5) + WN(sigma2=1e-20)")
     wavelet = wavelet_covariance(zero, 20_000, 100.0)
     matrix = np.diag(1 / np.diag(wavelet))
     at_zero = sandwich_of(zero, design, matrix, wavelet)
     near_zero = sandwich_of(tiny, design, matrix, wavelet)
-    absent = sandwich_of(parse_model("GM(beta=180.0, sigma2=3e-5)"), design, matrix, wavelet)
+    absent = sandwich_of(Model.parse("GM(beta=180.0, sigma2=3e-5)"), design, matrix, wavelet)
     assert at_zero.names == absent.names == ("GM.beta", "GM.sigma2")
     np.testing.assert_allclose(at_zero.relative, near_zero.relative[:2, :2], rtol=1e-9)
     assert np.all(np.diag(at_zero.relative) > 4 * np.diag(absent.relative))

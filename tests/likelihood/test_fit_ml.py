@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from gmwm import Imu, LikelihoodFit, fit, fit_ml, loglikelihood, parse_model
+from gmwm import Imu, Model, fit, fit_ml
 from gmwm.errors import DataError, FitWarning, MissingTheoryError, ModelError, OptionError, ReadError
+from gmwm.likelihood import LikelihoodFit
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 from gmwm.signals import Signal
@@ -31,7 +32,7 @@ TRUTHS = (
 
 
 def drawn(text, samples=8000, seed=1):
-    model = parse_model(text)
+    model = Model.parse(text)
     return model, 9.81 + model.simulate(samples, RATE, rng=seed)
 
 
@@ -51,8 +52,8 @@ def test_a_fit_is_at_the_top_of_its_likelihood(text, gaps):
     found = fit_ml(model.structure, x, RATE, start=model)
     assert found.diagnostics.converged
     assert not found.diagnostics.not_supported
-    assert found.loglikelihood == pytest.approx(loglikelihood(found.model, x, RATE), rel=1e-12)
-    assert found.loglikelihood >= loglikelihood(model, x, RATE)
+    assert found.loglikelihood == pytest.approx(found.model.loglikelihood(x, RATE), rel=1e-12)
+    assert found.loglikelihood >= model.loglikelihood(x, RATE)
     assert (found.samples, found.missing) == (np.count_nonzero(np.isfinite(x)), np.count_nonzero(np.isnan(x)))
     problem, z, here = top(found, x)
     # What a step along the slope could still gain.
@@ -84,7 +85,7 @@ def test_the_same_top_is_reached_from_the_wavelets_and_from_afar(text):
 
 
 def test_it_is_the_top_that_another_hand_finds():
-    model = parse_model("GM(beta=10.0, sigma2=2e-6) + WN(sigma2=4e-6)")
+    model = Model.parse("GM(beta=10.0, sigma2=2e-6) + WN(sigma2=4e-6)")
     x = model.simulate(4000, RATE, rng=2)
     found = fit_ml("GM + WN", x, RATE, mean=0.0)
     other = most_likely(x, RATE, (10.0, 2e-6, 4e-6))
@@ -132,7 +133,7 @@ def test_held_parameters_stay():
 def test_a_term_that_is_not_there_is_zero_and_said_to_be():
     seen = 0
     for seed in range(10):
-        x = parse_model("WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
+        x = Model.parse("WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
         bare = fit_ml("WN", x, RATE)
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -155,7 +156,7 @@ def test_a_term_that_is_not_there_is_zero_and_said_to_be():
 
 def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
     for seed in range(5, 8):
-        x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
+        x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=seed)
         with pytest.warns(FitWarning, match="GM acts as RW"):
             found = fit_ml("GM + WN", x, RATE)
         assert found.diagnostics.acts_as == {"GM": "RW"}
@@ -172,7 +173,7 @@ def test_a_process_too_slow_for_the_record_is_said_to_be_a_walk():
 
 def test_a_process_next_to_a_walk_is_known_to_be_little_known():
     # Without the level, of which a slow process is the better part, the information says next to nothing of β.
-    x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=3)
+    x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(4000, RATE, rng=3)
     with pytest.warns(FitWarning, match="the recording holds 0.54 of its correlation times"):
         found = fit_ml("GM + WN", x, RATE)
     assert found.diagnostics.converged
@@ -184,7 +185,7 @@ def test_a_process_next_to_a_walk_is_known_to_be_little_known():
 
 @pytest.mark.parametrize("mean", [None, 0.0])
 def test_a_drift_has_the_slope_of_generalised_least_squares(mean):
-    model = parse_model("DR(omega=-0.01) + WN(sigma2=4.0)")
+    model = Model.parse("DR(omega=-0.01) + WN(sigma2=4.0)")
     x = model.simulate(2000, RATE, rng=4)
     found = fit_ml("DR + WN", x, RATE, mean=mean)
     t = np.arange(x.size)
@@ -279,7 +280,7 @@ def test_plain_numbers_and_back():
 
 
 def test_a_zero_and_an_infinity_survive_plain_numbers():
-    x = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(2000, RATE, rng=3)
+    x = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(2000, RATE, rng=3)
     with pytest.warns(FitWarning, match="acts as"):
         found = fit_ml("GM + WN", x, RATE)
     back = LikelihoodFit.from_dict(json.loads(json.dumps(found.to_dict(), allow_nan=False)))
@@ -303,7 +304,7 @@ def test_the_same_data_give_the_same_fit():
 
 
 def good():
-    return parse_model("WN(sigma2=1.0)").simulate(100, RATE, rng=1)
+    return Model.parse("WN(sigma2=1.0)").simulate(100, RATE, rng=1)
 
 
 @pytest.mark.parametrize(
@@ -340,20 +341,22 @@ def test_missing_samples_may_be_masked():
     x = good()
     x[[3, 50]] = np.nan
     masked = np.ma.masked_invalid(x)
-    assert loglikelihood("WN(sigma2=1.0)", masked, RATE) == loglikelihood("WN(sigma2=1.0)", x, RATE)
+    assert Model.parse("WN(sigma2=1.0)").loglikelihood(masked, RATE) == Model.parse("WN(sigma2=1.0)").loglikelihood(
+        x, RATE
+    )
     assert fit_ml("WN", x, RATE).missing == 2
 
 
 def test_a_value_is_needed_of_each_parameter():
     with pytest.raises(ModelError, match=r"needs a value for WN.sigma2; or fit it: gmwm.fit_ml"):
-        loglikelihood("WN", good(), RATE)
+        Model.parse("WN").loglikelihood(good(), RATE)
 
 
 def test_a_wavelet_fit_is_a_start():
     _, x = drawn("GM(beta=5.0, sigma2=0.5) + WN(sigma2=1.0)")
     begun = fit("GM + WN", x, RATE)
     found = fit_ml("GM + WN", x, RATE, start=begun)
-    assert found.diagnostics.started_at == pytest.approx(loglikelihood(begun.model, x, RATE), rel=1e-12)
+    assert found.diagnostics.started_at == pytest.approx(begun.model.loglikelihood(x, RATE), rel=1e-12)
     assert found.loglikelihood > found.diagnostics.started_at
 
 
@@ -371,7 +374,7 @@ def test_errors_are_in_the_order_of_the_model():
 @pytest.mark.parametrize("larger", ["2*GM + WN + RW", "2*GM + WN + QN + RW"])
 def test_a_larger_model_has_no_smaller_likelihood(larger):
     # A process that is gone within a sample: to the wavelet variance it is white, and the other terms are at zero.
-    x = parse_model("GM(beta=150.0, sigma2=1.0) + RW(gamma2=1e-6)").simulate(5000, RATE, rng=2)
+    x = Model.parse("GM(beta=150.0, sigma2=1.0) + RW(gamma2=1e-6)").simulate(5000, RATE, rng=2)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         small, large = fit_ml("GM + WN + RW", x, RATE), fit_ml(larger, x, RATE)
@@ -393,7 +396,7 @@ def test_a_recording_is_not_one_axis():
 
 
 def test_a_known_mean_leaves_a_walk_its_level_wherever_it_starts():
-    x = 9.81 + parse_model("WN(sigma2=1.0) + RW(gamma2=1e-3)").simulate(3000, RATE, rng=1)
+    x = 9.81 + Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-3)").simulate(3000, RATE, rng=1)
     zero, there = (
         fit_ml("WN + RW", x, RATE, mean=0.0, start=f"WN(sigma2=1.0) + RW(gamma2={walk})") for walk in (0.0, 1e-3)
     )
@@ -402,7 +405,7 @@ def test_a_known_mean_leaves_a_walk_its_level_wherever_it_starts():
 
 
 def test_a_walk_at_zero_leaves_the_mean_to_the_record():
-    x = 9.81 + parse_model("WN(sigma2=1.0)").simulate(3000, RATE, rng=3)
+    x = 9.81 + Model.parse("WN(sigma2=1.0)").simulate(3000, RATE, rng=3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FitWarning)
         found = fit_ml("WN + RW", x, RATE)
@@ -410,10 +413,10 @@ def test_a_walk_at_zero_leaves_the_mean_to_the_record():
     assert found.level == pytest.approx(x.mean(), rel=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_a_profile_ends_where_the_other_parameters_run_away():
     # Ten correlation times: next to a random walk, σ² grows beyond all doubles on the way to the upper end.
-    x = parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(500, RATE, rng=20_361_245)
+    x = Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(500, RATE, rng=20_361_245)
     found = fit_ml("GM + WN", x, RATE)
     for name, (low, high) in found.confidence_intervals(method="profile").items():
         assert low < found.parameters[name] < high, name

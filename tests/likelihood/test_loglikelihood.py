@@ -10,7 +10,7 @@ import pytest
 from statsmodels.tsa.statespace.initialization import Initialization
 from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
 
-from gmwm import _core, loglikelihood, parse_model
+from gmwm import Model, _core
 from gmwm.errors import MissingTheoryError
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
@@ -62,7 +62,7 @@ MISSING = {
 
 def parsed(text):
     """A model; "2*GM(beta=[…], …)" is short for two terms."""
-    return parse_model(text.replace("2*GM(beta=[0.5, 20.0], sigma2=[2.0, 0.5])",
+    return Model.parse(text.replace("2*GM(beta=[0.5, 20.0], sigma2=[2.0, 0.5])",
                                     "GM(beta=0.5, sigma2=2.0) + GM(beta=20.0, sigma2=0.5)"))  # fmt: skip
 
 
@@ -77,23 +77,23 @@ def record(model, missing, samples=120, seed=1):
 @pytest.mark.parametrize("text", [*STATIONARY, *WANDERING])
 def test_it_is_that_of_the_multivariate_normal(text, mean, missing):
     model = parsed(text)
-    held = parse_model(text.replace("omega=0.1", "omega=fixed(0.1)")) if "DR" in text else model
+    held = Model.parse(text.replace("omega=0.1", "omega=fixed(0.1)")) if "DR" in text else model
     x = record(model, missing)
     expected = oracle.loglikelihood(held, x, RATE, mean=mean)
-    assert loglikelihood(model, x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
+    assert model.loglikelihood(x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
 @pytest.mark.parametrize("mean", [None, 0.3])
 @pytest.mark.parametrize("text", [t for t in WANDERING if "DR" in t])
 def test_a_free_slope_of_a_drift_is_at_its_best(text, mean, missing):
-    model = parse_model(text)
+    model = Model.parse(text)
     x = record(model, missing)
     value, level = Problem(model, as_record(x, RATE), mean).value(model)
     assert value == pytest.approx(oracle.loglikelihood(model, x, RATE, mean=mean), rel=1e-10)
     slope = float(level.values[level.labels.index("DR")])
     values = [
-        oracle.loglikelihood(parse_model(text.replace("omega=0.1", f"omega=fixed({w!r})")), x, RATE, mean=mean)
+        oracle.loglikelihood(Model.parse(text.replace("omega=0.1", f"omega=fixed({w!r})")), x, RATE, mean=mean)
         for w in (slope, slope * (1 - 1e-3), slope * (1 + 1e-3))
     ]
     assert value == pytest.approx(values[0], rel=1e-10)
@@ -110,23 +110,23 @@ def test_every_process_with_a_state_space_is_among_them():
 @pytest.mark.parametrize("level", [False, True])
 @pytest.mark.parametrize("decay", [1e-9, 1e-7, 1e-4, 5.0])
 def test_slow_processes_without_white_noise_keep_their_digits(decay, level):
-    model = parse_model(f"GM(beta={decay * RATE!r}, sigma2=3.0)")
+    model = Model.parse(f"GM(beta={decay * RATE!r}, sigma2=3.0)")
     x = model.simulate(40, RATE, rng=4)
     beta = mp.mpf(decay * RATE) / RATE
     exact = oracle.precise(lambda k: 3 * mp.exp(-beta * k), x.tolist(), level=level)
-    got = loglikelihood(model, x, RATE, mean=None if level else 0.0)
+    got = model.loglikelihood(x, RATE, mean=None if level else 0.0)
     # λ itself is known to the rounding of e^(−λ) only, which is what F holds.
     assert abs(got - exact) <= (1e-12 + 4e-16 / decay) * abs(exact)
 
 
 def test_two_slow_processes_without_white_noise_keep_most_of_theirs():
     decays, scales = (1e-6, 1e-3), (2.0, 1.0)
-    model = parse_model(" + ".join(f"GM(beta={d * RATE!r}, sigma2={s})" for d, s in zip(decays, scales, strict=True)))
+    model = Model.parse(" + ".join(f"GM(beta={d * RATE!r}, sigma2={s})" for d, s in zip(decays, scales, strict=True)))
     x = model.simulate(40, RATE, rng=5)
     exact = oracle.precise(
         lambda k: sum(s * mp.exp(-mp.mpf(d) * k) for d, s in zip(decays, scales, strict=True)), x.tolist(), level=False
     )
-    assert abs(loglikelihood(model, x, RATE, mean=0.0) - exact) < 1e-8 * abs(exact)
+    assert abs(model.loglikelihood(x, RATE, mean=0.0) - exact) < 1e-8 * abs(exact)
 
 
 def statsmodels(model, x, mean):
@@ -170,19 +170,19 @@ def statsmodels(model, x, mean):
 def test_it_is_that_of_statsmodels(text, mean, gaps):
     model = parsed(text)
     x = record(model, [*range(700, 900), *range(0, 5000, 37)] if gaps else [], samples=5000)
-    got, theirs = loglikelihood(model, x, RATE, mean=mean), statsmodels(model, x, mean)
+    got, theirs = model.loglikelihood(x, RATE, mean=mean), statsmodels(model, x, mean)
     assert abs(got - theirs) <= 1e-8, (got, theirs)
     assert got == pytest.approx(theirs, rel=1e-11)
 
 
 @pytest.mark.parametrize("decay", [0.02, 0.3])
 def test_it_is_that_of_the_yardstick_of_the_studies(decay):
-    model = parse_model(f"GM(beta={decay * RATE}, sigma2=2.0) + WN(sigma2=1.0)")
+    model = Model.parse(f"GM(beta={decay * RATE}, sigma2=2.0) + WN(sigma2=1.0)")
     x = model.simulate(3000, RATE, rng=2)
     value, scale = concentrated(x, decay, 2.0)
-    best = parse_model(f"GM(beta={decay * RATE}, sigma2={2 * scale!r}) + WN(sigma2={scale!r})")
+    best = Model.parse(f"GM(beta={decay * RATE}, sigma2={2 * scale!r}) + WN(sigma2={scale!r})")
     expected = -0.5 * x.size * (value + np.log(2 * np.pi) + 1)
-    assert loglikelihood(best, x, RATE, mean=0.0) == pytest.approx(expected, rel=1e-12)
+    assert best.loglikelihood(x, RATE, mean=0.0) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("interruptions", [0, 29, 4000])
@@ -238,9 +238,9 @@ def test_an_offset_changes_nothing(text):
         {f"{t}.{p.scale_parameter().name}": p.value_from(1e-6 * p.scale) for t, p in zip(model.terms, model.processes,
                                                                                          strict=True)}
     )  # fmt: skip
-    here = loglikelihood(small, x, RATE)
+    here = small.loglikelihood(x, RATE)
     # The samples themselves lose digits on so large a number: 1e-15 of 9.81 over 1e-3.
-    assert loglikelihood(small, 9.81 + x, RATE) == pytest.approx(here, rel=1e-9)
+    assert small.loglikelihood(9.81 + x, RATE) == pytest.approx(here, rel=1e-9)
 
 
 @pytest.mark.parametrize("mean", [None, 0.0])
@@ -254,8 +254,8 @@ def test_another_unit_takes_its_logarithm_off_each_contrast(text, factor, mean):
         for t, p in zip(model.terms, model.processes, strict=True)
     })  # fmt: skip
     contrasts = x.size - (mean is None or "RW" in text)
-    expected = loglikelihood(model, x, RATE, mean=mean) - contrasts * np.log(factor)
-    assert loglikelihood(scaled, factor * x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
+    expected = model.loglikelihood(x, RATE, mean=mean) - contrasts * np.log(factor)
+    assert scaled.loglikelihood(factor * x, RATE, mean=mean) == pytest.approx(expected, rel=1e-10)
 
 
 @pytest.mark.parametrize("missing", MISSING.values(), ids=MISSING)
@@ -263,18 +263,18 @@ def test_another_unit_takes_its_logarithm_off_each_contrast(text, factor, mean):
 def test_time_may_run_backwards(text, missing):
     model = parsed(text)
     x = record(model, missing)
-    backwards = loglikelihood(model, x[::-1].copy(), RATE)
-    assert backwards == pytest.approx(loglikelihood(model, x, RATE), rel=1e-9)
+    backwards = model.loglikelihood(x[::-1].copy(), RATE)
+    assert backwards == pytest.approx(model.loglikelihood(x, RATE), rel=1e-9)
 
 
 def test_the_order_of_terms_and_missing_samples_at_the_ends_change_nothing():
-    one = parse_model("GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0) + RW(gamma2=1e-3)")
-    other = parse_model("RW(gamma2=1e-3) + WN(sigma2=1.0) + GM(beta=0.5, sigma2=0.5)")
+    one = Model.parse("GM(beta=0.5, sigma2=0.5) + WN(sigma2=1.0) + RW(gamma2=1e-3)")
+    other = Model.parse("RW(gamma2=1e-3) + WN(sigma2=1.0) + GM(beta=0.5, sigma2=0.5)")
     x = one.simulate(2000, RATE, rng=8)
-    here = loglikelihood(one, x, RATE)
-    assert loglikelihood(other, x, RATE) == pytest.approx(here, rel=1e-12)
+    here = one.loglikelihood(x, RATE)
+    assert other.loglikelihood(x, RATE) == pytest.approx(here, rel=1e-12)
     padded = np.r_[np.full(500, np.nan), x, np.full(700, np.nan)]
-    assert loglikelihood(one, padded, RATE) == pytest.approx(here, rel=1e-12)
+    assert one.loglikelihood(padded, RATE) == pytest.approx(here, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", [n for n, p in every_class().items() if not p.has("state_space")])
@@ -283,7 +283,7 @@ def test_a_process_without_a_state_space_is_refused(name):
     shape = process.at_coordinates(process.scan(1000, RATE).mean(axis=1)[None, :])[0]
     model = process.standard(shape)
     with pytest.raises(MissingTheoryError, match="has no finite state"):
-        loglikelihood(model, np.random.default_rng(1).standard_normal(50), RATE)
+        model.loglikelihood(np.random.default_rng(1).standard_normal(50), RATE)
 
 
 def test_a_process_of_the_user_s_is_told_what_it_does_not_define():

@@ -6,13 +6,14 @@ from scipy.stats import chi2, jarque_bera, kstest
 from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.tsa.stattools import acf
 
-from gmwm import Residuals, fit_ml, parse_model
+from gmwm import Model, fit_ml
 from gmwm.errors import OptionError
+from gmwm.likelihood import Residuals
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 
 RATE = 100.0
-MODEL = parse_model("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + RW(gamma2=1e-3)")
+MODEL = Model.parse("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + RW(gamma2=1e-3)")
 
 
 def of(values, **more):
@@ -31,7 +32,7 @@ def of(values, **more):
 )
 @pytest.mark.parametrize("gaps", [False, True])
 def test_they_are_white_and_normal_at_the_truth(text, gaps):
-    model = parse_model(text)
+    model = Model.parse(text)
     x = 9.81 + model.simulate(20_000, RATE, rng=1)
     if gaps:
         x[[*range(0, 20_000, 53), *range(500, 900)]] = np.nan
@@ -46,9 +47,9 @@ def test_they_are_white_and_normal_at_the_truth(text, gaps):
 
 def test_a_wrong_model_is_seen():
     x = MODEL.simulate(20_000, RATE, rng=2)
-    assert parse_model("WN(sigma2=3.0)").residuals(x, RATE).ljung_box().p_value < 1e-12
+    assert Model.parse("WN(sigma2=3.0)").residuals(x, RATE).ljung_box().p_value < 1e-12
     heavy = np.random.default_rng(3).standard_t(4, 20_000)
-    found = parse_model("WN(sigma2=2.0)").residuals(heavy, RATE)
+    found = Model.parse("WN(sigma2=2.0)").residuals(heavy, RATE)
     assert found.normality().p_value < 1e-12
     assert found.ljung_box().p_value > 1e-3
 
@@ -59,7 +60,7 @@ def test_squares_of_residuals_and_variances_are_the_likelihood():
     z = MODEL.residuals(x, RATE).values
     # The information of the level counts beside them.
     value, level = at.value(MODEL)
-    scaled = parse_model("GM(beta=2.0, sigma2=4.0) + WN(sigma2=2.0) + RW(gamma2=2e-3)")
+    scaled = Model.parse("GM(beta=2.0, sigma2=4.0) + WN(sigma2=2.0) + RW(gamma2=2e-3)")
     half = at.value(scaled)[0]
     # Twice the variances: each of the N − 1 contrasts loses ½ log 2, and half of the squares comes back.
     assert half - value == pytest.approx(0.25 * np.sum(z**2) - 0.5 * (x.size - 1) * np.log(2), rel=1e-9)
@@ -119,15 +120,15 @@ def test_quantiles_lie_on_a_line():
     assert np.max(np.abs(seen - expected)[inner]) < 0.03
 
 
-@pytest.mark.filterwarnings("ignore:.*of its correlation times:gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore:.*of its correlation times:gmwm.errors.FitWarning")
 def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():
     # An autoregression shows at short lags: both of its coefficients, but not its variance.
-    model = parse_model("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)")
+    model = Model.parse("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)")
     found = fit_ml("AR(2)", model.simulate(20_000, RATE, rng=9), RATE)
     degrees = found.residuals(model.simulate(20_000, RATE, rng=9)).ljung_box(40).degrees_of_freedom
     assert degrees == pytest.approx(38, abs=0.1)
     # A slow process is estimated from lags of which the test sees but a few.
-    slow = parse_model("GM(beta=0.1, sigma2=0.5) + WN(sigma2=1.0)")
+    slow = Model.parse("GM(beta=0.1, sigma2=0.5) + WN(sigma2=1.0)")
     x = slow.simulate(20_000, RATE, rng=10)
     found = fit_ml("GM + WN", x, RATE)
     residuals = found.residuals(x)
@@ -139,7 +140,7 @@ def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():
 
 
 def test_the_test_of_a_fit_rejects_as_often_as_it_says():
-    model = parse_model("AR1(phi=0.5, sigma2=1.0)")
+    model = Model.parse("AR1(phi=0.5, sigma2=1.0)")
     draws = 300
     values = []
     for x in model.simulate(1000, RATE, np.random.default_rng(11), draws):

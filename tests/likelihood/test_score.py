@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gmwm import parse_model
+from gmwm import Model
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 from gmwm.likelihood.system import STEP, assemble, slopes
@@ -36,7 +36,7 @@ MODELS = (
 
 
 def problem(text, samples=700, gaps=True, mean=None, seed=1):
-    model = parse_model(text)
+    model = Model.parse(text)
     x = 9.81 + model.simulate(samples, RATE, rng=seed)
     if gaps:
         x[[0, 1, 50, 51, *range(300, 340), samples - 1]] = np.nan
@@ -98,7 +98,7 @@ def test_matrices_have_the_slopes_that_their_differences_have(text):
 )
 def test_the_information_is_what_slopes_at_the_truth_scatter_by(text):
     draws = 300
-    model = parse_model(text)
+    model = Model.parse(text)
     paths = model.simulate(400, RATE, np.random.default_rng(2), draws)
     gradients, informations = [], []
     for x in paths:
@@ -121,7 +121,7 @@ def test_the_information_is_what_slopes_at_the_truth_scatter_by(text):
 def test_the_information_is_that_of_the_contrasts(beta, mean):
     """½ tr(P V_a P V_b), P = V⁻¹ − V⁻¹X (XᵀV⁻¹X)⁻¹ XᵀV⁻¹ where the level is unknown, P = V⁻¹ where it is known."""
     samples, draws = 80, 300
-    model = parse_model(f"GM(beta={beta}, sigma2=2.0) + WN(sigma2=0.5)")
+    model = Model.parse(f"GM(beta={beta}, sigma2=2.0) + WN(sigma2=0.5)")
     paths = 9.81 + model.simulate(samples, RATE, np.random.default_rng(3), draws)
     problems = [Problem(model, as_record(x, RATE), mean) for x in paths]
     z = problems[0].start()

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gmwm import fit, fit_ml, parse_model
+from gmwm import Model, fit, fit_ml
 from gmwm.errors import ModelError, OptionError
 from gmwm.likelihood.system import assemble
 from gmwm.signals import Signal
@@ -39,7 +39,7 @@ MISSING = {
 
 
 def drawn(text, missing, seed=1):
-    model = parse_model(text)
+    model = Model.parse(text)
     x = 9.81 + model.simulate(SAMPLES, RATE, rng=seed)
     x[missing] = np.nan
     return model, x
@@ -130,7 +130,7 @@ def reference(system, series):
 
 @pytest.mark.parametrize("gaps", [False, True])
 def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
-    model = parse_model("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + GM(beta=20.0, sigma2=0.5)")
+    model = Model.parse("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0) + GM(beta=20.0, sigma2=0.5)")
     n = 2 * 4096 + 777
     x = model.simulate(n, RATE, rng=3)
     if gaps:
@@ -150,7 +150,7 @@ def test_a_record_of_many_blocks_is_smoothed_as_one(gaps):
 
 
 def test_an_unknown_level_is_smoothed_over_many_blocks_too():
-    model = parse_model("WN(sigma2=1.0) + RW(gamma2=0.01)")
+    model = Model.parse("WN(sigma2=1.0) + RW(gamma2=0.01)")
     n = 2 * 4096 + 5
     x = 9.81 + model.simulate(n, RATE, rng=4)
     x[[*range(10), *range(4000, 4300)]] = np.nan
@@ -191,8 +191,8 @@ def test_bands_are_normal_intervals():
 
 
 def test_bands_hold_the_truth_as_often_as_they_say():
-    slow, white = parse_model("GM(beta=2.0, sigma2=2.0)"), parse_model("WN(sigma2=1.0)")
-    model = parse_model("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0)")
+    slow, white = Model.parse("GM(beta=2.0, sigma2=2.0)"), Model.parse("WN(sigma2=1.0)")
+    model = Model.parse("GM(beta=2.0, sigma2=2.0) + WN(sigma2=1.0)")
     inside = []
     for seed in range(100):
         rng = np.random.default_rng(seed)
@@ -205,7 +205,7 @@ def test_bands_hold_the_truth_as_often_as_they_say():
 
 
 def test_a_fit_carries_its_rate_and_its_mean():
-    model = parse_model("GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0)")
+    model = Model.parse("GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0)")
     x = model.simulate(3000, RATE, rng=5)
     found = fit_ml("GM + WN", x, RATE, mean=0.0)
     tracks = found.smooth(x)
@@ -221,13 +221,13 @@ def test_a_fit_carries_its_rate_and_its_mean():
     with pytest.raises(OptionError, match="steps must be a whole number"):
         found.predict(x, 0)
     with pytest.raises(ModelError, match=r"needs a value for GM.beta"):
-        parse_model("GM + WN").smooth(x, RATE)
+        Model.parse("GM + WN").smooth(x, RATE)
     with pytest.raises(ModelError, match="leaves nothing to chance"):
-        parse_model("SIN(frequency=7.0, power=1.0)").smooth(x, RATE)
+        Model.parse("SIN(frequency=7.0, power=1.0)").smooth(x, RATE)
 
 
 def test_gaps_of_a_signal_are_missing_samples():
-    model = parse_model("GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0)")
+    model = Model.parse("GM(beta=3.0, sigma2=2.0) + WN(sigma2=1.0)")
     x = model.simulate(400, RATE, rng=6)
     whole = x.copy()
     whole[150:230] = np.nan
@@ -240,12 +240,12 @@ def test_gaps_of_a_signal_are_missing_samples():
 
 
 def test_a_walk_that_is_zero_leaves_the_level_to_the_record():
-    x = 9.81 + parse_model("WN(sigma2=1.0)").simulate(500, RATE, rng=1)
-    tracks = parse_model("WN(sigma2=1.0) + RW(gamma2=0.0)").smooth(x, RATE)
+    x = 9.81 + Model.parse("WN(sigma2=1.0)").simulate(500, RATE, rng=1)
+    tracks = Model.parse("WN(sigma2=1.0) + RW(gamma2=0.0)").smooth(x, RATE)
     np.testing.assert_allclose(tracks.mean["level"], x.mean(), rtol=1e-12)
     np.testing.assert_array_equal(tracks.mean["RW"], 0.0)
 
 
 def test_predictions_have_an_end():
     with pytest.raises(OptionError, match="steps must be at most 10000000"):
-        parse_model("WN(sigma2=1.0)").predict(np.arange(20.0), 10**11, RATE)
+        Model.parse("WN(sigma2=1.0)").predict(np.arange(20.0), 10**11, RATE)

@@ -14,6 +14,7 @@ SIGNALS = {
 X, Y = (gmwm.wavelet_variance(signal) for signal in SIGNALS.values())
 ROBUST = gmwm.wavelet_variance(SIGNALS["gyro_x"], robust=True)
 SHARP = gmwm.wavelet_variance(SIGNALS["gyro_x"], robust=True, efficiency=0.9)
+WHITE, WALK = gmwm.fit("WN", X), gmwm.fit("QN(q2=fixed(0.01)) + WN", X)
 SHORT = gmwm.wavelet_variance(SIGNALS["gyro_x"].values[:1000], 100.0)
 
 
@@ -30,12 +31,16 @@ def legend(figure):
         ((X, ROBUST, SHARP), ["classical", "robust, efficiency 0.6", "robust, efficiency 0.9"]),
         ((ROBUST, Y), ["Gyroscope X, robust", "Gyroscope Y, classical"]),
         ((X, X), ["Gyroscope X (1)", "Gyroscope X (2)"]),
+        ((WHITE, WALK), ["WN", "QN + WN"]),
+        ((X, WHITE), ["Wavelet variance", "WN"]),
+        ((WHITE, WHITE), ["Gyroscope X (1)", "Gyroscope X (2)"]),
+        ((WALK, gmwm.fit("WN", Y)), ["Gyroscope X, QN + WN", "Gyroscope Y, WN"]),
         ((SHORT, SHORT), ["Wavelet variance (1)", "Wavelet variance (2)"]),
     ],
 )
 def test_automatic_labels(items, labels):
     assert automatic_labels(items) == labels
-    assert legend(gmwm.compare(*items))[: len(labels)] == labels
+    assert [name for name in legend(gmwm.compare(*items)) if not name.endswith(", model")][: len(labels)] == labels
 
 
 def test_curves_are_drawn_as_they_are(tmp_path):
@@ -46,6 +51,11 @@ def test_curves_are_drawn_as_they_are(tmp_path):
     for name, wv in (("a", X), ("b", ROBUST)):
         np.testing.assert_allclose(lines[name].get_ydata(), factor * np.sqrt(2 * wv.variance))
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_two_fits_of_one_curve_are_named_by_their_models():
+    names = ["WN", "WN, model", "QN + WN", "QN + WN, model"]
+    assert [name for name in legend(gmwm.compare(WHITE, WALK)) if name in names] == names
 
 
 def test_fits_are_compared_too():
@@ -63,13 +73,13 @@ def test_fits_are_compared_too():
     ],
 )
 def test_errors(items, labels, words):
-    with pytest.raises(gmwm.OptionError, match=words):
+    with pytest.raises(gmwm.errors.OptionError, match=words):
         gmwm.compare(*items, labels=labels)
 
 
 def test_units_must_be_one():
     other = gmwm.WaveletVariance.from_values(X.variance, 4096, 100.0, unit="m/s²")
-    with pytest.raises(gmwm.OptionError, match="one unit"):
+    with pytest.raises(gmwm.errors.OptionError, match="one unit"):
         gmwm.compare(X, other)
 
 
@@ -79,5 +89,5 @@ def test_several_curves_in_the_panel_of_an_axis():
     assert left.title == "Gyroscope X"
     assert {mark.label for mark in left.marks} >= {"classical", "robust"}
     assert "classical" not in {mark.label for mark in right.marks}
-    with pytest.raises(gmwm.OptionError, match="split"):
+    with pytest.raises(gmwm.errors.OptionError, match="split"):
         imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)

@@ -14,7 +14,7 @@ LONG = "a recording with a name that is much longer than any legend of one line 
 
 def fitted(model, wv):
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gmwm.FitWarning)
+        warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return gmwm.fit(model, wv)
 
 

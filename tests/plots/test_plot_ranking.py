@@ -17,14 +17,14 @@ from gmwm.plots.ranking import candidates_figure, distance, plot_ranking, rankin
 
 @pytest.fixture(scope="module")
 def ranking():
-    truth = gmwm.parse_model("GM(beta=0.5, sigma2=6e-9) + WN(sigma2=7e-7) + QN(q2=2e-6) + RW(gamma2=1e-13)")
+    truth = gmwm.Model.parse("GM(beta=0.5, sigma2=6e-9) + WN(sigma2=7e-7) + QN(q2=2e-6) + RW(gamma2=1e-13)")
     signal = gmwm.Signal(truth.simulate(200_000, 250.0, rng=1), 250.0, "rad/s", "gyro_y")
     return gmwm.select("2*GM + WN + QN + RW", gmwm.wavelet_variance(signal))
 
 
 @pytest.fixture(scope="module")
 def several():
-    x = gmwm.parse_model("GM(beta=0.5, sigma2=1.0) + WN(sigma2=4.0)").simulate(40_000, 100.0, rng=3)
+    x = gmwm.Model.parse("GM(beta=0.5, sigma2=1.0) + WN(sigma2=4.0)").simulate(40_000, 100.0, rng=3)
     return gmwm.select("GM + WN + RW", np.split(x, 2), 100.0)
 
 

@@ -18,7 +18,7 @@ from gmwm.plots.residuals import (
     time_panel,
 )
 
-MODEL = gmwm.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-4)")
+MODEL = gmwm.Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-4)")
 RATE = 100.0
 
 
@@ -42,8 +42,8 @@ def good():
 @pytest.fixture(scope="module")
 def bad():
     """A Gauss-Markov process taken for white noise."""
-    x = gmwm.parse_model("GM(beta=20.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(20_000, RATE, rng=3)
-    return gmwm.parse_model("WN(sigma2=2.0)").residuals(x, RATE)
+    x = gmwm.Model.parse("GM(beta=20.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(20_000, RATE, rng=3)
+    return gmwm.Model.parse("WN(sigma2=2.0)").residuals(x, RATE)
 
 
 def test_the_limits_of_each_quantile_hold_so_many():

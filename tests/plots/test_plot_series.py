@@ -28,13 +28,13 @@ def noise():
 
 @pytest.fixture(scope="module")
 def recording():
-    return gmwm.simulate(gmwm.reference_imu(), rate=100.0, samples=20_000, seed=2)
+    return gmwm.simulate(gmwm.reference_imu(), rate=100.0, samples=20_000, rng=2)
 
 
 @pytest.fixture(scope="module")
 def simulated():
     text = "3*GM(beta=0.5, sigma2=4e-7) + WN(sigma2=4e-7) + RW(gamma2=1e-13)"
-    return gmwm.simulate({"gyro_x": text}, rate=100.0, samples=20_000, seed=1, components=True)["gyro_x"]
+    return gmwm.simulate({"gyro_x": text}, rate=100.0, samples=20_000, rng=1, components=True)["gyro_x"]
 
 
 # --- which samples are drawn --------------------------------------------------------------------------
@@ -214,7 +214,7 @@ def test_datasheet_units_need_a_unit(noise):
 
 
 def test_the_panels_of_the_terms_add_up_to_that_of_the_signal():
-    short = gmwm.simulate_signal("2*GM(beta=0.1, sigma2=1) + WN(sigma2=4)", rate=1.0, samples=200, seed=3, unit="m")
+    short = gmwm.simulate_signal("2*GM(beta=0.1, sigma2=1) + WN(sigma2=4)", rate=1.0, samples=200, rng=3, unit="m")
     signal, *terms = components_figure(short).panels
     assert signal.title == "Signal: 2·GM + WN"
     assert [panel.title.split(":")[0] for panel in terms] == ["GM[1]", "GM[2]", "WN"]
@@ -224,7 +224,7 @@ def test_the_panels_of_the_terms_add_up_to_that_of_the_signal():
 
 def test_gravity_and_rounding_are_said():
     models = {"accel_z": "WN(sigma2=1e-4)"}
-    made = gmwm.simulate(models, rate=10.0, samples=100, seed=1, resolution={"accel": 0.01}, components=True)
+    made = gmwm.simulate(models, rate=10.0, samples=100, rng=1, resolution={"accel": 0.01}, components=True)
     signal, term = components_figure(made["accel_z"]).panels
     assert signal.title == "Accelerometer Z less 9.80665 m/s²: WN, in steps of 0.01 m/s²"
     assert np.abs(signal.lines[0].y - term.lines[0].y).max() <= 0.005 * (1 + 1e-9) * (

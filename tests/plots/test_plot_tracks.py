@@ -16,14 +16,14 @@ from gmwm.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from gmwm.signals import Signal
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
-MODEL = gmwm.parse_model("GM(beta=0.2, sigma2=4e-8) + WN(sigma2=4e-6)")
+MODEL = gmwm.Model.parse("GM(beta=0.2, sigma2=4e-8) + WN(sigma2=4e-6)")
 GAP = slice(9_000, 11_000)
 RATE = 100.0
 
 
 @pytest.fixture(scope="module")
 def made():
-    return gmwm.simulate_signal(MODEL, rate=RATE, samples=20_000, seed=5, unit="rad/s")
+    return gmwm.simulate_signal(MODEL, rate=RATE, samples=20_000, rng=5, unit="rad/s")
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,7 @@ def test_a_gap_breaks_the_record_and_not_the_track(smoothed):
 
 
 def test_what_is_infinitely_uncertain_is_not_drawn():
-    walk = gmwm.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-4)")
+    walk = gmwm.Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-4)")
     x = walk.simulate(3000, RATE, rng=2)
     x[:300] = math.nan
     record, bias = tracks_figure(walk.kalman_filter(x, RATE)).panels
@@ -160,7 +160,7 @@ def test_a_lone_sample_is_a_dot():
 @pytest.mark.parametrize("method", ["kalman_filter", "smooth"])
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_a_panel_shows_the_band_and_is_not_scaled_by_the_record(made, method, scale):
-    model = gmwm.parse_model(f"GM(beta=0.2, sigma2={4e-8 * scale**2}) + WN(sigma2={4e-6 * scale**2})")
+    model = gmwm.Model.parse(f"GM(beta=0.2, sigma2={4e-8 * scale**2}) + WN(sigma2={4e-6 * scale**2})")
     tracks = getattr(model, method)(Signal(scale * made.signal.values, RATE, "rad/s"))
     record, bias = tracks_figure(tracks).panels
     line, band = parts(bias)
@@ -299,7 +299,7 @@ def test_one_track_on_axes_of_the_caller(smoothed):
 
 
 def test_long_records_are_drawn_by_few_points():
-    model = gmwm.parse_model("WN(sigma2=1.0) + RW(gamma2=1e-6)")
+    model = gmwm.Model.parse("WN(sigma2=1.0) + RW(gamma2=1e-6)")
     for panel in tracks_figure(model.smooth(model.simulate(400_000, RATE, rng=1), RATE)).panels:
         for line in panel.lines:
             assert line.x.size <= 4 * COLUMNS

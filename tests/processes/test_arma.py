@@ -12,7 +12,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gmwm import AR, AR1, ARMA, MA, SARMA, WN, Model, fixed, wavelet_covariance, wavelet_variance
+from gmwm import AR, AR1, ARMA, MA, SARMA, WN, Model, fixed, wavelet_variance
+from gmwm.covariance import wavelet_covariance
 from gmwm.errors import ModelError
 from gmwm.filters import find_filter
 from gmwm.processes import every_class, ordered_classes, rational, registry

@@ -4,7 +4,8 @@ import warnings
 
 import pytest
 
-from gmwm import AR1, GM, FitWarning, fit, parse_model
+from gmwm import AR1, GM, Model, fit
+from gmwm.errors import FitWarning
 from gmwm.processes.markov import FEW_TIMES
 from tests.helpers import codes
 
@@ -29,14 +30,14 @@ def test_an_autoregression_is_told_the_same():
 
 
 def test_a_fit_says_it_once_and_not_of_a_term_that_acts_as_another():
-    truth = parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)")
+    truth = Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)")
     with pytest.warns(FitWarning) as caught:
         short = fit("GM + WN", truth.simulate(1000, RATE, 1), RATE)
     assert [one.message.remark.code for one in caught] == codes(short.remarks) == ["few-correlation-times"]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fit("GM + WN", truth.simulate(20_000, RATE, 1), RATE)
-    walk = parse_model("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(20_000, RATE, 1)
+    walk = Model.parse("RW(gamma2=1e-2) + WN(sigma2=1.0)").simulate(20_000, RATE, 1)
     with pytest.warns(FitWarning):
         wandering = fit("GM + WN", walk, RATE)
     assert wandering.diagnostics.acts_as == {"GM": "RW"}

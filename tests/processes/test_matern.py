@@ -6,9 +6,10 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from gmwm import GM, MAT, WN, MissingTheoryError, fit
+from gmwm import GM, MAT, WN, fit
 from gmwm.covariance import variances
 from gmwm.covariance.design import Design
+from gmwm.errors import MissingTheoryError
 from gmwm.filters import HAAR, find_filter
 from gmwm.processes import Process, filtered, smooth_autocovariance
 from gmwm.processes.bessel import matern

@@ -15,7 +15,7 @@ FULL = Model.parse(
 
 def test_a_sum_is_flat_and_associative():
     a, b, c = GM(), WN(), RW()
-    assert ((a + b) + c) == (a + (b + c)) == Model((a, b, c))
+    assert ((a + b) + c).processes == (a + (b + c)).processes == (a, b, c)
     assert (2 * a + b).processes == (a, a, b)
     assert (a * 2) == 2 * a == a + a
     assert 2 * (GM() + GM(beta=1.0)) == GM() + GM(beta=1.0) + GM() + GM(beta=1.0)
@@ -80,8 +80,9 @@ def test_values_are_replaced_by_label_and_stay_held():
 
 def test_repeated_terms_are_sorted_by_correlation_time_in_their_places():
     model = GM(beta=0.1) + WN() + GM() + GM(beta=5.0)
-    assert model.sorted(RATE) == GM(beta=5.0) + WN() + GM(beta=0.1) + GM()
-    assert (AR1(phi=0.9) + AR1(phi=-0.1) + AR1(phi=0.0)).sorted(RATE) == AR1(phi=0.0) + AR1(phi=-0.1) + AR1(phi=0.9)
+    assert model.sorted(RATE).processes == (GM(beta=5.0), WN(), GM(beta=0.1), GM())
+    three = AR1(phi=0.9) + AR1(phi=-0.1) + AR1(phi=0.0)
+    assert three.sorted(RATE).processes == (AR1(phi=0.0), AR1(phi=-0.1), AR1(phi=0.9))
 
 
 def test_missing_values_are_named():
@@ -169,6 +170,21 @@ def test_models_are_values():
     assert pickle.loads(pickle.dumps(FULL)) == FULL
     assert hash(FULL) == hash(Model(FULL.processes))
     assert repr(FULL).startswith("Model('GM(beta=0.3, sigma2=2.0) + ")
+
+
+def test_equality_ignores_the_order_of_terms_and_nothing_else():
+    one, other = Model.parse("WN + 2*GM"), Model.parse("2*GM + WN")
+    assert one == other
+    assert hash(one) == hash(other)
+    assert len({one, other}) == 1
+    assert (str(one), str(other)) == ("WN + 2*GM", "2*GM + WN")
+    for order in itertools.permutations(FULL.processes):
+        assert Model(order) == FULL
+        assert hash(Model(order)) == hash(FULL)
+    for different in ("GM + WN", "3*GM + WN", "2*GM + QN", "2*GM + WN(sigma2=1)", "GM + GM(beta=fixed(1)) + WN"):
+        assert Model.parse(different) != one
+    assert one != "WN + 2*GM"
+    assert Model((WN(),)) != WN()
 
 
 def test_units_of_parameters():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gmwm.errors import MissingTheoryError, ModelError
-from gmwm.processes import WN, Parameter, Process, parse_model, registry
+from gmwm.processes import WN, Model, Parameter, Process, registry
 from gmwm.processes.parameter import Value
 from gmwm.statespace import StateSpace
 
@@ -140,7 +140,7 @@ def test_a_class_defined_anew_takes_the_place_of_the_older(own_registry):
     older, newer = defined(), defined()
     assert older is not newer
     assert registry["MA9"] is newer
-    assert type(parse_model("MA9").processes[0]) is newer
+    assert type(Model.parse("MA9").processes[0]) is newer
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance, effective_noise, wavelet_covariance
+from gmwm import FGN, FN, PL, RW, WN, Model, WaveletVariance
+from gmwm.covariance import wavelet_covariance
 from gmwm.covariance.design import Design
+from gmwm.datasheets import effective_noise
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.processes.circulant_embedding import amplitudes
 from gmwm.processes.haar_covariance import LagGrid
@@ -190,7 +192,7 @@ def test_fits_find_what_a_curve_was_made_of():
         assert found == pytest.approx((one + WN(sigma2=1.0)).parameters, rel=1e-4)
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected():
     truth = WN(sigma2=1.0) + FN(b2=0.05) + RW(gamma2=1e-6)
     held, rejected, runs = 0, 0, 25
@@ -204,7 +206,7 @@ def test_intervals_of_flicker_noise_hold_the_truth_and_the_model_is_not_rejected
     assert rejected <= runs * (0.05 + 4 * math.sqrt(0.95 * 0.05 / runs))
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_flicker_noise_is_the_bias_instability_of_the_standard():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
     sheet = gmwm.fit(truth.structure, exact_curve(truth)).datasheet()
@@ -219,7 +221,7 @@ def test_flicker_noise_is_the_bias_instability_of_the_standard():
     assert not alone.remarks
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_over_a_horizon_it_counts_as_what_has_its_allan_deviation_there():
     truth = WN(sigma2=1e-4) + FN(b2=4e-6) + RW(gamma2=1e-10)
     fit = gmwm.fit(truth.structure, exact_curve(truth))

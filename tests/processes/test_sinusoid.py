@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from gmwm import SIN, WN, MissingTheoryError, ModelError, fit, fixed
+from gmwm import SIN, WN, fit, fixed
+from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.filters import FILTERS, find_filter
 from gmwm.processes import Model
 

@@ -111,9 +111,9 @@ def test_hdf5_and_bare_records(tmp_path):
         file["imu/time"] = table[:, 0]
         file["imu/gyro [deg/s]"] = table[:, 1:4]
     assert len(same(stream(tmp_path / "a.h5"), 3)) == 3
-    imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=ROWS, seed=2)
+    imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=ROWS, rng=2)
     kind = next(kind for kind in waypoint.TYPES if kind.name == "LN200")
-    gmwm.write(imu, tmp_path / "a.imu", format=kind.format)
+    imu.write(tmp_path / "a.imu", format=kind.format)
     assert len(same(stream(tmp_path / "a.imu", format=kind.format), 3)) == 3
     head = imr(samples=0)
     (tmp_path / "a.imr").write_bytes(head + (tmp_path / "a.imu").read_bytes())

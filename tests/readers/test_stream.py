@@ -135,9 +135,9 @@ def test_without_stamps_with_factors_and_increments(tmp_path):
 
 
 def test_bare_records(tmp_path):
-    imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=4000, seed=2)
+    imu = gmwm.simulate({"gyro": "WN(sigma2=1e-6)", "accel": "WN(sigma2=1e-4)"}, rate=100.0, samples=4000, rng=2)
     path = tmp_path / "a.imr"
-    gmwm.write(imu, tmp_path / "a.csv")
+    imu.write(tmp_path / "a.csv")
     same(tmp_path / "a.csv")
     records = np.zeros((4000, 7))
     records[:, 0] = np.arange(4000) * 0.01

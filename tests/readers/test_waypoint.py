@@ -9,7 +9,6 @@ from gmwm.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadErro
 from gmwm.imu_records import TYPES, counts
 from gmwm.readers import find_reader, read, waypoint
 from gmwm.signals import AXES, Imu, Signal
-from gmwm.writers import write
 from tests.helpers import only, raises
 
 RATE = 62.5  # no whole number: a rate that is rounded shows
@@ -70,7 +69,7 @@ def test_scales_of_a_data_sheet():
 
 
 def test_what_is_written_is_the_file_that_was_read(file, kind, tmp_path):
-    write(read(file, format=kind.format), tmp_path / "again.imu", format=kind.format)
+    read(file, format=kind.format).write(tmp_path / "again.imu", format=kind.format)
     before, after = (np.fromfile(path, kind.dtype) for path in (file, tmp_path / "again.imu"))
     if kind.word == "i4":
         assert after.tobytes() == before.tobytes()
@@ -192,7 +191,7 @@ def test_gaps_stay_gaps(tmp_path, kind):
     path.write_bytes(packed(kind, [*table[:150], *table[220:]]))
     imu = read(path, format=kind.format)
     assert imu.segments == ((0, 150), (150, 330))
-    write(imu, tmp_path / "again.imu", format=kind.format)
+    imu.write(tmp_path / "again.imu", format=kind.format)
     assert read(tmp_path / "again.imu", format=kind.format).segments == imu.segments
 
 
@@ -208,7 +207,7 @@ def noise(samples=2000, rate=100.0):
 
 def test_no_angle_is_lost_by_rounding(tmp_path, kind):
     imu = noise()
-    write(imu, tmp_path / "a.imu", format=kind.format)
+    imu.write(tmp_path / "a.imu", format=kind.format)
     again = read(tmp_path / "a.imu", format=kind.format)
     assert again.rate == 100
     for axis, scale in zip(AXES, kind.scales, strict=True):
@@ -229,13 +228,13 @@ def test_counts_keep_whole_numbers_whole():
 def test_what_cannot_be_written(tmp_path):
     path = tmp_path / "a.imu"
     with raises(OptionError, "a.imu", advises=["format=", "imu:IMAR"]):
-        write(noise(), path)
+        noise().write(path)
     with pytest.raises(OptionError, match=r"format must be one of imu:IMAR.*got 'LN200'"):
-        write(noise(), path, format="LN200")
+        noise().write(path, format="LN200")
     with raises(OptionError, ".imu", "imu:LN200", argument="format"):
-        write(noise(), tmp_path / "a.csv", format="imu:LN200")
+        noise().write(tmp_path / "a.csv", format="imu:LN200")
     with pytest.raises(DataError, match="the recording has no gyro_y"):
-        write(Imu({"gyro_x": Signal(np.arange(9.0), 10.0, "rad/s", "gyro_x")}), path, format="imu:LN200")
+        Imu({"gyro_x": Signal(np.arange(9.0), 10.0, "rad/s", "gyro_x")}).write(path, format="imu:LN200")
     with pytest.raises(DataError, match=r"gyro_x reaches .* counts of imu:IMAR, .*at most 2147483647"):
-        write(Imu.from_arrays(np.full((9, 6), 1e5), 10.0), path, format="imu:IMAR")
+        Imu.from_arrays(np.full((9, 6), 1e5), 10.0).write(path, format="imu:IMAR")
     assert not list(tmp_path.iterdir())

@@ -14,7 +14,7 @@ TEMPLATE = "{{ 7 * 7 }}{% raw %} %{x} <a href='https://example.org'>link</a>"
 @pytest.fixture(scope="session")
 def imu():
     """Three axes, 1000 s at 100 Hz; gyro_y was knocked again and again."""
-    clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, seed=4)
+    clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, rng=4)
     values = {axis: clean[axis].values.copy() for axis in clean}
     values["gyro_y"][10_000:80_000:7000] += 0.2
     return gmwm.Imu.from_arrays(values, 100.0, source="knocked.csv")

@@ -17,6 +17,7 @@ from gmwm.inspection.knocks import Step
 from gmwm.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.plots.fit import fit_panel
+from gmwm.reports import report_data
 from gmwm.reports.citation import citation
 from gmwm.reports.plotly import Scale, plotly_panel
 from gmwm.reports.verdict import verdict
@@ -27,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def data(calibration):
-    return gmwm.report_data(calibration)
+    return report_data(calibration)
 
 
 def test_it_is_plain(data):
@@ -46,38 +47,38 @@ def test_the_verdict_says_what_is_wrong(data, calibration):
 
 def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     lost = dataclasses.replace(calibration, failed={"accel_y": "the signal is constant"})
-    assert gmwm.report_data(lost)["verdict"]["state"] == "bad"
-    assert "accel_y: the signal is constant" in gmwm.report_data(lost)["verdict"]["points"][0]["text"]
+    assert report_data(lost)["verdict"]["state"] == "bad"
+    assert "accel_y: the signal is constant" in report_data(lost)["verdict"]["points"][0]["text"]
     moved = dataclasses.replace(calibration, recording=dataclasses.replace(calibration.recording, static=False))
-    assert gmwm.report_data(moved)["verdict"]["state"] == "bad"
+    assert report_data(moved)["verdict"]["state"] == "bad"
 
 
 def test_doubts_of_the_recording_reach_the_verdict():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     good = gmwm.calibrate(imu, "WN + RW")
 
     def state(*cautions):
-        verdict = gmwm.report_data(dataclasses.replace(good, cautions=cautions))["verdict"]
+        verdict = report_data(dataclasses.replace(good, cautions=cautions))["verdict"]
         assert verdict["state"] == "good" or "as it stands" not in verdict["headline"]
         return verdict["state"]
 
     def force(gravity):
         return about_values({}, gravity)
 
-    noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, seed=1)
+    noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, rng=1)
     step = Step(time=3.0, axis="gyro_x", size=1e-3, times=9.0)
     note = f"accel_x in g as declared; {OVERRULED} m/s²"
     assert state(*force(9.80665), *force(9.7), *about_declared(["columns as named"]), "2 knocks") == "good"
     assert state(*force(9.5)) == state(*about_declared([note])) == state(*about_steps((step,))) == "look"
-    points = gmwm.report_data(dataclasses.replace(good, cautions=gmwm.inspect(noisy).warnings))["verdict"]["points"]
+    points = report_data(dataclasses.replace(good, cautions=gmwm.inspect(noisy).warnings))["verdict"]["points"]
     assert any(point["text"].startswith("gyro_x: a noise of") for point in points)
     assert state(*force(19.6)) == state(*force(0.23)) == state(*gmwm.inspect(noisy).warnings) == "bad"
 
 
 def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
-    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, seed=4), "WN")
-    verdict = gmwm.report_data(found)["verdict"]
+    found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
+    verdict = report_data(found)["verdict"]
     texts = [point["text"] for point in verdict["points"]]
     assert verdict["headline"].startswith("1 of 2 axes cannot be used (gyro_y); the others can be used")
     assert verdict["state"] == verdict["points"][0]["state"] == "bad"
@@ -87,14 +88,14 @@ def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
     assert any(text.startswith("Gyroscopes (gyro_x only): white noise density N") for text in texts)
     assert not any("the values describe the curve" in text for text in texts)
     alone = dataclasses.replace(found, axes={"gyro_y": found.axes["gyro_y"]})
-    said = gmwm.report_data(alone)["verdict"]
+    said = report_data(alone)["verdict"]
     assert said["headline"] == "The calibration cannot be used."
     assert not any("Gyroscopes" in point["text"] for point in said["points"])
 
 
 def test_a_good_recording_gets_a_good_verdict():
-    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
-    data = gmwm.report_data(gmwm.calibrate(imu, "WN + RW"))
+    imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
+    data = report_data(gmwm.calibrate(imu, "WN + RW"))
     assert {point["state"] for point in data["verdict"]["points"]} == {"good"}
     assert data["verdict"]["state"] == "good"
 
@@ -121,19 +122,19 @@ def test_three_unit_systems_say_the_same(data, calibration):
 def test_the_recording_and_its_file(calibration, tmp_path):
     file = tmp_path / "unit 7.csv"
     file.write_bytes(b"what was recorded")
-    facts = dict(gmwm.report_data(calibration.of_file(file))["recording"]["facts"])
+    facts = dict(report_data(calibration.of_file(file))["recording"]["facts"])
     assert facts["SHA-256"] == hashlib.sha256(b"what was recorded").hexdigest()
     assert facts["File"] == "unit 7.csv, 17 bytes"
     assert (facts["Sampling rate"], facts["Gaps"], facts["At rest"]) == ("100 Hz", "none", "yes")
     assert facts["Units"] == "rad/s: gyro_x, gyro_y; m/s²: accel_x"
-    assert "SHA-256" not in dict(gmwm.report_data(calibration)["recording"]["facts"])
+    assert "SHA-256" not in dict(report_data(calibration)["recording"]["facts"])
 
 
 def test_gaps_and_temperature_are_told(calibration):
     recording = dataclasses.replace(
         calibration.recording, segments=3, missing=7.5, temperature=(21.0, 24.5), jitter=2e-4
     )
-    facts = dict(gmwm.report_data(dataclasses.replace(calibration, recording=recording))["recording"]["facts"])
+    facts = dict(report_data(dataclasses.replace(calibration, recording=recording))["recording"]["facts"])
     assert facts["Gaps"].startswith("2, 7.5 s missing")
     assert facts["Temperature"] == "21 to 24.5 °C"
     assert "0.000200" in facts["Time stamps"] or "2.00e-04" in facts["Time stamps"]
@@ -142,7 +143,7 @@ def test_gaps_and_temperature_are_told(calibration):
 def test_a_calibration_of_wavelet_variances_has_no_recording(imu):
     bare = gmwm.calibrate({"gyro_x": gmwm.wavelet_variance(imu["gyro_x"])}, "WN + RW")
     assert bare.recording is None
-    data = gmwm.report_data(bare)
+    data = report_data(bare)
     assert data["title"] == "Calibration"
     assert dict(data["recording"]["facts"])["Sampling rate"] == "100 Hz"
     assert data["outliers"][0]["words"] == ["not looked for"]
@@ -156,7 +157,7 @@ def test_recording_goes_through_the_file(calibration, tmp_path):
     whole.save(tmp_path / "calibration.json")
     again = gmwm.Calibration.load(tmp_path / "calibration.json")
     assert again.recording == whole.recording
-    assert gmwm.report_data(again) == gmwm.report_data(whole)
+    assert report_data(again) == report_data(whole)
 
 
 def test_a_document_without_recording_is_read(calibration):
@@ -172,13 +173,13 @@ def test_configuration_files(data):
 
 
 def test_what_cannot_be_exported_says_why(imu):
-    data = gmwm.report_data(gmwm.calibrate(imu, "WN + RW", axes=["gyro_x"]))
+    data = report_data(gmwm.calibrate(imu, "WN + RW", axes=["gyro_x"]))
     assert any("needs gyroscopes and accelerometers" in text for text in data["left_out"])
 
 
 def test_something_else_is_refused():
     with pytest.raises(OptionError, match="calibration must be a Calibration, got dict"):
-        gmwm.report_data({})
+        report_data({})
 
 
 def test_the_citation_is_that_of_the_repository():
@@ -199,7 +200,7 @@ def test_a_test_is_judged_among_those_of_all_axes(calibration):
     def of(pvalue):
         test = dataclasses.replace(found.test, pvalue=pvalue)
         axes = {**calibration.axes, "gyro_x": dataclasses.replace(found, test=test)}
-        data = gmwm.report_data(dataclasses.replace(calibration, axes=axes))
+        data = report_data(dataclasses.replace(calibration, axes=axes))
         return data["axes"][0], [p["text"] for p in data["verdict"]["points"] if "by more than chance" in p["text"]]
 
     axis, said = of(0.03)

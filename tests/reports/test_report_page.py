@@ -45,7 +45,7 @@ def page(calibration, tmp_path_factory):
 
 def test_it_says_all_of_it(page, calibration):
     text = " ".join(" ".join(Tags(page).text).split())
-    data = gmwm.report_data(calibration)
+    data = gmwm.reports.report_data(calibration)
     assert data["verdict"]["headline"] in text
     for axis in data["axes"]:
         for row in axis["numbers"]:
@@ -79,7 +79,7 @@ def test_the_same_calibration_gives_the_same_bytes(page, calibration, tmp_path):
 
 
 def test_hostile_names_are_text(hostile, page, tmp_path):
-    written = gmwm.report(hostile, tmp_path / "hostile.html").read_text(encoding="utf-8")
+    written = hostile.report(tmp_path / "hostile.html").read_text(encoding="utf-8")
     found, clean = Tags(written), Tags(page)
     # Not a tag more than in a report of good names: what is in the names is text.
     assert {tag for tag, _ in found.tags} <= {tag for tag, _ in clean.tags}

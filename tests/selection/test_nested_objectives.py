@@ -31,7 +31,7 @@ def steps_up(ranking):
 @pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_on_simulated_recordings(seed, weighting):
-    truth = gmwm.parse_model("GM(beta=5.0, sigma2=1.0) + GM(beta=0.05, sigma2=0.3) + WN(sigma2=4.0) + RW(gamma2=1e-7)")
+    truth = gmwm.Model.parse("GM(beta=5.0, sigma2=1.0) + GM(beta=0.05, sigma2=0.3) + WN(sigma2=4.0) + RW(gamma2=1e-7)")
     ranking = gmwm.select(GENERAL, truth.simulate(30_000, 100.0, rng=seed), 100.0, weighting=weighting)
     wrong, pairs = steps_up(ranking)
     # Of 4·2⁴ sums, the empty one too: Σ over a ≤ b of one is (10·3⁴) pairs; less the equal ones and the empty one's.
@@ -39,10 +39,10 @@ def test_on_simulated_recordings(seed, weighting):
     assert wrong == []
 
 
-@pytest.mark.filterwarnings("ignore::gmwm.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 @pytest.mark.parametrize("weighting", ["optimal", "diagonal"])
 def test_a_candidate_has_the_objective_of_a_fit_by_itself(weighting):
-    truth = gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=4.0) + QN(q2=1.0)")
+    truth = gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=4.0) + QN(q2=1.0)")
     wv = gmwm.wavelet_variance(truth.simulate(30_000, 100.0, rng=4), 100.0)
     ranking = gmwm.select("2*GM + WN + QN + RW", wv, weighting=weighting)
     for candidate in ranking:

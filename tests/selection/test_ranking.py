@@ -20,7 +20,7 @@ GENERAL = "2*GM + WN + QN + RW"
 
 
 def simulated(count=40_000, seed=3):
-    return gmwm.parse_model(TRUE).simulate(count, RATE, rng=seed)
+    return gmwm.Model.parse(TRUE).simulate(count, RATE, rng=seed)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_candidates_by_place_text_and_model(ranking):
     assert ranking[-1] is ranking.candidates[-1]
     assert ranking[:2] == ranking.candidates[:2]
     found = ranking["GM + WN"]
-    for key in ("WN + GM", gmwm.WN() + gmwm.GM(), "GM(beta=7.0) + WN", gmwm.parse_model(TRUE)):
+    for key in ("WN + GM", gmwm.WN() + gmwm.GM(), "GM(beta=7.0) + WN", gmwm.Model.parse(TRUE)):
         assert ranking[key] is found
     with pytest.raises(OptionError, match=r"^3\*GM .* 23 candidates"):
         ranking["3*GM"]
@@ -293,7 +293,7 @@ def test_a_higher_confidence_never_has_fewer_equivalents(wv):
 
 def test_bootstrap_of_the_criterion_agrees_with_theory(wv):
     models = ["GM + WN", "WN"]
-    drawn = gmwm.rank(models, wv, criterion="bootstrap", draws=400, seed=1)
+    drawn = gmwm.rank(models, wv, criterion="bootstrap", draws=400, rng=1)
     theory = gmwm.rank(models, wv)
     assert drawn.best.wic.method == "bootstrap"
     for candidate in drawn:
@@ -319,7 +319,7 @@ def test_progress_is_told(wv):
         ("draws", 99),
         ("draws", True),
         ("draws", 500.0),
-        ("seed", -1),
+        ("rng", -1),
     ],
 )
 def test_options_that_are_refused(wv, argument, value):
@@ -385,7 +385,7 @@ def test_data_that_are_refused(wv):
 
 @pytest.mark.parametrize("names", [("ARMA(1,1)", "GM + WN"), ("GM + WN", "ARMA(1,1)")])
 def test_of_two_names_for_one_curve_the_first_is_recommended(names):
-    x = gmwm.parse_model("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(4000, RATE, rng=2)
+    x = gmwm.Model.parse("GM(beta=2.0, sigma2=1.0) + WN(sigma2=1.0)").simulate(4000, RATE, rng=2)
     ranking = gmwm.rank(names, x, RATE, draws=100)
     assert tuple(c.structure for c in ranking) == names
     assert [(c.equivalent, c.recommended) for c in ranking] == [(True, True), (True, False)]

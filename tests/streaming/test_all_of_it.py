@@ -12,7 +12,7 @@ MODEL = "GM(beta=0.05, sigma2=4e-9) + WN(sigma2=1e-6) + RW(gamma2=1e-12)"
 
 @pytest.fixture(scope="module")
 def curves():
-    x = gmwm.parse_model(MODEL).simulate(300_000, 100.0, 1)
+    x = gmwm.Model.parse(MODEL).simulate(300_000, 100.0, 1)
     live = gmwm.WaveletAccumulator(100.0, exact=6, robust=True, unit="rad/s", axis="gyro_x")
     live.update(x)
     signal = gmwm.Signal(x, 100.0, "rad/s", "gyro_x")

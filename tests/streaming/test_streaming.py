@@ -112,7 +112,7 @@ MODELS = {"gyro": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel": "WN(sigma2=2e-5
 @pytest.fixture
 def recording(tmp_path):
     path = tmp_path / "six.parquet"
-    gmwm.write(gmwm.simulate(MODELS, rate=100.0, samples=30_000, seed=5), path)
+    gmwm.simulate(MODELS, rate=100.0, samples=30_000, rng=5).write(path)
     return path
 
 
@@ -169,6 +169,6 @@ def test_a_fit_of_a_pass(recording):
     curve = gmwm.stream(recording).wavelet_variance(exact=9)["gyro_x"]
     assert curve.strides[-1] > 1
     found = gmwm.fit("WN + RW", curve)
-    truth = gmwm.parse_model(MODELS["gyro"]).parameters
+    truth = gmwm.Model.parse(MODELS["gyro"]).parameters
     assert found.parameters["WN.sigma2"] == pytest.approx(truth["WN.sigma2"], rel=0.1)
     assert np.all(np.isfinite(list(found.standard_errors.values())))

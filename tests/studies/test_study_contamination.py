@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_contamination
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_robust_fits_recover_from_knocks():

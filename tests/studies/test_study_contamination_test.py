@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_contamination, study_contamination_test
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_the_test_of_contamination_keeps_its_size():

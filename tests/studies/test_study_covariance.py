@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_covariance
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_the_covariance_is_what_recordings_scatter_by():

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_efficiency
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_optimal_weights_come_near_the_likelihood():

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_fleet
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_a_fleet_raises_no_more_alarms_than_said_and_finds_what_is_far_off():

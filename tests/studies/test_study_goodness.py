@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_goodness
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_the_test_of_a_model_has_its_size_and_power():

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_optimism
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_the_optimism_is_what_simulation_says():

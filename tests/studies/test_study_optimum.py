@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_optimum
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_no_multistart_beats_a_fit():

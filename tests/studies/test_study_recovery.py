@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_recovery
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_estimates_centre_on_the_truth():

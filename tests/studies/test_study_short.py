@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_short
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_intervals_hold_less_often_where_the_data_hardly_show_what_there_is():

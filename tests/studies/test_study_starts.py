@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_starts
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_random_starts_never_beat_the_convex_route():

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_timeseries
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_intervals_of_autoregressions_hold_the_truth():

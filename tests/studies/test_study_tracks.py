@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_tracks
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_tracks_say_how_far_off_they_are(tmp_path):

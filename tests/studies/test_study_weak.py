@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_weak
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_limits_of_what_is_barely_seen_are_not_too_low():

@@ -4,7 +4,7 @@ import pytest
 
 from validation import study_weighting
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.FitWarning")]
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")]
 
 
 def test_weightings_differ_where_the_record_of_them_says_so():

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gmwm import fit, parse_model, wavelet_variance
+from gmwm import Model, fit, wavelet_variance
 from gmwm.covariance import Design, covariance
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import Signal
@@ -178,7 +178,7 @@ def test_parts_with_gaps_merge_anywhere(seed):
     found = parts[0].result()
     same(found, wanted)
     assert found.segments == wanted.segments
-    assert np.all(np.isfinite(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Design.of(found)))))
+    assert np.all(np.isfinite(np.diag(covariance(Model.parse("WN(sigma2=1.0)"), Design.of(found)))))
 
 
 def test_levels_are_as_many_as_were_asked_for():
@@ -252,7 +252,7 @@ def test_robust_parts_merge_to_the_same():
     joint = pickle.loads(pickle.dumps(left)).merge(pickle.loads(pickle.dumps(right)))
     np.testing.assert_allclose(joint.result(robust=True).variance, whole.result(robust=True).variance, rtol=1e-9)
     same(joint.result(), whole.result())
-    assert np.all(np.diag(covariance(parse_model("WN(sigma2=1.0)"), Design.of(joint.result(robust=True)))) > 0)
+    assert np.all(np.diag(covariance(Model.parse("WN(sigma2=1.0)"), Design.of(joint.result(robust=True)))) > 0)
 
 
 def test_robust_results_must_be_planned_for():
@@ -294,7 +294,7 @@ def brute_force(model, found, samples):
 
 @pytest.mark.parametrize("text", MODELS)
 def test_the_covariance_is_that_of_the_coefficients_taken(text):
-    model, samples = parse_model(text), 1 << 10
+    model, samples = Model.parse(text), 1 << 10
     found = part(model.simulate(samples, RATE, rng=1), 0, exact=6).result()
     assert found.strides == (1,) * 6 + (2, 4, 8, 16)
     v = covariance(model, Design.of(found))
@@ -312,16 +312,16 @@ def test_the_covariance_is_that_of_the_coefficients_taken(text):
 def test_the_cost_of_strides_is_that_of_theory():
     design = Design.of(part(walk(1 << 16), 0, exact=6).result())
     for text, largest in (("WN(sigma2=1.0)", 1.002), ("RW(gamma2=1.0)", 1.0005), ("GM(beta=1.0, sigma2=1.0)", 1.0005)):
-        model = parse_model(text)
+        model = Model.parse(text)
         ratio = np.diag(covariance(model, design)) / np.diag(covariance(model, replace(design, strides=())))
         assert np.all(ratio[:12] < largest)
-    quantized = parse_model("QN(q2=1.0)")
+    quantized = Model.parse("QN(q2=1.0)")
     ratio = np.diag(covariance(quantized, design)) / np.diag(covariance(quantized, replace(design, strides=())))
     np.testing.assert_allclose(ratio[6:10], [2.0, 4.0, 8.0, 16.0], rtol=0.01)
 
 
 def test_a_fit_to_an_accumulated_curve_is_that_of_the_record():
-    model = parse_model("WN(sigma2=1.0) + RW(gamma2=0.0001)")
+    model = Model.parse("WN(sigma2=1.0) + RW(gamma2=0.0001)")
     x = model.simulate(100_000, RATE, rng=3)
     whole, live = fit("WN + RW", x, RATE), fit("WN + RW", part(x, 0).result())
     for name, error in whole.standard_errors.items():

@@ -151,7 +151,7 @@ def test_kernels_refuse_what_does_not_fit():
     for begin, end in ((3, 2), (0, 101)):
         with pytest.raises(ValueError, match="begin and end"):
             _core.haar_sketch(total, 1, begin, end)
-    with pytest.raises(gmwm.DataError):
+    with pytest.raises(gmwm.errors.DataError):
         Sketch.of(np.zeros((3, 3)))
 
 

@@ -1,6 +1,9 @@
 """Calibrating: every axis of a unit, from the recording to its recommended model and its numbers."""
 
-from gmwm.calibration.agreement import agreement as agreement
-from gmwm.calibration.agreement_result import Agreement as Agreement
-from gmwm.calibration.api import calibrate as calibrate
-from gmwm.calibration.result import Calibration as Calibration
+from gmwm.calibration.agreement import agree
+from gmwm.calibration.agreement_result import Agreement, SharedNumber
+from gmwm.calibration.api import calibrate
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.result import AxisCalibration, Calibration
+
+__all__ = ["Agreement", "AxisCalibration", "Calibration", "CalibrationOptions", "SharedNumber", "agree", "calibrate"]

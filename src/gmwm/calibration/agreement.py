@@ -29,7 +29,7 @@ _SIGNED = "R"
 Recording = Calibration | Mapping[str, Datasheet]
 
 
-def agreement(
+def agree(
     calibrations: Sequence[Recording],
     *,
     size: float = 0.05,
@@ -81,8 +81,8 @@ def agreement(
     --------
     >>> from gmwm import calibrate, simulate
     >>> truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
-    >>> imus = [simulate(truth, rate=100.0, samples=50_000, seed=seed) for seed in (1, 2)]
-    >>> found = agreement([calibrate(imu, within="WN + RW") for imu in imus], reference={"gyro.N": (0.22, "°/√h")})
+    >>> imus = [simulate(truth, rate=100.0, samples=50_000, rng=seed) for seed in (1, 2)]
+    >>> found = agree([calibrate(imu, within="WN + RW") for imu in imus], reference={"gyro.N": (0.22, "°/√h")})
     >>> found.disagreeing
     ()
     >>> [round(ratio, 1) for ratio in found["gyro_x.N"].ratios]

@@ -29,12 +29,13 @@ from gmwm.inspection import Inspection, inspect
 from gmwm.options import as_whole_number
 from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike
+from gmwm.processes.validation import as_seed
 from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
 from gmwm.selection.api import select_within
 from gmwm.signals import Imu, Signal, sensor_of
 from gmwm.units import SI_UNIT, find_unit
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
@@ -74,7 +75,7 @@ def calibrate(
     confidence: float = 0.95,
     efficiency: float = 0.6,
     draws: int = 1000,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     axes: str | Sequence[str] | None = None,
     threads: int | None = None,
     scheduler: str | Client | None = None,
@@ -97,8 +98,8 @@ def calibrate(
         Classical unless outliers show: a test at 5 % for all axes together (see `contamination`); or never; or always.
         A WaveletVariance is what it is. "auto" takes the classical one too where `within` has a sinusoid, whose robust
         variance is not that of its theory.
-    weighting, criterion, draws, seed
-        As for `select`.
+    weighting, criterion, draws, rng
+        As for `select`. The settings record the integer seed, of a Generator the one drawn from it.
     confidence : float
         Level of the intervals, and of what `select` takes for equivalent.
     efficiency : float
@@ -129,7 +130,7 @@ def calibrate(
     Examples
     --------
     >>> from gmwm import simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, rng=1)
     >>> calibration = calibrate(imu, within="GM + WN + RW")
     >>> calibration["gyro_x"].model.structure
     'WN + RW'
@@ -142,7 +143,7 @@ def calibrate(
         confidence=confidence,
         efficiency=efficiency,
         draws=draws,
-        seed=seed,
+        seed=as_seed(rng),
         axes=axes,
     )
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
@@ -352,8 +353,8 @@ class _Axis:
         if isinstance(self.item, Pair):
             classical, robust = self.item
         else:
-            classical = wavelet_variance(self.item)
-            robust = wavelet_variance(self.item, robust=True, efficiency=efficiency)
+            classical = signal_wavelet_variance(self.item)
+            robust = signal_wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
         chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict

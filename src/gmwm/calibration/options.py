@@ -35,7 +35,7 @@ class CalibrationOptions:
     efficiency : float
         Efficiency of the robust wavelet variance under Gaussian noise.
     draws, seed : int
-        Number and seed of the simulated records.
+        Number of the simulated records, and seed of their draws.
     axes : tuple of str or None
         The axes or sensors to calibrate; None for all. It is not saved: a calibration holds its axes.
 

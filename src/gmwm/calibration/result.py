@@ -92,7 +92,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
     Examples
     --------
     >>> from gmwm import calibrate, simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}, rate=100.0, samples=100_000, rng=1)
     >>> calibration = calibrate(imu, within="WN + RW")
     >>> list(calibration), calibration["gyro_x"].model.structure
     (['gyro_x'], 'WN + RW')
@@ -269,14 +269,18 @@ class Calibration(Summarised, Mapping[str, Fit]):
     ) -> str:
         """Write the noise of the unit in the format of another program.
 
-        See `gmwm.export` for how the numbers follow from the models, and `gmwm.export_formats` for the formats.
+        Most programs use two numbers of a sensor: the white noise N and the random walk K of the bias. They follow from
+        the model as in `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β over the terms correlated for less than the horizon,
+        K_eff² = K² + Σ 2βσ²_GM over the others. If the model has no such noise, or the data cannot distinguish it from
+        zero, the file has the upper limit that the data give, and says that it is a limit. The header of each file
+        states units, continuous or discrete, axes, inflation, horizon, models and source.
 
         Parameters
         ----------
         path : path, optional
             File to write, whole or not at all; by default no file is written.
         format : str
-            One of `export_formats()`.
+            One of `gmwm.exporters.export_formats()`.
         axes : "worst", "mean" or "each", optional
             From the axes of a sensor, take the largest number, the root mean square, or one number for each axis if the
             format allows it. By default the largest for filters, and each for simulators and messages.
@@ -300,6 +304,18 @@ class Calibration(Summarised, Mapping[str, Fit]):
             If a sensor that the consumer needs was not calibrated, or the data do not even bound a number.
         MissingTheoryError
             If the theory of a process in a model does not suffice.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_x": "WN(sigma2=2e-5)"}
+        >>> imu = gmwm.simulate(truth, rate=100.0, samples=100_000, rng=1)
+        >>> text = gmwm.calibrate(imu, "WN + RW").export(format="kalibr")
+        >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
+        ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',
+         'update_rate: 100.0  # Hz']
+        >>> "UPPER LIMIT, not a measured value: K of the accelerometers." in text
+        True
         """
         from gmwm.exporters import export
 
@@ -326,6 +342,16 @@ class Calibration(Summarised, Mapping[str, Fit]):
             If `path` does not end in .html.
         OSError
             If the file cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib
+        >>> from gmwm import calibrate, simulate
+        >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     written = calibrate(imu, within="WN + RW").report(pathlib.Path(folder, "report.html"))
+        ...     written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+        True
         """
         from gmwm.reports import report
 

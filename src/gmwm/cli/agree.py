@@ -53,7 +53,7 @@ def agree(
     The recordings are calibrated each by itself. N, B, K, R and Q are compared whatever their models, T_c and q_c where
     the models are the same. --reference sets the datasheet's values beside them.
     """
-    from gmwm import Calibration, agreement
+    from gmwm import Calibration, agree
 
     references = dict(parse_reference(text) for text in reference or ())
     if len(references) != len(reference or ()):
@@ -63,7 +63,7 @@ def agree(
     stems = {Path(found.source).stem for found in calibrations} - {""}
     # Names of the recordings if they have them.
     names = label or (None if len(stems) == len(files) else names_of(files))
-    found = agreement(calibrations, size=size, labels=names, reference=references)
+    found = agree(calibrations, size=size, labels=names, reference=references)
     return Outcome(
         command="agree", document={"files": list(map(str, files)), **found.to_dict()}, text=found.summary()
     )  # fmt: skip

@@ -44,14 +44,14 @@ def convert(
     CSV keep every digit. An .imu file holds increments in the counts of its type, and no temperature. The file is
     written whole or not at all.
     """
-    from gmwm.writers import RECORDS, write
+    from gmwm.writers import RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
         raise OptionError(f"OUT must be another file than FILE, got {output} for both")
     imu = load(file, reading)
     # What the library calls format= is --to here, as --format is of the file that is read.
     with progress(f"writing {output.name}"), named_as_options({"format": "--to"}):
-        write(imu, output, format=to)
+        imu.write(output, format=to)
     lost = output.suffix.lower() == RECORDS and imu.temperature is not None
     said = f"wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
     return Outcome(

@@ -83,12 +83,11 @@ def demo(
 def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
     """A recording with this truth, written to a file."""
     from gmwm.simulation import simulate
-    from gmwm.writers import write
 
     with progress("simulating"):
-        imu = simulate(truth, rate=RATE, samples=SAMPLES, seed=seed, resolution=RESOLUTION)
+        imu = simulate(truth, rate=RATE, samples=SAMPLES, rng=seed, resolution=RESOLUTION)
     with progress(f"writing {file}"):
-        write(imu, file)
+        imu.write(file)
     return imu
 
 

@@ -99,10 +99,12 @@ def fit(
         bool,
         typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
     ] = True,
-    draws: Annotated[
+    start_draws: Annotated[
         int | None,
         typer.Option(
-            help="Start from the best of so many random draws, as the paper does, and --seed; for comparison only.",
+            "--start-draws",
+            help="Start from the best of this many random parameter values, as the paper does. The default start needs "
+            "no random numbers and finds the optimum with proof; use this for comparison only. See --seed.",
             metavar="DRAWS",
             min=1,
             rich_help_panel="Estimation",
@@ -118,16 +120,23 @@ def fit(
             rich_help_panel=RESULT,
         ),
     ] = 0.95,
-    bootstrap: Annotated[
+    bootstrap_draws: Annotated[
         int | None,
         typer.Option(
-            help="Intervals and test from so many simulated records, 500 say, in place of theory; at least 39 at 95 %.",
+            "--bootstrap-draws",
+            help="Compute confidence intervals and the test from this many simulated records instead of from theory. "
+            "500 is usual; 95 % intervals need at least 39. See --seed.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the bootstrap and the draws.", min=0, rich_help_panel=RESULT)] = 0,
+    seed: Annotated[
+        int,
+        typer.Option(
+            help="Seed of the random draws of --bootstrap-draws and --start-draws.", min=0, rich_help_panel=RESULT
+        ),
+    ] = 0,
     chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
@@ -147,12 +156,13 @@ def fit(
     of the objective a better one could gain at most. Processes with several parameters of their shape, as AR(2),
     have none: theirs is the best of what a scan of all shapes leads to.
     """
-    from gmwm import Imu, Sampled, parse_model
+    from gmwm import Imu, Model
+    from gmwm.estimation import Sampled
 
-    parsed, strength = parse_model(model), chosen_efficiency(robust, efficiency)
+    parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
     if likelihood:
         require_states(parsed, LIKELIHOOD[0])
-    how = _interval_method(confidence, bootstrap, seed)
+    how = _interval_method(confidence, bootstrap_draws, seed)
     recording = opened(file, reading, chunked, whole=LIKELIHOOD[0] if likelihood else needs_memory(filter, transform))
     if output is not None:
         made_directory(output)
@@ -160,7 +170,7 @@ def fit(
     fits = fit_axes(
         dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
         efficiency=strength, certify=certify, filter=filter, transform=transform,
-        start=None if draws is None else Sampled(draws, seed),
+        start=None if start_draws is None else Sampled(start_draws, seed),
     )  # fmt: skip
     for name, found in fits.items():
         for remark in found.wavelet_variance.remarks:
@@ -224,7 +234,7 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
     how = IntervalMethod(confidence)
     if draws is None:
         return how
-    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap-draws")
     return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 
@@ -275,7 +285,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     from gmwm.signals import by_sensor
 
     if len(fits) == 1:
-        return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, seed=how.seed)
+        return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, rng=how.seed)
     first = next(iter(fits.values()))
     wv = first.wavelet_variance
     robust = f"robust with efficiency {wv.efficiency:g}, " if wv.robust else ""

@@ -84,7 +84,7 @@ def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
 ) -> ModelSource:
     """The source of the model, or an error if options contradict each other."""
-    from gmwm import parse_model
+    from gmwm import Model
     from gmwm.cli.plan import fits_in
 
     if (model is None) == (from_fits is None):
@@ -102,7 +102,7 @@ def model_source(
             robust=robust,
             efficiency=efficiency,
         )
-    parsed = parse_model(str(model))
+    parsed = Model.parse(str(model))
     require_states(parsed, "--model")
     return ModelSource(
         model=parsed,
@@ -152,7 +152,8 @@ def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) ->
 
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
-    from gmwm import Fit, LikelihoodFit
+    from gmwm import Fit
+    from gmwm.likelihood import LikelihoodFit
 
     if axis not in source.fits:
         raise OptionError(f"--axis must be one of {', '.join(source.fits)}, which {source.fits_file} holds; got {axis}")

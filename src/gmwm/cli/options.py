@@ -118,10 +118,10 @@ def parse_within(text: str) -> Model:
     >>> parse_within("GM + WN")
     Model('GM + WN')
     """
-    from gmwm import parse_model
+    from gmwm import Model
 
     with prefixed("within"):
-        return parse_model(text)
+        return Model.parse(text)
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:

@@ -181,10 +181,10 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
 
     Without the terms that were estimated as zero; those that act as another process are that process.
     """
-    from gmwm import Model, parse_model
+    from gmwm import Model
     from gmwm.processes.equivalence import likeness
 
-    model, remarks = parse_model(found["model"]), []
+    model, remarks = Model.parse(found["model"]), []
     processes = dict(zip(model.terms, model.processes, strict=True))
     if zero := [term for term, process in processes.items() if process.scale == 0]:
         remarks.append(Remark.of("pilot-left-out", terms=tuple(zero)))

@@ -107,17 +107,15 @@ def _written(
     """The simulated recording and the names of its latent processes, both written to their files."""
     from gmwm._text import duration_text
     from gmwm.simulation import simulate as simulated
-    from gmwm.simulation import write_components
-    from gmwm.writers import write
 
     made = None
     with progress(f"simulating {duration_text(seconds)}"):
         if components is not None:
-            made = simulated(truth, rate=rate, duration=seconds, seed=seed, components=True)
-        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, seed=seed)
+            made = simulated(truth, rate=rate, duration=seconds, rng=seed, components=True)
+        imu = made.imu if made is not None else simulated(truth, rate=rate, duration=seconds, rng=seed)
     with progress(f"writing {output.name}"):
-        write(imu, output)
-        return imu, () if components is None or made is None else tuple(write_components(made, components))
+        imu.write(output)
+        return imu, () if components is None or made is None else tuple(made.write_components(components))
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:

@@ -81,14 +81,14 @@ def watch(
     The file is text, and grows line by line. A line that is half written waits for its rest; a file that is cut or
     replaced ends the watch, with what came before.
     """
-    from gmwm import parse_model
+    from gmwm import Model
     from gmwm.inference.planning import as_accuracy
     from gmwm.readers.growing_files import Lines, growing_stream
     from gmwm.streaming.passes import accumulators
 
     seconds, patience = parse_length(every, "--every"), None if idle is None else parse_length(idle, "--idle")
     wanted = as_accuracy(parse_share(accuracy))
-    parsed = None if model is None else parse_model(model)
+    parsed = None if model is None else Model.parse(model)
     if seconds <= 0:
         raise OptionError(f"--every takes a length of time above 0, got {every!r}")
     reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()

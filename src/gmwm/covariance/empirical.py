@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.covariance import covariance
+from gmwm.covariance.api import covariance
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import drawn, mixture
 from gmwm.errors import DataError
 from gmwm.filters import WaveletFilter
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0
@@ -90,14 +90,14 @@ def empirical_covariance(
     Examples
     --------
     >>> import numpy as np
-    >>> from gmwm import wavelet_covariance
+    >>> from gmwm.covariance import wavelet_covariance
     >>> x = np.random.default_rng(1).laplace(size=2**16)
     >>> v = empirical_covariance(x, rate=100.0, levels=6)
     >>> ratio = np.diag(v) / np.diag(wavelet_covariance("WN(sigma2=2.0)", 2**16, 100.0, levels=6))
     >>> bool(ratio[0] > 1.4), bool(ratio[5] < 1.2)
     (True, True)
     """
-    wv = wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
+    wv = signal_wavelet_variance(x, rate, filter=filter, transform=transform, levels=levels)
     if not np.all(wv.variance > 0):
         zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
         raise DataError(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.covariance import ratio_variances
+from gmwm.covariance.api import ratio_variances
 from gmwm.covariance.design import Design
 from gmwm.covariance.mixture import mixture
 from gmwm.covariance.robust import ratio_skewness

@@ -9,12 +9,10 @@ from statistics import NormalDist
 import numpy as np
 
 from gmwm.datasheets.bias import SYMBOL, bias_instability
-from gmwm.datasheets.effective import Use, noise_in_use
-from gmwm.datasheets.effective import effective_noise as effective_noise
-from gmwm.datasheets.entry import Entry as Entry
-from gmwm.datasheets.entry import significant
+from gmwm.datasheets.effective import Use, effective_noise, noise_in_use
+from gmwm.datasheets.entry import Entry, significant
 from gmwm.datasheets.equivalent_terms import translated
-from gmwm.datasheets.sheet import Datasheet as Datasheet
+from gmwm.datasheets.sheet import Datasheet
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.estimation.result import Fit
 from gmwm.inference.intervals import Interval, confidence_intervals, free_shape, is_weak
@@ -24,6 +22,8 @@ from gmwm.processes.physical import Physical
 from gmwm.remarks import Remark
 from gmwm.units import noise_unit
 from gmwm.variance.slope_line import LAWS
+
+__all__ = ["Datasheet", "Entry", "datasheet", "effective_noise"]
 
 _SHORT = 0.1
 """Correlation times (s) below which a term looks like white noise where the standard reads N, at τ = 1 s."""

@@ -22,7 +22,7 @@ from gmwm.processes.equivalence import likeness
 from gmwm.processes.model import Model, as_model
 from gmwm.remarks import Quantity, Remark
 from gmwm.signals import Signal
-from gmwm.variance.api import wavelet_variance
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, require_robust
 from gmwm.variance.result import WaveletVariance
 
@@ -74,7 +74,7 @@ def fit(
     certify : bool
         Whether to prove by branch and bound that no better fit exists; False skips the proof.
     start : Sampled, optional
-        Start from random draws as the paper does, ``Sampled(draws=20_000, seed=1)``, and descend from the best of them.
+        Start from random draws as the paper does, ``Sampled(draws=20_000, rng=1)``, and descend from the best of them.
         For comparison only; where there is a proof, it then tells what the draws have missed.
 
     Returns
@@ -112,9 +112,7 @@ def fit(
     """
     wanted = as_model(model)
     if start is not None and not isinstance(start, Sampled):
-        raise OptionError(
-            f"start must be Sampled(draws=…, seed=…), got {start!r}; values to start from go in the model"
-        )
+        raise OptionError(f"start must be Sampled(draws=…, rng=…), got {start!r}; values to start from go in the model")
     wv = measured(data, rate, robust, efficiency)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
@@ -166,7 +164,7 @@ def measured(
             raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
         wv = _as_measured(data, robust, efficiency)
     else:
-        wv = wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
+        wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
         raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
     return wv

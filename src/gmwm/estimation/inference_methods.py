@@ -7,6 +7,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
 from gmwm._arrays import Matrix
 
 if TYPE_CHECKING:
@@ -75,7 +77,7 @@ class InferenceMethods:
         *,
         covariance: Matrix | None = None,
         draws: int = 500,
-        seed: int = 0,
+        rng: int | np.random.Generator = 0,
     ) -> dict[str, Interval]:
         """Compute a confidence interval (low, high) for every estimated parameter, by name.
 
@@ -99,8 +101,8 @@ class InferenceMethods:
             to the classical estimate, not to a robust fit.
         draws : int
             Number of simulated recordings. A level needs at least 2 / (1 − level) − 1 of them: 39 at 95 %.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -130,9 +132,11 @@ class InferenceMethods:
         """
         from gmwm.inference.intervals import confidence_intervals
 
-        return confidence_intervals(self._fit, level, method, covariance=covariance, draws=draws, seed=seed)
+        return confidence_intervals(self._fit, level, method, covariance=covariance, draws=draws, rng=rng)
 
-    def goodness_of_fit(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> GoodnessOfFit:
+    def goodness_of_fit(
+        self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0
+    ) -> GoodnessOfFit:
         """Test whether the data could come from the fitted model, under any weighting Ω.
 
         With r = ν̂² − ν²(θ̂), V the covariance of ν̂² and D = ∂ν²/∂θ, at the estimate,
@@ -151,8 +155,8 @@ class InferenceMethods:
             levels.
         draws : int
             Number of simulated recordings, at least 19, because p is at least 1 / (draws + 1).
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -179,9 +183,9 @@ class InferenceMethods:
         """
         from gmwm.inference.goodness import goodness_of_fit
 
-        return goodness_of_fit(self._fit, method, draws=draws, seed=seed)
+        return goodness_of_fit(self._fit, method, draws=draws, rng=rng)
 
-    def wic(self, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> Criterion:
+    def wic(self, method: Method = "asymptotic", *, draws: int = 500, rng: int | np.random.Generator = 0) -> Criterion:
         """Compute the wavelet information criterion: the expected loss of the fit on another recording.
 
         Compare values between models only under one Ω; `gmwm.rank` and `gmwm.select` ensure this.
@@ -193,8 +197,8 @@ class InferenceMethods:
             ν̂* and ν(θ̂*) over `draws` recordings simulated from the fit.
         draws : int
             Number of simulated recordings.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -224,9 +228,11 @@ class InferenceMethods:
         """
         from gmwm.inference.criterion import wic
 
-        return wic(self._fit, method, draws=draws, seed=seed)
+        return wic(self._fit, method, draws=draws, rng=rng)
 
-    def bootstrap(self, draws: int = 500, seed: int = 0, *, progress: Callable[[int], None] | None = None) -> Bootstrap:
+    def bootstrap(
+        self, draws: int = 500, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
+    ) -> Bootstrap:
         """Estimate the parameters again from recordings that are simulated from the fit (parametric bootstrap).
 
         Each recording has the length and the gaps of the data. Gauss-Markov and autoregressive terms start from their
@@ -236,8 +242,9 @@ class InferenceMethods:
         ----------
         draws : int
             Number of simulated recordings, at least 2.
-        seed : int
-            Seed of the simulation; the same seed gives the same result.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result. The result records the integer seed; from a
+            Generator one integer is drawn.
         progress : callable, optional
             Called with the number of recordings done so far.
 
@@ -249,7 +256,7 @@ class InferenceMethods:
         Raises
         ------
         OptionError
-            If `draws` or `seed` is out of range.
+            If `draws` or `rng` cannot be used.
         MissingTheoryError
             If a process cannot be simulated.
 
@@ -257,18 +264,37 @@ class InferenceMethods:
         --------
         >>> from gmwm import WN, fit
         >>> found = fit(WN(), WN(sigma2=4.0).simulate(4096, 100.0, rng=1), rate=100.0)
-        >>> again = found.bootstrap(draws=100, seed=1)
+        >>> again = found.bootstrap(draws=100, rng=1)
         >>> 0.5 < again.errors["WN.sigma2"] / found.standard_errors["WN.sigma2"] < 1.5
         True
         """
         from gmwm.inference.bootstrap import bootstrap
 
-        return bootstrap(self._fit, draws, seed, progress=progress)
+        return bootstrap(self._fit, draws, rng, progress=progress)
 
     def datasheet(self, level: float = 0.95) -> Datasheet:
         """Convert the fit to datasheet numbers N, Q, B, K, R, T_c and q_c, with confidence intervals.
 
-        See `gmwm.datasheet` for the definitions.
+            N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
+            B = √B² of a flicker term, or else min over τ of the model's Allan deviation / √(2 ln 2/π)
+            A = √(2P)   f_0 of a line
+
+        If the model has a flicker term that is not zero, B is the coefficient of that term, as the standard defines it.
+        Otherwise B is read at the lowest point of the Allan deviation of the model without its lines. The second kind
+        of B includes the parts of N and K at that point and is at least as large as the first, so do not compare the
+        two. If the flicker term is estimated as zero, its upper limit is given as B_f.
+
+        A term that acts as another process on these data is added to that process: a Gauss-Markov term that acts as
+        white noise adds to N², and one that acts as a random walk adds to K². A process that the model does not contain
+        gives no number. An AR1 gives T_c and q_c of the Gauss-Markov process with the same samples, if φ > 0.
+
+        Intervals are computed on the logarithmic scale by the delta method with the joint covariance of the estimates.
+        If a number depends on one parameter only, its interval is the transformed interval of that parameter. R has a
+        sign, and its interval is R ± z SE. If a term is zero or cannot be distinguished from zero, its number is an
+        upper limit, as in `Fit.confidence_intervals`. B is an upper limit too if the data show no minimum.
+
+        The fit must be of a wavelet variance whose unit says what the sensor measures. Without a known unit the numbers
+        are in "u", the unit of the data, and have no datasheet units.
 
         Parameters
         ----------
@@ -284,12 +310,35 @@ class InferenceMethods:
         ------
         OptionError
             If `level` is not between 0 and 1.
+
+        References
+        ----------
+        IEEE Std 952-1997, annex C.
+
+        Examples
+        --------
+        >>> import gmwm
+        >>> x = (gmwm.WN(sigma2=1e-6) + gmwm.RW(gamma2=1e-12)).simulate(100_000, 100.0, rng=1)
+        >>> found = gmwm.fit(gmwm.WN() + gmwm.RW(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
+        >>> list(found)
+        ['N', 'B', 'K']
+        >>> found["N"].low < 1e-4 < found["N"].high
+        True
+        >>> found["N"].in_units("datasheet")[3]
+        'deg/√h'
         """
         from gmwm.datasheets import datasheet
 
         return datasheet(self._fit, level)
 
-    def summary(self, level: float = 0.95, method: Method = "asymptotic", *, draws: int = 500, seed: int = 0) -> str:
+    def summary(
+        self,
+        level: float = 0.95,
+        method: Method = "asymptotic",
+        *,
+        draws: int = 500,
+        rng: int | np.random.Generator = 0,
+    ) -> str:
         """Describe the fit in text.
 
         Parameters
@@ -300,8 +349,8 @@ class InferenceMethods:
             Intervals and test from theory, or from `draws` simulated recordings.
         draws : int
             Number of simulated recordings.
-        seed : int
-            Seed of the simulation.
+        rng : int or numpy.random.Generator
+            Source of the draws; the same integer gives the same result.
 
         Returns
         -------
@@ -316,7 +365,7 @@ class InferenceMethods:
         """
         from gmwm.inference.summary import summary
 
-        return summary(self._fit, level, method, draws=draws, seed=seed)
+        return summary(self._fit, level, method, draws=draws, rng=rng)
 
     def plot(
         self,

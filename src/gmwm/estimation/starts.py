@@ -18,6 +18,7 @@ from gmwm.estimation.variable_projection import Coordinates, Point, Surface
 from gmwm.filters import find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.start_context import Dominant, Occasion
+from gmwm.processes.validation import as_seed
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
 
@@ -53,8 +54,8 @@ class Sampled:
     ----------
     draws : int
         G, how many starting values are drawn.
-    seed : int
-        The same seed gives the same fit.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same fit. Of a Generator an integer is drawn and kept.
 
     References
     ----------
@@ -62,19 +63,18 @@ class Sampled:
 
     Examples
     --------
-    >>> Sampled(draws=1000, seed=1)
-    Sampled(draws=1000, seed=1)
+    >>> Sampled(draws=1000, rng=1)
+    Sampled(draws=1000, rng=1)
     """
 
     draws: int = 20_000
-    seed: int = 0
+    rng: int | np.random.Generator = 0
 
     def __post_init__(self) -> None:
-        for name, least in (("draws", 1), ("seed", 0)):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-                raise OptionError(f"{name} must be a whole number of at least {least}, got {value!r}")
-            object.__setattr__(self, name, int(value))
+        if isinstance(self.draws, bool) or not isinstance(self.draws, int | np.integer) or self.draws < 1:
+            raise OptionError(f"draws must be a whole number of at least 1, got {self.draws!r}")
+        object.__setattr__(self, "draws", int(self.draws))
+        object.__setattr__(self, "rng", as_seed(self.rng))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -306,7 +306,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
         (max x − min x)/N, by which drifts are drawn.
     """
     surface = Surface(problem)
-    rng = np.random.default_rng(sampled.seed)
+    rng = np.random.default_rng(sampled.rng)
     occasion = _occasion(wv, spread, sampled.draws, rng)
     drawn: dict[int, Matrix] = {}
     before: dict[type[Process], tuple[Matrix, ...]] = {}

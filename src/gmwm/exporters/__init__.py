@@ -16,6 +16,6 @@ from gmwm.exporters import ros as ros
 from gmwm.exporters import statespace as statespace
 from gmwm.exporters import tables as tables
 from gmwm.exporters import vins as vins
-from gmwm.exporters.api import export as export
-from gmwm.exporters.api import export_all as export_all
-from gmwm.exporters.api import export_formats as export_formats
+from gmwm.exporters.api import export, export_all, export_formats
+
+__all__ = ["export", "export_all", "export_formats"]

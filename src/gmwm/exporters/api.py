@@ -28,57 +28,7 @@ def export(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> str:
-    """Export the noise of a calibrated unit in the format of another program.
-
-    Most programs have two parameters for a sensor, white noise N and a random walk K of the bias. The file has the
-    numbers of `effective_noise`: N_eff² = N² + Σ 2σ²_GM/β of the terms with a correlation time below the horizon, and
-    K_eff² = K² + Σ 2βσ²_GM of the others. If the model has no such noise, or the data do not distinguish it from zero,
-    the file has its upper limit and marks it as one; it never has a zero or an assumed value. The head of each file
-    states the units, continuous or discrete numbers, the axes, the inflation, the horizon, the models and the source.
-
-    Parameters
-    ----------
-    calibration : Calibration
-    path : path, optional
-        File to write; an error leaves an existing file unchanged.
-    format : str
-        One of `export_formats()`.
-    axes : "worst", "mean" or "each", optional
-        How the axes of a sensor are combined: the largest number, the root mean square, or one number for each axis if
-        the format allows it. The default is the largest for filters, and each for simulators and messages.
-    inflation : float
-        Factor for standard deviations and densities; variances grow by its square.
-    horizon : float
-        Time (s) over which the consumer relies on the sensor alone.
-    rate : float, optional
-        Sampling rate (Hz) of the consumer; by default that of the recording.
-
-    Returns
-    -------
-    str
-        The text of the file.
-
-    Raises
-    ------
-    OptionError
-        If an option has an invalid value, or the format does not use it.
-    DataError
-        If a sensor that the consumer needs was not calibrated, or the data do not determine an upper limit.
-    MissingTheoryError
-        If a process of a model does not define the theory that the format needs.
-
-    Examples
-    --------
-    >>> import gmwm
-    >>> truth = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)", "accel_x": "WN(sigma2=2e-5)"}
-    >>> imu = gmwm.simulate(truth, rate=100.0, samples=100_000, seed=1)
-    >>> text = export(gmwm.calibrate(imu, "WN + RW"), format="kalibr")
-    >>> [line for line in text.splitlines() if line.startswith(("gyroscope", "update"))]
-    ['gyroscope_noise_density: 6...e-05  # rad/s/sqrt(Hz)', 'gyroscope_random_walk: ...  # rad/s^2/sqrt(Hz)',
-     'update_rate: 100.0  # Hz']
-    >>> "UPPER LIMIT, not a measured value: K of the accelerometers" in text
-    True
-    """
+    """The noise of a unit in the format of another program: see `Calibration.export`."""
     exporter = find_exporter(format)
     given = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
     options = _options(exporter, given)

@@ -65,7 +65,7 @@ class Exporter(ABC):
     Attributes
     ----------
     name : str
-        The name for `gmwm.export(…, format=)`.
+        The name for `calibration.export(…, format=)`.
     title : str
         The program or purpose that the file is for.
     extension : str

@@ -11,6 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from gmwm._threads import processors
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
@@ -23,6 +25,7 @@ from gmwm.fleets.unit_job import Job, Outcome, UnitOptions
 from gmwm.fleets.workers import allowing_lost_workers, in_process, on_cluster
 from gmwm.options import ReadOptions
 from gmwm.processes.model import ModelLike
+from gmwm.processes.validation import as_seed
 from gmwm.readers import find_reader
 from gmwm.remarks import Remark
 from gmwm.signals import AXES
@@ -46,7 +49,7 @@ def fleet(
     confidence: float = 0.95,
     efficiency: float = 0.6,
     draws: int = 1000,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     axes: str | Sequence[str] | None = None,
     reading: Mapping[str, Any] | ReadOptions | None = None,
     pattern: str | None = None,
@@ -68,8 +71,9 @@ def fleet(
         a unit is its path in the folder.
     output : path
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
-    within, robust, weighting, criterion, confidence, efficiency, draws, seed, axes
-        As for `calibrate`, for every unit.
+    within, robust, weighting, criterion, confidence, efficiency, draws, rng, axes
+        As for `calibrate`, for every unit. From a Generator, one integer is drawn for all units. A later run with
+        another integer calibrates all units again.
     reading : mapping or ReadOptions, optional
         Arguments of `read` for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
     pattern : str, optional
@@ -108,7 +112,7 @@ def fleet(
     >>> folder = tempfile.TemporaryDirectory()
     >>> for k in range(3):
     ...     path = pathlib.Path(folder.name, f"unit{k}.parquet")
-    ...     gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, seed=k), path)
+    ...     gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=5_000, rng=k).write(path)
     >>> found = fleet(folder.name, pathlib.Path(folder.name, "results"), within="WN + RW", workers=0)
     >>> found
     Fleet(3 of 3 units calibrated)
@@ -118,7 +122,7 @@ def fleet(
     """
     options = CalibrationOptions(
         within=within, robust=robust, weighting=weighting, criterion=criterion, confidence=confidence,
-        efficiency=efficiency, draws=draws, seed=seed, axes=axes,
+        efficiency=efficiency, draws=draws, seed=as_seed(rng), axes=axes,
     )  # fmt: skip
     return calibrate_fleet(
         recordings, output, options, _read_options(reading), pattern=pattern, scheduler=scheduler, workers=workers,

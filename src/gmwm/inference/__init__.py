@@ -1,1 +1,10 @@
-"""Using a model on paper: what other recordings of it would have given."""
+"""Standard errors, confidence intervals, tests, bootstrap and planning: the results that methods of a fit return."""
+
+from gmwm.inference.asymptotic import Sandwich
+from gmwm.inference.bootstrap import Bootstrap
+from gmwm.inference.criterion import Criterion
+from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.inference.intervals import Interval
+from gmwm.inference.planning import Plan, plan
+
+__all__ = ["Bootstrap", "Criterion", "GoodnessOfFit", "Interval", "Plan", "Sandwich", "plan"]

@@ -16,6 +16,7 @@ from gmwm.errors import FitWarning, OptionError
 from gmwm.estimation.problem import pose
 from gmwm.estimation.solver import estimated, solve_near
 from gmwm.inference.simulated_curves import simulated_variances
+from gmwm.processes.validation import as_seed
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -44,6 +45,7 @@ class Bootstrap:
     implied : (draws, J) array, in unit²
         Those of the models fitted to them.
     seed : int
+        Seed of the draws.
     """
 
     names: tuple[str, ...]
@@ -72,10 +74,10 @@ class Bootstrap:
 
 
 def bootstrap(
-    fit: Fit, draws: int = DRAWS, seed: int = 0, *, progress: Callable[[int], None] | None = None
+    fit: Fit, draws: int = DRAWS, rng: int | np.random.Generator = 0, *, progress: Callable[[int], None] | None = None
 ) -> Bootstrap:
     """Refit the model to recordings simulated from the fit: see `Fit.bootstrap`."""
-    draws = as_draws(draws, LEAST_DRAWS, "a standard deviation")
+    draws, seed = as_draws(draws, LEAST_DRAWS, "a standard deviation"), as_seed(rng)
     kept: dict[tuple[int, int], Bootstrap] = fit.__dict__.setdefault("_bootstraps", {})
     if (draws, seed) not in kept:
         kept[draws, seed] = _bootstrap(fit, draws, seed, progress)

@@ -59,12 +59,14 @@ class Criterion:
         return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
 
 
-def wic(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> Criterion:
+def wic(
+    fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
+) -> Criterion:
     """Wavelet information criterion: see `Fit.wic`."""
     if method not in get_args(Method):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     if method == "bootstrap":
-        drawn = bootstrap(fit, draws, seed)
+        drawn = bootstrap(fit, draws, rng)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
         return Criterion(loss=float(fit.objective), optimism=share, method=method)
     return Criterion(loss=float(fit.objective), optimism=optimism(fit, fit.sandwich.wavelet), method=method)

@@ -88,14 +88,16 @@ class GoodnessOfFit(Summarised):
         return self.summary()
 
 
-def goodness_of_fit(fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> GoodnessOfFit:
+def goodness_of_fit(
+    fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
+) -> GoodnessOfFit:
     """Test whether the data could come from the fitted model: see `Fit.goodness_of_fit`."""
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
     wv = fit.wavelet_variance
     if method == "bootstrap":
         as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
-        drawn = bootstrap(fit, draws, seed).objectives
+        drawn = bootstrap(fit, draws, rng).objectives
         larger = int(np.count_nonzero(drawn >= fit.objective))
         return GoodnessOfFit(
             statistic=fit.objective,

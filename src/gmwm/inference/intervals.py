@@ -19,6 +19,7 @@ from gmwm.options import as_confidence
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
+from gmwm.processes.validation import as_seed
 from gmwm.variance.limits import chi_square_limits
 
 if TYPE_CHECKING:
@@ -42,12 +43,13 @@ def confidence_intervals(
     *,
     covariance: Matrix | None = None,
     draws: int = DRAWS,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
 ) -> dict[str, Interval]:
     """Confidence interval of every estimated parameter: see `Fit.confidence_intervals`."""
     level = as_confidence(level, "level")
     if method not in ("asymptotic", "bootstrap"):
         raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
         # Upper limits take their time, and a summary, a datasheet and a file ask for the same ones.
         kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})

@@ -8,12 +8,15 @@ from dataclasses import astuple, dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gmwm._tables import aligned
 from gmwm.errors import MissingTheoryError, ModelError
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.inference.intervals import Interval, Method, confidence_intervals
 from gmwm.options import as_confidence
+from gmwm.processes.validation import as_seed
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
@@ -54,7 +57,7 @@ class Row:
 def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interval], Remark | None]:
     """The intervals; if they cannot be computed, none and a remark that says why."""
     try:
-        return confidence_intervals(fit, how.level, how.method, draws=how.draws, seed=how.seed), None
+        return confidence_intervals(fit, how.level, how.method, draws=how.draws, rng=how.seed), None
     except (MissingTheoryError, ModelError) as error:
         return {}, no_intervals(error)
 
@@ -62,7 +65,7 @@ def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interva
 def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
     """The test and its words, or none and the reason why."""
     try:
-        test = goodness_of_fit(fit, how.method, draws=how.draws, seed=how.seed)
+        test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
     except (MissingTheoryError, ModelError) as error:
         return None, f"not tested: {error}"
     return test, test.summary()
@@ -157,9 +160,16 @@ def interval_text(low: float, high: float) -> str:
     return f"{low:.3e} … {high:.3e}"
 
 
-def summary(fit: Fit, level: float = 0.95, method: Method = "asymptotic", *, draws: int = DRAWS, seed: int = 0) -> str:
+def summary(
+    fit: Fit,
+    level: float = 0.95,
+    method: Method = "asymptotic",
+    *,
+    draws: int = DRAWS,
+    rng: int | np.random.Generator = 0,
+) -> str:
     """The text of `Fit.summary`."""
-    how = IntervalMethod(level, method, draws, seed)
+    how = IntervalMethod(level, method, draws, as_seed(rng))
     intervals, missing = intervals_if_known(fit, how)
     table = rows(fit, intervals, how)
     lines = [*head(fit, how), "", *table_text(table, level)]

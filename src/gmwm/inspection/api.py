@@ -20,7 +20,8 @@ from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.warm_up import warm_up_of
 from gmwm.readers.streams import Chunk, Stream
 from gmwm.remarks import Remark
-from gmwm.signals import Imu, Signal, TimeBase, axis_quantity
+from gmwm.signals import Imu, Signal, axis_quantity
+from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
 _RESTLESS = 4.0  # spread of a window over the median spread that means motion

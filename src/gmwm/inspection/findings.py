@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import STANDARD_GRAVITY
 
 if TYPE_CHECKING:

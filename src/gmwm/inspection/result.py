@@ -12,7 +12,7 @@ from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.warm_up import WarmUp
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.remarks.rendering import MOST
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 
 
 @dataclass(frozen=True, kw_only=True)

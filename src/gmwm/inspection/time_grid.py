@@ -9,7 +9,8 @@ from itertools import pairwise
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
-from gmwm.signals import Signal, begins_of, times_of
+from gmwm.signals import Signal
+from gmwm.time_base import begins_of, times_of
 
 _WINDOWS = 64
 """Of a recording, whose means and spreads are compared."""

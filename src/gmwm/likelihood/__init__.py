@@ -1,11 +1,10 @@
 """The exact Gaussian likelihood of a model, its maximum, and its hidden processes, by the Kalman filter."""
 
-from gmwm.likelihood.estimator import fit_ml as fit_ml
-from gmwm.likelihood.estimator import loglikelihood as loglikelihood
-from gmwm.likelihood.innovations import Residuals as Residuals
-from gmwm.likelihood.innovations import residuals as residuals
-from gmwm.likelihood.result import LikelihoodFit as LikelihoodFit
-from gmwm.likelihood.tracks import Tracks as Tracks
-from gmwm.likelihood.tracks import filter_tracks as filter_tracks
-from gmwm.likelihood.tracks import predict_tracks as predict_tracks
-from gmwm.likelihood.tracks import smooth_tracks as smooth_tracks
+from gmwm.likelihood.estimator import fit_ml
+from gmwm.likelihood.innovations import Residuals, residuals
+from gmwm.likelihood.result import LikelihoodFit
+from gmwm.likelihood.tracks import Tracks, filter_tracks, predict_tracks, smooth_tracks
+
+__all__ = [
+    "LikelihoodFit", "Residuals", "Tracks", "filter_tracks", "fit_ml", "predict_tracks", "residuals", "smooth_tracks",
+]  # fmt: skip

@@ -64,10 +64,11 @@ def loglikelihood(
 
     Examples
     --------
-    >>> from gmwm import WN, loglikelihood
-    >>> x = WN(sigma2=1.0).simulate(1000, 100.0, rng=1)
+    >>> from gmwm import Model
+    >>> white = Model.parse("WN(sigma2=1.0)")
+    >>> x = white.simulate(1000, 100.0, rng=1)
     >>> reference = -0.5 * (1000 * np.log(2 * np.pi) + x @ x)
-    >>> bool(np.isclose(loglikelihood(WN(sigma2=1.0), x, rate=100.0, mean=0.0), reference, rtol=1e-13))
+    >>> bool(np.isclose(white.loglikelihood(x, rate=100.0, mean=0.0), reference, rtol=1e-13))
     True
     """
     wanted = as_model(model)
@@ -146,7 +147,7 @@ def fit_ml(
     problem = Problem(_started(wanted, record, start), record, known)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
-        raise ModelError(f"{wanted} has nothing to estimate: all its parameters are held; see gmwm.loglikelihood")
+        raise ModelError(f"{wanted} has nothing to estimate: all its parameters are held; see Model.loglikelihood")
     found = Search(problem, progress=progress).run(problem.start())
     if found is None:
         raise nothing_to_chance(problem.model)

@@ -164,7 +164,7 @@ class Tracks:
         Examples
         --------
         >>> from gmwm import simulate_signal
-        >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, seed=1)
+        >>> made = simulate_signal("WN(sigma2=1.0) + RW(gamma2=1e-4)", rate=100.0, samples=1000, rng=1)
         >>> tracks = made.model.smooth(made.signal)
         >>> picture = tracks.plot(truth=made["RW"])
         >>> [axes.get_title() for axes in picture.axes]

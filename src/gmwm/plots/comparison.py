@@ -35,7 +35,7 @@ def compare(
         At least one; of a fit the data are symbols and the model is a line.
     labels : sequence of str, optional
         Their names in the legend; by default what tells them apart: axis, classical or robust with its
-        efficiency, filter, length and rate.
+        efficiency, filter, length and rate, fitted model.
     view : "wavelet" or "allan"
         ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
     units : "si" or "datasheet"
@@ -75,7 +75,7 @@ def compare(
     for item in items:
         if not hasattr(measured(item), "robust"):
             raise OptionError(f"expected WaveletVariance or Fit to compare, got {type(item).__name__}; see plot_allan")
-    names = automatic_labels([measured(item) for item in items]) if labels is None else [str(name) for name in labels]
+    names = automatic_labels(items) if labels is None else [str(name) for name in labels]
     if len(names) != len(items):
         raise OptionError(f"labels must name each of {len(items)} curves, got {len(names)}")
     if len(set(names)) != len(names):
@@ -83,8 +83,8 @@ def compare(
     return plot_comparison(dict(zip(names, items, strict=True)), view=view, units=units, title=title, ax=ax, path=path)
 
 
-def automatic_labels(results: Sequence[WaveletVariance]) -> list[str]:
-    """For each result what tells it from the others; numbered where nothing does.
+def automatic_labels(items: Sequence[Item]) -> list[str]:
+    """The name of each item: what differs between them, of fits the model too; a number if nothing differs.
 
     >>> from gmwm.variance.result import WaveletVariance
     >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")
@@ -92,11 +92,13 @@ def automatic_labels(results: Sequence[WaveletVariance]) -> list[str]:
     >>> automatic_labels([one, two]), automatic_labels([one, one])
     (['classical', 'robust'], ['Gyroscope X (1)', 'Gyroscope X (2)'])
     """
+    results = [measured(item) for item in items]
     aspects = [
         [axis_title(wv.axis) for wv in results],
         _estimators(results),
         [f"{wv.filter} {wv.transform.upper()}" for wv in results],
         [wv.extent for wv in results],
+        [_model(item) for item in items],
     ]
     telling = [aspect for aspect in aspects if len(set(aspect)) > 1] or [aspects[0]]
     names = [", ".join(filter(None, words)) or "Wavelet variance" for words in zip(*telling, strict=True)]
@@ -105,6 +107,12 @@ def automatic_labels(results: Sequence[WaveletVariance]) -> list[str]:
         for number, k in enumerate(same, 1):
             names[k] = f"{name} ({number})"
     return names
+
+
+def _model(item: Item) -> str:
+    """The structure of a fitted model, "2*GM + WN"; nothing for a measurement."""
+    model = getattr(item, "model", None)
+    return "" if model is None else str(model.structure)
 
 
 def _estimators(results: Sequence[WaveletVariance]) -> list[str]:

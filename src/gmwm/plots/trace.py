@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.signals import Signal, begins_of
+from gmwm.signals import Signal
+from gmwm.time_base import begins_of
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:

@@ -23,5 +23,10 @@ from gmwm.processes.parameter import Branch as Branch
 from gmwm.processes.parameter import Fixed as Fixed
 from gmwm.processes.parameter import Parameter as Parameter
 from gmwm.processes.parameter import fixed as fixed
-from gmwm.processes.parse import parse_model as parse_model
 from gmwm.processes.physical import Physical as Physical
+
+__all__ = [
+    "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
+    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "families",
+    "fixed", "registry",
+]  # fmt: skip

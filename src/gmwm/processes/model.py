@@ -28,11 +28,13 @@ MOST_TERMS = 100
 """A sum with more terms than this is a slip of the pen: no record has that many levels."""
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Model(KalmanMethods):
     """A sum of independent latent processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
 
-    Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`.
+    Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
+    they have the same terms with the same values, in any order. The written order stays for display, and numbers
+    repeated terms: `GM[1]`, `GM[2]`.
 
     Methods take what those of `Process` take: `rate` in Hz; `levels`, the number J of them or a list; `lags`
     (samples); `frequencies` (Hz); `filter`, of `find_filter`; `n` and `paths`, how many samples and paths; `rng`, a
@@ -58,6 +60,8 @@ class Model(KalmanMethods):
     ('GM[1].beta', 'GM[1].sigma2', 'GM[2].beta', 'GM[2].sigma2', 'WN.sigma2')
     >>> str(model)
     '2*GM + WN(sigma2=4.0)'
+    >>> model == WN(sigma2=4.0) + 2 * GM()
+    True
     """
 
     processes: tuple[Process, ...]
@@ -78,7 +82,31 @@ class Model(KalmanMethods):
 
     @classmethod
     def parse(cls, text: str) -> Model:
-        """The model that a text such as "3*GM + WN + QN + RW" stands for; `str(model)` is such a text."""
+        """Read a model from a text such as "3*GM + WN(sigma2=4) + RW"; `str(model)` writes one.
+
+        Parameters
+        ----------
+        text : str
+            A sum of processes. A number in front repeats one, `3*GM`. Values are starting values and are written by
+            name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Held values are written
+            `fixed(0.1)`. Orders come first: `ARMA(2, 1)`.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        ModelError
+            If the text cannot be read, with the place in it, or the processes cannot be summed.
+
+        Examples
+        --------
+        >>> Model.parse("2*GM + WN(sigma2=fixed(1e-6))")
+        Model('2*GM + WN(sigma2=fixed(1e-06))')
+        >>> Model.parse("AR1(0.9, 0.1)")
+        Model('AR1(phi=0.9, sigma2=0.1)')
+        """
         from gmwm.processes.parse import parse_model
 
         return parse_model(text)
@@ -418,6 +446,19 @@ class Model(KalmanMethods):
     def __radd__(self, other: int) -> Model:
         # sum() begins with 0.
         return self if isinstance(other, int) and other == 0 else NotImplemented
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Model):
+            return NotImplemented
+        return self._counted == other._counted
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._counted.items()))
+
+    @cached_property
+    def _counted(self) -> Counter[Process]:
+        """How often each process occurs in the sum."""
+        return Counter(self.processes)
 
     def __str__(self) -> str:
         return _text(str(p) for p in self.processes)

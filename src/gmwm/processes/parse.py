@@ -3,13 +3,14 @@
     model   = term { "+" term }
     term    = [ count "*" ] process | process "*" count
     process = name [ "(" [ entry { "," entry } ] ")" ]
-    entry   = order | parameter "=" value
+    entry   = order | value | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
-A process with orders is written with them, "ARMA(2, 1, phi1=0.5)", or with its coefficients, "AR(phi=[1.4, -0.6])".
+Values without a name are those of the parameters in their order, "AR1(0.9, 0.1)"; they come before values with a name.
 
-Orders, whole numbers, come first, and only where the process has them: ARMA(2, 1, phi1=0.5). A period may be written by
-name. Names of processes may be written in lower case. The way back is `str(model)`.
+A process with orders is written with them, "ARMA(2, 1, phi1=0.5)", or with its coefficients, "AR(phi=[1.4, -0.6])".
+Orders, whole numbers, come first: "AR(2, 1.4, -0.6)" is of order 2 with φ₁ = 1.4. A period may be written by name.
+Names of processes may be written in lower case. `str(model)` is such a text, with the name of every value.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ def parse_model(text: str) -> Model:
     --------
     >>> parse_model("2*GM + WN(sigma2=fixed(1e-6))")
     Model('2*GM + WN(sigma2=fixed(1e-06))')
+    >>> parse_model("AR1(0.9, fixed(0.1))")
+    Model('AR1(phi=0.9, sigma2=fixed(0.1))')
     >>> parse_model("GM + VN")
     Traceback (most recent call last):
     gmwm.errors.ModelError: cannot read the model "GM + VN" at "VN" (character 6): no process...
@@ -134,7 +137,10 @@ class _Reader:
 
     def _orders(self, ordered: type[Ordered]) -> list[int]:
         orders: list[int] = []
-        while self._next.kind == "number" or (self._next.text == ordered.period_name and orders):
+        most = len(ordered.order_names())
+        while len(orders) < most and (
+            self._next.kind == "number" or (self._next.text == ordered.period_name and orders)
+        ):
             if self._take_name(ordered.period_name):
                 self._expect("=", f"after {ordered.period_name}")
             token = self._advance()
@@ -175,24 +181,36 @@ class _Reader:
         return values
 
     def _arguments(self, process: type[Process]) -> dict[str, Value]:
-        known = [p.name for p in process.parameters]
-        example = f"{known[0]}=…" if issubclass(process, Ordered) else f"{process.name}({known[0]}=…)"
+        parameters = {p.name: p for p in process.parameters}
+        example = f"{next(iter(parameters))}=…"
+        if not issubclass(process, Ordered):
+            example = f"{process.name}({example})"
         given: dict[str, Value] = {}
+        named = False
         while not self._take(")"):
             if given:
                 self._expect(",", "between parameters")
-            token = self._advance()
-            if token.kind != "name":
+            token = self._next
+            by_name = token.kind == "name" and token.text != "fixed"
+            if by_name:
+                name = self._advance().text
+                if name not in parameters:
+                    self._fail(token, f"{process.name} has no such parameter; it has {', '.join(parameters)}")
+                if name in given:
+                    self._fail(token, "this parameter is given twice")
+                self._expect("=", f"after {name}")
+            elif token.kind != "number" and token.text not in ("fixed", "+", "-"):
                 self._fail(token, f'expected a parameter by name, as {example}, or ")"')
-            if token.text not in known:
-                self._fail(token, f"{process.name} has no such parameter; it has {', '.join(known)}")
-            if token.text in given:
-                self._fail(token, "this parameter is given twice")
-            self._expect("=", f"after {token.text}")
-            parameter = next(p for p in process.parameters if p.name == token.text)
+            elif named:
+                self._fail(token, f"a value without a name comes before those with one; write {example}")
+            elif len(given) == len(parameters):
+                self._fail(token, f"{process.name} has no more parameters than {', '.join(parameters)}")
+            else:
+                name = list(parameters)[len(given)]
+            named = named or by_name
             start, value = self._next, self._value()
             try:
-                given[token.text] = parameter.checked(value, process.name)
+                given[name] = parameters[name].checked(value, process.name)
             except ModelError as error:
                 self._fail(start, str(error))
         return given

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -40,12 +38,25 @@ def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
 
 
 def as_rng(rng: object) -> np.random.Generator:
-    """A NumPy Generator, from one or from a seed; nothing is random without either."""
+    """A NumPy Generator: `rng` itself, or one made from an integer or a SeedSequence."""
     if isinstance(rng, np.random.Generator):
         return rng
-    if isinstance(rng, bool) or not isinstance(rng, (int, np.integer, np.random.SeedSequence)) or _negative(rng):
-        raise OptionError(f"rng must be a numpy.random.Generator or a seed (an integer >= 0), got {rng!r}")
-    return np.random.default_rng(rng)
+    return np.random.default_rng(rng if isinstance(rng, np.random.SeedSequence) else as_seed(rng))
+
+
+def as_seed(rng: object) -> int:
+    """The integer seed of all draws: `rng` itself, or one drawn from a NumPy Generator.
+
+    Work that is split over threads and processes needs a seed rather than a Generator, and results record it.
+
+    >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
+    (3, True)
+    """
+    if isinstance(rng, np.random.Generator):
+        return int(rng.integers(2**63))
+    if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
+        raise OptionError(f"rng must be an integer that is not negative, or a numpy.random.Generator; got {rng!r}")
+    return int(rng)
 
 
 def as_paths(n: object, paths: object) -> tuple[int, int]:
@@ -59,7 +70,3 @@ def as_paths(n: object, paths: object) -> tuple[int, int]:
 def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:
     """(n,) for one unnamed path, (paths, n) otherwise."""
     return (n,) if paths is None else (paths, n)
-
-
-def _negative(value: Any) -> bool:
-    return isinstance(value, (int, np.integer)) and int(value) < 0

@@ -113,7 +113,9 @@ class MemberSource(FileSource):
             return _bounded(archive.open(info), str(self), info.compress_size, archive)
         except (OSError, NotImplementedError, zipfile.BadZipFile, RuntimeError) as error:
             archive.close()
-            raise PackedError(f"{self} cannot be unpacked ({error}); unpack it and pass the file in it") from error
+            raise PackedError(
+                f"{self} cannot be unpacked ({error})", advice="Unpack the archive and pass the file in it."
+            ) from error
 
 
 def zstd_library() -> ModuleType:

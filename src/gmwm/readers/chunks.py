@@ -17,7 +17,7 @@ from gmwm.readers.columns import Choice
 from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
 from gmwm.remarks import Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,8 @@
 """Detect the dialect of a text file: delimiter, decimal sign, comments, header, and the first line of numbers.
 
 The first 64 kB decide. Numbers and time stamps are recognised by their form; the lines above them are titles, headers,
-rows of units and comments. The scores and majorities below are pinned by tests/readers/test_text.py and test_headers.py.
+rows of units and comments. The scores and majorities below are pinned by tests/readers/test_text.py and
+test_headers.py.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Dialect:
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, without the blanks and quotes around them. A quoted delimiter does not separate cells."""
+    """The cells of a line, without the blanks and quotes around them. A quoted delimiter is text."""
     if delimiter == BLANKS:
         return [cell.strip("\"'") for cell in line.split()]
     if '"' in line:
@@ -315,7 +316,7 @@ _RATE = re.compile(
 
 
 def _is_clear(word: str, clause: str) -> bool:
-    """Whether a unit of time in a comment is that of the stamps; minutes and hours may be the length instead."""
+    """Whether a unit of time in a comment is that of the stamps; minutes and hours may be the length."""
     stands_alone = re.search(rf"(\bin\s+|[\[(:=]\s*){re.escape(word)}\b", clause) is not None
     return word in _CLEAR or (word in _LONG and stands_alone)
 

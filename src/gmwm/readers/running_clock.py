@@ -14,7 +14,7 @@ from gmwm.errors import ReadError
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.readers.time_stamps import FARTHEST, Timing, about_stamps, burst_of, nominal_interval, reach_of, segments_of
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 # Pinned by tests/readers/test_stream.py and test_parts.py, which hold streams to the segments and errors of `read`.

@@ -35,14 +35,14 @@ from gmwm.readers.scale_factors import multiply
 from gmwm.readers.time_stamps import as_stamps
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.remarks import Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.time_ranges import range_texts
 
 if TYPE_CHECKING:
     from distributed import Client
 
     from gmwm.readers.parts import Part
-    from gmwm.variance.result import WaveletVariance
+    from gmwm.variance.axes_result import WaveletVariances
 
 HEAD = 1 << 18
 """Rows from which units, rate and unit of time stamps are found, at least: 44 min at 100 Hz, over which time stamps of
@@ -121,7 +121,7 @@ class Stream:
         workers: int | None = None,
         parts: int | None = None,
         done: Callable[[int], None] | None = None,
-    ) -> dict[str, WaveletVariance]:
+    ) -> WaveletVariances:
         """Compute the wavelet variance of each axis; a robust estimate reads the recording twice by default.
 
         Up to level `exact` the result is that of `gmwm.wavelet_variance`. Each further level takes the coefficients at
@@ -153,7 +153,8 @@ class Stream:
 
         Returns
         -------
-        dict of axis name to WaveletVariance
+        WaveletVariances
+            Mapping of axis to WaveletVariance, with `plot()` and `summary()` of all axes.
 
         Raises
         ------
@@ -167,9 +168,9 @@ class Stream:
         >>> import tempfile, pathlib, gmwm
         >>> folder = tempfile.TemporaryDirectory()
         >>> path = pathlib.Path(folder.name, "static.parquet")
-        >>> gmwm.write(gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, seed=1), path)
+        >>> gmwm.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=5_000, rng=1).write(path)
         >>> gmwm.stream(path).wavelet_variance()
-        {'gyro_x': WaveletVariance(gyro_x, haar, 12 levels, 5000 samples at 100 Hz)}
+        WaveletVariances(gyro_x: haar, 12 levels, 5000 samples at 100 Hz)
         >>> folder.cleanup()
         """
         from gmwm.streaming.passes import stream_variance

@@ -18,7 +18,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import ReadError, UnitError
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
 # Unless a paper is named, these thresholds separate the made-up clocks of tests/readers/test_timebase.py and

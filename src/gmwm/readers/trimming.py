@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from gmwm.readers.chunks import Chunk
-from gmwm.signals import TimeBase
+from gmwm.time_base import TimeBase
 from gmwm.time_ranges import ROUNDING, cut_base, require_inside, require_some
 
 Kept = Sequence[tuple[float, float]]

@@ -55,7 +55,7 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     Examples
     --------
     >>> from gmwm import calibrate, simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
     >>> data = report_data(calibrate(imu, within="WN + RW"))
     >>> data["axes"][0]["numbers"][0]["symbol"], data["verdict"]["state"]
     ('N', 'good')

@@ -25,40 +25,7 @@ _IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2
 
 
 def report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
-    """Write a calibration as one HTML page: verdict, pictures, numbers, models, outliers, configuration files.
-
-    The page holds all that it needs, makes no request to any network, and prints. The same calibration gives the same
-    bytes.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        As `calibrate` gives it or `Calibration.load` reads it.
-    path : path
-        A file that ends in .html; it is written whole or not at all.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    OptionError
-        If `calibration` is no Calibration, or `path` does not end in .html.
-    OSError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> from gmwm import calibrate, simulate
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, seed=1)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     written = report(calibrate(imu, within="WN + RW"), pathlib.Path(folder, "report.html"))
-    ...     written.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
-    True
-    """
+    """Write a calibration as one HTML page: see `Calibration.report`."""
     file = Path(path)
     if file.suffix.lower() not in (".html", ".htm"):
         raise OptionError(f"path must end in .html, got {str(path)!r}")

@@ -20,6 +20,7 @@ from gmwm.inference.intervals import Method
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
+from gmwm.processes.validation import as_seed
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.equivalence import SURELY, as_good
 from gmwm.selection.options import DRAWS, RankingOptions, Weights
@@ -41,7 +42,7 @@ def select(
     criterion: Method = "asymptotic",
     confidence: float = 0.95,
     draws: int = DRAWS,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     robust: bool = False,
     efficiency: float = 0.6,
     progress: Progress | None = None,
@@ -73,9 +74,10 @@ def select(
         from the general model, which takes some milliseconds for each candidate and record.
     confidence : float
         Probability that the true model is among the equivalent ones, if it is a candidate.
-    draws, seed : int
-        Number of simulated records for the uncertainty of the criterion and for the bootstrap, and the seed. The same
-        seed gives the same result.
+    draws : int
+        Number of simulated records for the uncertainty of the criterion and for the bootstrap.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same result.
     robust, efficiency : bool, float
         As for `fit`.
     progress : callable, optional
@@ -108,7 +110,7 @@ def select(
     'WN + RW'
     """
     options = RankingOptions(
-        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
     )  # fmt: skip
     return select_within(
         general, data, options, rate=rate, robust=robust, efficiency=efficiency, progress=progress
@@ -147,7 +149,7 @@ def rank(
     criterion: Method = "asymptotic",
     confidence: float = 0.95,
     draws: int = DRAWS,
-    seed: int = 0,
+    rng: int | np.random.Generator = 0,
     robust: bool = False,
     efficiency: float = 0.6,
     progress: Progress | None = None,
@@ -160,7 +162,7 @@ def rank(
     ----------
     models : list of Model, Process or str
         The candidates.
-    data, rate, weighting, criterion, confidence, draws, seed, robust, efficiency, progress
+    data, rate, weighting, criterion, confidence, draws, rng, robust, efficiency, progress
         As for `select`.
 
     Returns
@@ -182,7 +184,7 @@ def rank(
     ['WN + RW', 'GM + WN', 'WN']
     """
     options = RankingOptions(
-        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=seed
+        weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
     )  # fmt: skip
     if isinstance(models, (str, Process, Model)) or not list(models):
         raise OptionError(

@@ -30,10 +30,10 @@ def nested(general: Model) -> list[Model]:
 
     Processes whose values are all fixed are in every sum. A process with an order also occurs with every lower order.
 
-    >>> from gmwm import parse_model
-    >>> [model.structure for model in nested(parse_model("2*GM + WN"))]
+    >>> from gmwm import Model
+    >>> [model.structure for model in nested(Model.parse("2*GM + WN"))]
     ['2*GM + WN', '2*GM', 'GM + WN', 'GM', 'WN']
-    >>> [model.structure for model in nested(parse_model("AR(2) + RW"))]
+    >>> [model.structure for model in nested(Model.parse("AR(2) + RW"))]
     ['AR(2) + RW', 'AR(2)', 'AR(1) + RW', 'AR(1)', 'RW']
 
     Raises

@@ -1,9 +1,7 @@
 """Using: recordings and signals whose truth is known, with the latent processes that they are sums of."""
 
-from gmwm.simulation.api import models_by_axis as models_by_axis
-from gmwm.simulation.api import simulate as simulate
-from gmwm.simulation.api import simulate_signal as simulate_signal
-from gmwm.simulation.components import SimulatedImu as SimulatedImu
-from gmwm.simulation.components import SimulatedSignal as SimulatedSignal
-from gmwm.simulation.components import write_components as write_components
-from gmwm.simulation.reference import reference_imu as reference_imu
+from gmwm.simulation.api import models_by_axis, simulate, simulate_signal
+from gmwm.simulation.components import SimulatedImu, SimulatedSignal
+from gmwm.simulation.reference import reference_imu
+
+__all__ = ["SimulatedImu", "SimulatedSignal", "models_by_axis", "reference_imu", "simulate", "simulate_signal"]

@@ -14,6 +14,7 @@ from gmwm._arrays import Vector, as_rate
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.processes.validation import as_rng, as_seed
 from gmwm.remarks import Remark
 from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
 from gmwm.simulation.components import SimulatedImu, SimulatedSignal
@@ -30,7 +31,7 @@ def simulate(
     models: Mapping[str, ModelLike] | ModelLike,
     *,
     rate: float,
-    seed: int,
+    rng: int | np.random.Generator,
     duration: float | None = None,
     samples: int | None = None,
     resolution: Mapping[str, float] | None = None,
@@ -42,7 +43,7 @@ def simulate(
     models: Mapping[str, ModelLike] | ModelLike,
     *,
     rate: float,
-    seed: int,
+    rng: int | np.random.Generator,
     duration: float | None = None,
     samples: int | None = None,
     resolution: Mapping[str, float] | None = None,
@@ -53,7 +54,7 @@ def simulate(
     models: Mapping[str, ModelLike] | ModelLike,
     *,
     rate: float,
-    seed: int,
+    rng: int | np.random.Generator,
     duration: float | None = None,
     samples: int | None = None,
     resolution: Mapping[str, float] | None = None,
@@ -62,7 +63,7 @@ def simulate(
 ) -> Imu | SimulatedImu:
     """A static recording whose noise is known: X_t = Σ_k X_t^(k) on each axis, from that axis' model.
 
-    Every axis draws from its own stream of `seed`, so that gyro_y is the same path whichever other axes are
+    Every axis draws from its own stream of `rng`, so that gyro_y is the same path whichever other axes are
     simulated with it.
 
     Parameters
@@ -73,8 +74,9 @@ def simulate(
         that of all six axes.
     rate : float
         Samples per second (Hz).
-    seed : int
-        Not negative; the same seed gives the same recording.
+    rng : int or numpy.random.Generator
+        Source of the draws; the same integer gives the same recording. Of a Generator an integer is drawn, which the
+        notes of the recording state.
     duration : float, optional
         Length (s); give this or `samples`.
     samples : int, optional
@@ -102,22 +104,22 @@ def simulate(
 
     Examples
     --------
-    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-8) + RW(gamma2=1e-14)"}, rate=100.0, duration=10.0, seed=1)
+    >>> imu = simulate({"gyro_x": "WN(sigma2=4e-8) + RW(gamma2=1e-14)"}, rate=100.0, duration=10.0, rng=1)
     >>> imu
     Imu(gyro_x: 1000 samples at 100 Hz, 10 s)
     >>> imu.remarks[0].facts
     {'model': 'WN(sigma2=4e-08) + RW(gamma2=1e-14)', 'seed': 1}
-    >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, seed=1, components=True)
+    >>> simulated = simulate({"gyro": "WN(sigma2=4e-8)"}, rate=100.0, duration=10.0, rng=1, components=True)
     >>> simulated["gyro_x"]["WN"]
     Signal(gyro_x WN, 1000 samples at 100 Hz, rad/s)
     """
-    rate = as_rate(rate)
+    rate, seed = as_rate(rate), as_seed(rng)
     n = _length(rate, duration, samples)
     truth = models_by_axis(models)
     steps = {axis: _step(axis, value) for axis, value in _by_axis(resolution or {}, "resolution").items()}
     if gravity is not None and gravity not in _ACCELEROMETERS:
         raise OptionError(f"gravity must be one of {', '.join(_ACCELEROMETERS)} or None, got {gravity!r}")
-    streams = dict(zip(AXES, np.random.SeedSequence(_seed(seed)).spawn(len(AXES)), strict=True))
+    streams = dict(zip(AXES, np.random.SeedSequence(seed).spawn(len(AXES)), strict=True))
 
     arrays, made = {}, {}
     for axis, model in truth.items():
@@ -143,7 +145,7 @@ def simulate_signal(
     model: ModelLike,
     *,
     rate: float,
-    seed: int,
+    rng: int | np.random.Generator,
     duration: float | None = None,
     samples: int | None = None,
     unit: str = "",
@@ -157,8 +159,8 @@ def simulate_signal(
         Complete, with variances in the square of `unit` per sample.
     rate : float
         Samples per second (Hz); 1 where time is counted in samples.
-    seed : int
-        Not negative; the path is that of `model.simulate(n, rate, seed)`.
+    rng : int or numpy.random.Generator
+        Source of the draws; the path is that of `model.simulate(n, rate, rng)`.
     duration : float, optional
         Length (s); give this or `samples`.
     samples : int, optional
@@ -183,7 +185,7 @@ def simulate_signal(
     Examples
     --------
     >>> text = "GM(beta=0.05, sigma2=1.0) + WN(sigma2=4.0) + RW(gamma2=0.001)"
-    >>> simulated = simulate_signal(text, rate=1.0, samples=1000, seed=1)
+    >>> simulated = simulate_signal(text, rate=1.0, samples=1000, rng=1)
     >>> simulated
     SimulatedSignal(Signal(unnamed, 1000 samples at 1 Hz, no unit) = GM + WN + RW)
     >>> bool(np.all(sum(simulated[term].values for term in simulated) == simulated.signal.values))
@@ -193,7 +195,7 @@ def simulate_signal(
     n = _length(rate, duration, samples)
     step = None if resolution is None else _step("the signal", resolution)
     _require_values("", truth)
-    return _simulated(truth, n, rate, np.random.default_rng(_seed(seed)), unit=unit, step=step)
+    return _simulated(truth, n, rate, as_rng(rng), unit=unit, step=step)
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
@@ -239,12 +241,6 @@ def _length(rate: float, duration: float | None, samples: int | None) -> int:
     if n < MINIMUM_SAMPLES:
         raise OptionError(f"a recording needs at least {MINIMUM_SAMPLES} samples, got {came}")
     return n
-
-
-def _seed(seed: object) -> int:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise OptionError(f"seed must be an integer that is not negative, got {seed!r}")
-    return int(seed)
 
 
 def _require_values(axis: str, model: Model) -> None:

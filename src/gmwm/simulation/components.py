@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -100,6 +100,39 @@ class SimulatedSignal:
     def __repr__(self) -> str:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
 
+    def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
+        """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
+
+        The columns are `time [s]` and one for each term, as `gyro_x WN [rad/s]`, with full precision.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Where to.
+
+        Returns
+        -------
+        tuple of str
+            Names of the columns after the first.
+
+        Raises
+        ------
+        OptionError
+            If the suffix is neither of these.
+
+        Examples
+        --------
+        >>> import tempfile, pathlib
+        >>> from gmwm import simulate_signal
+        >>> folder = tempfile.TemporaryDirectory()
+        >>> simulated = simulate_signal("WN(sigma2=1) + RW(gamma2=0.01)", rate=10.0, samples=100, rng=1, unit="m")
+        >>> simulated.write_components(pathlib.Path(folder.name, "parts.csv"))
+        ('RW [m]', 'WN [m]')
+        >>> folder.cleanup()
+        """
+        return _write_components([self], path)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedImu:
@@ -140,46 +173,36 @@ class SimulatedImu:
         parts = "; ".join(f"{axis} = {' + '.join(one.model.terms)}" for axis, one in self.axes.items())
         return f"SimulatedImu({self.imu!r}; {parts})"
 
+    def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
+        """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
 
-def write_components(simulated: SimulatedImu | SimulatedSignal, path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
+        The columns are `time [s]` and one for each term of each axis, as `gyro_x WN [rad/s]`, with full precision.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
 
-    The columns are `time [s]` and one for each term of each axis, as `gyro_x WN [rad/s]`, with full precision.
-    `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
+        Parameters
+        ----------
+        path : path
+            Where to.
 
-    Parameters
-    ----------
-    simulated : SimulatedImu or SimulatedSignal
-        From `simulate(…, components=True)` or `simulate_signal`.
-    path : path
-        Where to.
+        Returns
+        -------
+        tuple of str
+            Names of the columns after the first.
 
-    Returns
-    -------
-    tuple of str
-        Names of the columns after the first.
+        Raises
+        ------
+        OptionError
+            If the suffix is neither of these.
+        """
+        return _write_components(list(self.axes.values()), path)
 
-    Raises
-    ------
-    OptionError
-        If the suffix is neither of these.
 
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> from gmwm.simulation import simulate_signal
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> simulated = simulate_signal("WN(sigma2=1) + RW(gamma2=0.01)", rate=10.0, samples=100, seed=1, unit="m")
-    >>> write_components(simulated, pathlib.Path(folder.name, "parts.csv"))
-    ('RW [m]', 'WN [m]')
-    >>> folder.cleanup()
-    """
-    parts = simulated.axes.values() if isinstance(simulated, SimulatedImu) else [simulated]
+def _write_components(parts: Sequence[SimulatedSignal], path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """The latent processes of simulated signals in one table; the names of its columns after the time."""
     columns = {}
     for part in parts:
         for component in part.components.values():
             unit = f" [{component.unit}]" if component.unit else ""
             columns[f"{component.axis}{unit}"] = component.values
-    times = next(iter(parts)).signal.times()
-    write_table({"time [s]": times, **columns}, path)
+    write_table({"time [s]": parts[0].signal.times(), **columns}, path)
     return tuple(columns)

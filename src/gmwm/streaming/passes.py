@@ -16,6 +16,7 @@ from gmwm.readers.streams import Stream
 from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
+from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.open_segments import EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
@@ -59,26 +60,28 @@ def stream_variance(
     workers: int | None = None,
     parts: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> dict[str, WaveletVariance]:
+) -> WaveletVariances:
     """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
     as_confidence(confidence)
     require_robust(robust, efficiency)
     if scheduler is not None or workers is not None:
         from gmwm.streaming.cluster import spread_variance
 
-        return spread_variance(
-            whole(stream), scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
-            robust=robust, efficiency=efficiency, passes=passes, confidence=confidence, done=done,
+        return WaveletVariances(
+            curves=spread_variance(
+                whole(stream), scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
+                robust=robust, efficiency=efficiency, passes=passes, confidence=confidence, done=done,
+            )
         )  # fmt: skip
     if robust:
         pairs = measured_pairs(
             stream, levels=levels, exact=exact, efficiency=efficiency, passes=passes, confidence=confidence,
             threads=threads, done=done,
         )  # fmt: skip
-        return {axis: pair[1] for axis, pair in pairs.items()}
+        return WaveletVariances(curves={axis: pair[1] for axis, pair in pairs.items()})
     measured = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
     _pass(stream, measured, threads, done)
-    return in_threads(lambda _, one: one.result(confidence), measured, threads=threads)
+    return WaveletVariances(curves=in_threads(lambda _, one: one.result(confidence), measured, threads=threads))
 
 
 def measured_pairs(

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 PATIENCE = 10
 """Time (s) within which a scheduler must answer: a choice, above the delay of any network."""
 _DEAF = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only the parent ends the workers."""
+"""Code that a worker runs first: a terminal sends Ctrl-C to all processes, but only their parent must
+end the workers."""
 
 
 @contextmanager

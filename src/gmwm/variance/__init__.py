@@ -4,6 +4,7 @@ from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.allan import allan_variance
 from gmwm.variance.allan_regression import AllanRegression, avlr
 from gmwm.variance.api import wavelet_variance
+from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.result import WaveletVariance
@@ -15,6 +16,7 @@ __all__ = [
     "ClusterVariance",
     "WaveletAccumulator",
     "WaveletVariance",
+    "WaveletVariances",
     "allan_variance",
     "avlr",
     "dwt",

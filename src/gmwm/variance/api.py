@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +15,8 @@ from gmwm._arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.errors import DataError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.options import as_confidence
-from gmwm.signals import MINIMUM_SAMPLES, Signal
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
+from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.limits import chi_square_limits
@@ -32,6 +33,7 @@ from gmwm.variance.transform import (
 )
 
 
+@overload
 def wavelet_variance(
     x: Signal | ArrayLike,
     rate: float | None = None,
@@ -42,8 +44,31 @@ def wavelet_variance(
     robust: bool = False,
     efficiency: float = 0.6,
     confidence: float = 0.95,
-) -> WaveletVariance:
-    """Wavelet variance of a signal at all dyadic scales, with chi-square limits.
+) -> WaveletVariance: ...
+@overload
+def wavelet_variance(
+    x: Imu,
+    rate: float | None = None,
+    *,
+    filter: str | WaveletFilter = "haar",
+    transform: Transform = "modwt",
+    levels: int | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    confidence: float = 0.95,
+) -> WaveletVariances: ...
+def wavelet_variance(
+    x: Imu | Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    filter: str | WaveletFilter = "haar",
+    transform: Transform = "modwt",
+    levels: int | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    confidence: float = 0.95,
+) -> WaveletVariance | WaveletVariances:
+    """Wavelet variance of a signal, or of each axis of a recording, at all dyadic scales, with chi-square limits.
 
     ν̂_j² is the mean of the squares of those level-j coefficients of the maximal-overlap transform W_{j,t} = Σ_l h_{j,l}
     X_{t−l} that need no sample outside the record, M_j = N − L_j + 1 of them; or of the decimated transform, every
@@ -62,11 +87,11 @@ def wavelet_variance(
 
     Parameters
     ----------
-    x : Signal, or (N,) array in any unit
+    x : Imu, Signal, or (N,) array in any unit
         Finite samples, at least 8 without a gap. Of a Signal with gaps the coefficients of all segments are taken
         together, none across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj, or the robust estimate of them all.
     rate : float
-        Samples per second (Hz); taken from a Signal.
+        Samples per second (Hz); taken from an Imu or a Signal.
     filter : str
         A wavelet filter, see `find_filter`: "haar", "d4", "la8", … One with two or more vanishing moments does not
         see a drift.
@@ -84,13 +109,14 @@ def wavelet_variance(
 
     Returns
     -------
-    WaveletVariance
-        Levels, scales, variances in unit², limits and counts. A constant signal has variance 0 at every level.
-        A robust one says in `diagnostics["robust"]` for each level how it was found: "outcome" is "root"; "mad",
-        (MAD / 0.67449)², where the equation has no root; "mean", the mean of squares, of one or two coefficients;
-        "zero" where more than half of the coefficients are zero, as at the fine levels of a coarsely quantised
-        signal, and the rest allow no root. Its limits take the degrees of freedom times the efficiency, which is
-        safe: the variance of a robust estimate is larger by 1 / efficiency at most.
+    WaveletVariance, or WaveletVariances of an Imu
+        Of an Imu a mapping of axis to WaveletVariance, with `plot()` and `summary()` of all axes. Levels, scales,
+        variances in unit², limits and counts. A constant signal has variance 0 at every level. A robust one says in
+        `diagnostics["robust"]` for each level how it was found: "outcome" is "root"; "mad", (MAD / 0.67449)², where
+        the equation has no root; "mean", the mean of squares, of one or two coefficients; "zero" where more than half
+        of the coefficients are zero, as at the fine levels of a coarsely quantised signal, and the rest allow no
+        root. Its limits take the degrees of freedom times the efficiency, which is safe: the variance of a robust
+        estimate is larger by 1 / efficiency at most.
 
     Raises
     ------
@@ -116,7 +142,31 @@ def wavelet_variance(
     >>> x[::500] = 1000.0
     >>> bool(abs(wavelet_variance(x, rate=100.0, robust=True).variance[0] - 0.5) < 0.05)
     True
+    >>> from gmwm import Imu
+    >>> wavelet_variance(Imu.from_arrays({"gyro_x": x, "gyro_y": x}, rate=100.0))
+    WaveletVariances(gyro_x, gyro_y: haar, 12 levels, 4096 samples at 100 Hz)
     """
+    measure = partial(
+        signal_wavelet_variance, filter=filter, transform=transform, levels=levels, robust=robust,
+        efficiency=efficiency, confidence=confidence,
+    )  # fmt: skip
+    if isinstance(x, Imu):
+        return WaveletVariances(curves={axis: measure(signal, rate) for axis, signal in x.signals.items()})
+    return measure(x, rate)
+
+
+def signal_wavelet_variance(
+    x: Signal | ArrayLike,
+    rate: float | None = None,
+    *,
+    filter: str | WaveletFilter = "haar",
+    transform: Transform = "modwt",
+    levels: int | None = None,
+    robust: bool = False,
+    efficiency: float = 0.6,
+    confidence: float = 0.95,
+) -> WaveletVariance:
+    """The wavelet variance of one signal; a recording of several axes is refused. See `wavelet_variance`."""
     as_confidence(confidence)
     wavelet = find_filter(filter)
     if transform not in ("modwt", "dwt"):

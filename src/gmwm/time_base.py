@@ -1,0 +1,75 @@
+"""The clock of a recording: when its samples were taken, and what its time stamps say about its sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector
+
+__all__ = ["TimeBase", "begins_of", "times_of"]
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """Sampling of a recording, from its time stamps.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second (Hz): the declared rate if there is one, otherwise 1 / median interval. If time stamps are
+        so rounded that a clock of the median interval departs from them, it is 1 / mean interval between gaps.
+    stamped : bool
+        Whether the recording has time stamps.
+    start : float
+        First time stamp (s).
+    jitter : float
+        Root mean square deviation of the intervals within segments from their median (s).
+    gaps : tuple of (index, duration)
+        For each gap, the index of the first sample after it and the time from the sample before it (s).
+    duplicates : int
+        Number of time stamps that are equal to the one before.
+    backward : int
+        Number of time stamps that are earlier than the one before.
+    left : float
+        Time (s) that was left out before the first sample. The times `start`, `stop` and `skip` of `read` count from
+        the first sample of the whole recording, this much earlier.
+    """
+
+    rate: float
+    stamped: bool = False
+    start: float = 0.0
+    jitter: float = 0.0
+    gaps: tuple[tuple[int, float], ...] = ()
+    duplicates: int = 0
+    backward: int = 0
+    left: float = 0.0
+
+
+def times_of(indices: ArrayLike, rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> Vector:
+    """Times of the samples with these indices (s), from the segments and their start times (s)."""
+    index, firsts = np.asarray(indices, dtype=np.int64), np.array([first for first, _ in segments])
+    segment = np.searchsorted(firsts, index, side="right") - 1
+    return np.asarray(np.array(starts)[segment] + (index - firsts[segment]) / rate)
+
+
+def begins_of(rate: float, segments: Sequence[tuple[int, int]], starts: Sequence[float]) -> list[float]:
+    """Start time of each segment in seconds from the first sample, never before the end of the previous segment.
+
+    If the clock was set back, the segment starts one interval after the last sample before it.
+
+    >>> begins_of(10.0, [(0, 30), (30, 70), (70, 80)], [1000.0, 1005.0, 2.0])
+    [0.0, 5.0, 9.0]
+    """
+    begins: list[float] = []
+    ahead, end = 0.0, 0.0
+    for (first, last), time in zip(segments, starts, strict=True):
+        begin = time - starts[0] + ahead
+        if begin < end:
+            ahead, begin = ahead + end - begin, end
+        begins.append(begin)
+        end = begin + (last - first) / rate
+    return begins

@@ -1,0 +1,133 @@
+"""The wavelet variances of all axes of a recording: a mapping that draws and prints all of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from gmwm._text import Summarised
+from gmwm.errors import DataError
+from gmwm.remarks import texts
+from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem, ViewName
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
+    """Wavelet variances of the axes of one recording: a mapping of axis to `WaveletVariance`.
+
+    Parameters
+    ----------
+    curves : mapping of axis to WaveletVariance
+        At least one.
+
+    Examples
+    --------
+    >>> from gmwm import simulate, wavelet_variance
+    >>> curves = wavelet_variance(simulate("WN(sigma2=4e-8)", rate=100.0, samples=1000, rng=1))
+    >>> list(curves)
+    ['gyro_x', 'gyro_y', 'gyro_z', 'accel_x', 'accel_y', 'accel_z']
+    >>> curves["gyro_x"]
+    WaveletVariance(gyro_x, haar, 9 levels, 1000 samples at 100 Hz)
+    """
+
+    curves: Mapping[str, WaveletVariance]
+
+    def __post_init__(self) -> None:
+        if not self.curves:
+            raise DataError("expected the wavelet variance of at least one axis, got none")
+        object.__setattr__(self, "curves", MappingProxyType(dict(self.curves)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
+        return partial(WaveletVariances, curves=dict(self.curves)), ()
+
+    def __getitem__(self, axis: str) -> WaveletVariance:
+        try:
+            return self.curves[axis]
+        except KeyError:
+            raise DataError(f"axis must be one of {', '.join(self.curves)}; got {axis!r}") from None
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.curves)
+
+    def __len__(self) -> int:
+        return len(self.curves)
+
+    def __contains__(self, axis: object) -> bool:
+        return axis in self.curves
+
+    def get(self, axis: str, default: Any = None) -> Any:
+        """The wavelet variance of an axis, or `default` if there is none."""
+        return self.curves.get(axis, default)
+
+    def plot(
+        self,
+        *,
+        split: bool = True,
+        view: ViewName = "wavelet",
+        units: UnitSystem = "si",
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the wavelet variance of every axis.
+
+        Parameters
+        ----------
+        split : bool
+            One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
+            vermillion, green and blue.
+        view : "wavelet" or "allan"
+            Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.plots.imu import plot_imu
+
+        return plot_imu(self, split=split, view=view, units=units, path=path)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields of each axis as plain numbers, lists and texts, by axis."""
+        return {axis: wv.to_dict() for axis, wv in self.curves.items()}
+
+    def summary(self) -> str:
+        """A table for each sensor: the variance of each axis at every scale."""
+        first = next(iter(self.curves.values()))
+        name = first.filter.capitalize() if first.filter == "haar" else first.filter.upper()
+        robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
+        lines = [f"{name} {first.transform.upper()} wavelet variance: {first.extent}{robust}"]
+        for _, group in groupby(self.curves, key=lambda axis: axis.rpartition("_")[0] or axis):
+            axes = list(group)
+            one = self.curves[axes[0]]
+            unit = f"variance in ({one.unit})²" if one.unit else "variance"
+            lines += ["", unit, f"{'level':>5} {'tau [s]':>12} " + " ".join(f"{axis:>14}" for axis in axes)]
+            for k, (j, tau) in enumerate(zip(one.levels, one.tau, strict=True)):
+                values = " ".join(f"{self.curves[axis].variance[k]:14.6e}" for axis in axes)
+                lines.append(f"{j:5d} {tau:12.6g} {values}")
+        remarks = texts(remark.about(axis) for axis, wv in self.curves.items() for remark in wv.remarks)
+        return "\n".join([*lines, *(["", *remarks] if remarks else [])])
+
+    def __repr__(self) -> str:
+        first = next(iter(self.curves.values()))
+        kind = "robust " if first.robust else ""
+        return f"WaveletVariances({', '.join(self)}: {kind}{first.filter}, {len(first)} levels, {first.extent})"
