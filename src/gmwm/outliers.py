@@ -1,8 +1,8 @@
-"""Robust or classical: is a recording contaminated by more than its noise? A test at every level, of a stated size."""
+"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, freeze
-from gmwm._text import Summarised, counted, rounded
+from gmwm._text import Summarised, rounded
 from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.processes.model import ModelLike
+from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
@@ -22,48 +23,55 @@ from gmwm.variance.result import WaveletVariance
 __all__ = ["Verdict", "contamination"]
 
 HUGE = 10.0
-"""Excess from which on it is told as a factor."""
+"""Excess from which on text states it as a factor instead of a percentage."""
 LEAST_FREEDOM = 30.0
-"""More degrees of freedom M_j / 2^j than this a level must have for the law of the ratio to hold far out."""
+"""Levels with at most this many degrees of freedom M_j / 2^j are not tested: the tail of the distribution of the ratio
+is not known well enough there (docs/validation/contamination-test.md)."""
 COARSE, COARSEST = 0.4, 0.54
-"""Shares of coefficients that are zero: at the first level, steps of 1.5 and 2.1 standard deviations of white noise.
+"""Shares of zero coefficients above which a level, or every level, is not tested.
 
-Beyond the first the ratio hangs on where the mean lies between two steps, by up to 15 %; beyond the second that of
-every level does, as the noise that passes changes while the mean wanders from step to step."""
+At the first level of white noise they correspond to quantization steps of 1.5 and 2.1 standard deviations. Above the
+first share, the ratio of the level depends by up to 15 % on the position of the mean between two steps. Above the
+second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
+are in docs/validation/contamination-test.md.
+"""
 FELT = 4
-"""Levels that coarse steps are felt in by more than 1 %, from the one that shows them on."""
+"""Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
 
 _REASONS: Mapping[str, str] = {
     "few": "too few coefficients",
-    "rounded": "the output's steps outweigh its noise",
+    "rounded": "the quantization steps of the output are larger than its noise",
     "nothing": "there is no noise",
 }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Summarised):
-    """Whether a recording holds more than its noise, level by level.
+    """The result of the test for outliers, level by level.
 
     Attributes
     ----------
     contaminated : bool
         Whether `pvalue` is at most `size`.
     pvalue : float
-        Probability of one level as far out among all those that are tested, and all `comparisons`, if nothing is
-        wrong: the smallest p-value times their number, 1 at most. 1 where no level can be tested.
+        p-value for all tested levels and all `comparisons` together: the smallest p-value of a level times their
+        number, at most 1. It is 1 if no level can be tested.
     levels, tau : (J,) arrays
         Levels, and their scales (s).
     excess : (J,) array
-        Classical over robust variance, less 1. NaN where one is zero.
+        Ratio of the classical to the robust variance, minus 1. NaN if one of them is zero.
     critical : (J,) array
-        Excess from which on a level by itself makes the recording contaminated. NaN where it is not tested.
+        Excess at which a level alone makes the recording contaminated. NaN for levels that are not tested.
     standard_errors, pvalues : (J,) arrays
-        Of log(classical / robust) in Gaussian noise; of each level by itself. NaN where it is not tested.
+        Standard error of log(classical / robust) in Gaussian noise, and p-value of each level. NaN for levels that are
+        not tested.
     left_out : mapping of level to "few", "rounded" or "nothing"
-        Levels that are not tested: of too few coefficients, ruled by the steps of a rounding, without noise.
+        Levels that are not tested, with the reason: too few coefficients, coarse quantization, or no noise.
     size, tolerance, efficiency : float
+        As for `contamination`.
     comparisons : int
+        As for `contamination`.
     axis : str
     """
 
@@ -93,14 +101,14 @@ class Verdict(Summarised):
 
     @property
     def exceeding(self) -> NDArray[np.bool_]:
-        """At which levels the excess is beyond its critical value (J,)."""
+        """Levels whose excess reaches its critical value (J,)."""
         return np.asarray(
             self.tested & (np.nan_to_num(self.excess, nan=-1.0) >= np.nan_to_num(self.critical, nan=np.inf))
         )
 
     @property
     def lighter(self) -> NDArray[np.bool_]:
-        """At which levels the robust variance is clearly the larger one: of a drift or of rounding (J,)."""
+        """Levels whose robust variance exceeds the classical one by more than chance, from a drift or rounding (J,)."""
         from scipy.special import gammainc
 
         place = np.log1p(np.nan_to_num(self.excess)) + np.log1p(self.tolerance)
@@ -110,45 +118,43 @@ class Verdict(Summarised):
 
     @property
     def _share(self) -> float:
-        """What of the size each level gets."""
+        """The size of the test of each level."""
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
     @property
     def reason(self) -> str:
-        """Why levels could not be tested, the most frequent reason; "" if all were."""
+        """The most frequent reason why a level was not tested; "" if all levels were tested."""
         reasons = list(self.left_out.values())
         return _REASONS[max(reasons, key=reasons.count)] if reasons else ""
 
-    def summary(self) -> str:
-        """The verdict and what to do about it, in one to three lines."""
-        name, number = f"{self.axis}: " if self.axis else "", int(np.count_nonzero(self.tested))
-        if not number:
-            return f"{name}no level can be tested: {self.reason}"
-        p = "p < 0.001" if self.pvalue < 0.001 else f"p = {self.pvalue:.3f}"
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """The result of the test, and the levels that it could not use."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
+        tested = self.tau[self.tested]
+        if not tested.size:
+            yield Remark.of("outlier-test-impossible", self.axis, reason=self.reason)
+            return
         if self.contaminated:
-            where = self.exceeding
-            most = int(np.argmax(np.where(where, self.excess, -np.inf)))
-            at = "" if np.count_nonzero(where) == 1 else f" at {self.tau[most]:.4g} s"
-            lines = [
-                f"{name}contaminated: at {_seconds(self.tau[where])} the classical wavelet variance exceeds the robust "
-                f"one, by {_percent(self.excess[most])}{at} ({p})",
-                "the unit was touched, shaken, or its cable moved: use robust=True, and see `gmwm info` for knocks",
-            ]
+            worst = int(np.argmax(np.where(self.exceeding, self.excess, -np.inf)))
+            yield Remark.of(
+                "outliers-found", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue,
+                excess=excess_text(float(self.excess[worst])), tau=Quantity(float(self.tau[worst]), "s"),
+            )  # fmt: skip
         else:
-            lines = [
-                f"{name}not contaminated: at none of {counted(number, 'level')}, {self.tau[self.tested][0]:.4g} to "
-                f"{self.tau[self.tested][-1]:.4g} s, does the classical wavelet variance exceed the robust one by more "
-                f"than chance ({p}); use the classical one"
-            ]
+            first, last = (Quantity(float(tau), "s") for tau in (tested[0], tested[-1]))
+            yield Remark.of("outliers-absent", self.axis, levels=tested.size, first=first, last=last, p=self.pvalue)
         if np.any(self.lighter):
-            lines.append(
-                f"at {_seconds(self.tau[self.lighter])} the robust one is larger, by up to "
-                f"{_percent(-self.excess[self.lighter].min())} of it: rounding, a drift or a hum, which have no tails"
-            )
-        if "rounded" in self.left_out.values():
-            rounded = [j for j, reason in self.left_out.items() if reason == "rounded"]
-            lines.append(f"{counted(len(rounded), 'level')} cannot be tested: {_REASONS['rounded']}")
-        return "\n".join(lines)
+            share = -float(self.excess[self.lighter].min())
+            yield Remark.of("robust-larger", self.axis, taus=_scales(self.tau[self.lighter]), share=share)
+        if count := list(self.left_out.values()).count("rounded"):
+            yield Remark.of("levels-rounded", self.axis, count=count)
+
+    def summary(self) -> str:
+        """The remarks as text, one on each line."""
+        return "\n".join(texts(self.remarks))
 
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain numbers, lists and texts, ready for JSON; None for NaN."""
@@ -164,7 +170,7 @@ class Verdict(Summarised):
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
         known = get_args(Reason)
         if wrong := [reason for reason in left_out.values() if reason not in known]:
-            raise DataError(f"left_out must hold {', '.join(known)}; got {wrong[0]!r}")
+            raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
         return cls(**{**values, **arrays, "levels": np.array(values["levels"], dtype=np.int64), "left_out": left_out})
 
     def __str__(self) -> str:
@@ -184,41 +190,42 @@ def contamination(
     comparisons: int = 1,
     tolerance: float = 0.02,
 ) -> Verdict:
-    """Test at every level whether the classical wavelet variance exceeds the robust one by more than chance.
+    """Test a recording for outliers, by the ratio of the classical to the robust wavelet variance at every level.
 
     In Gaussian noise d_j = log(ν̂_j²/ν̃_j²), classical over robust, has mean 0 and
 
         Var d_j = Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j²,
 
-    ρ_j the correlation of the coefficients and c_q of the Hermite expansion of the robust one: see
-    `wavelet_covariance`. Knocks, spikes and motion raise the classical one, so the test is one-sided; rounding errors
-    and a drift, which have no tails, raise the robust one. A level's p-value is that of d_j − log(1 + tolerance) under
-    the gamma law that has this variance and the skewness of the ratio; of L levels and `comparisons` recordings, the
-    smallest must be at most size / (L × comparisons). So a unit of six axes whose noise is Gaussian, or lighter in the
-    tails, is called contaminated with a probability of `size` at most, whatever the levels have to do with each other.
+    where ρ_j is the correlation of the coefficients and c_q comes from the Hermite expansion of the robust estimate,
+    see `wavelet_covariance`. Knocks, spikes and motion raise the classical variance, so the test is one-sided. Rounding
+    errors and drifts have light tails and raise the robust variance. The p-value of a level is that of
+    d_j − log(1 + tolerance) under the gamma distribution with this variance and the skewness of the ratio. Of L levels
+    and `comparisons` recordings, the smallest p-value must be at most size / (L × comparisons). A unit with six axes
+    whose noise is Gaussian, or has lighter tails, is therefore contaminated with a probability of at most `size`,
+    whatever the correlation between the levels.
 
-    Not tested are levels of 30 or fewer degrees of freedom M_j / 2^j, and those that the steps of a coarse rounding
-    rule: a level of which 40 % of the coefficients are zero and the three above it, and every level if one has 54 %.
-    (White noise has 28 % at the first level if a step is its standard deviation, 50 % if it is twice that.) For this,
-    x must be a signal or a robust variance measured here.
+    The test leaves out levels with at most 30 degrees of freedom M_j / 2^j, and levels with a coarse quantization: a
+    level with more than 40 % zero coefficients and the three levels above it, and every level if one has more than
+    54 %. (White noise has 28 % zeros at the first level if the quantization step is its standard deviation, and 50 % if
+    it is twice as large.) The numbers of zeros are known only if x is a signal or a robust variance measured by gmwm.
 
     Parameters
     ----------
     x : Signal, (N,) array, or (classical, robust) wavelet variances
-        The two must be Haar MODWT variances of the same recording.
+        A pair must be Haar MODWT variances of the same recording.
     rate : float
-        Samples per second (Hz); taken from a Signal or the wavelet variances.
+        Sampling rate (Hz); a Signal or a pair of wavelet variances has its own.
     model : Model, Process or str, optional
-        With all its values, for the correlations; by default the likeliest mixture of all processes.
+        Model with all values, for the correlations; by default the mixture of processes with the largest likelihood.
     efficiency : float
-        Of the robust estimate, if x is a signal.
+        Efficiency of the robust estimate, if x is a signal.
     size : float
         Probability of a false alarm among all comparisons, between 0 and 1.
     comparisons : int
-        How many recordings are judged together: 6 for the axes of a unit.
+        Number of recordings that are tested together, for example 6 for the axes of a unit.
     tolerance : float
-        Excess that is put up with: 0.02 changes a standard deviation by 1 %. Real noise is not quite Gaussian, which
-        a long recording shows.
+        Excess that is not an outlier: 0.02 changes a standard deviation by 1 %. In a long recording, the test would
+        otherwise reject noise that is only approximately Gaussian.
 
     Returns
     -------
@@ -229,14 +236,14 @@ def contamination(
     DataError
         If the signal cannot have a wavelet variance, or the two are not of the same recording.
     OptionError
-        If an option is not one of those it may be.
+        If an option has an invalid value.
 
     Examples
     --------
     >>> x = np.random.default_rng(1).normal(size=100_000)
-    >>> print(contamination(x, rate=100.0))  # doctest: +NORMALIZE_WHITESPACE
-    not contaminated: at none of 11 levels, 0.02 to 20.48 s, does the classical wavelet variance exceed the robust one
-    by more than chance (p = 1.000); use the classical one
+    >>> verdict = contamination(x, rate=100.0)
+    >>> verdict.contaminated, [remark.code for remark in verdict.remarks]
+    (False, ['outliers-absent'])
     >>> x[50_000:50_100] *= 30.0
     >>> verdict = contamination(x, rate=100.0, comparisons=6)
     >>> verdict.contaminated, verdict.pvalue < 1e-6
@@ -245,11 +252,11 @@ def contamination(
     from scipy.special import gammaincc, gammainccinv
 
     if not 0 < size < 1:
-        raise OptionError(f"size must be between 0 and 1, got {size!r}")
+        raise OptionError(argument="size", expected="a probability between 0 and 1", got=size)
     if isinstance(comparisons, bool) or not isinstance(comparisons, int | np.integer) or comparisons < 1:
-        raise OptionError(f"comparisons must be an integer of at least 1, got {comparisons!r}")
+        raise OptionError(argument="comparisons", expected="an integer of at least 1", got=comparisons)
     if not 0 <= tolerance < np.inf:
-        raise OptionError(f"tolerance must not be negative, got {tolerance!r}")
+        raise OptionError(argument="tolerance", expected="zero or a positive number", got=tolerance)
     classical, robust = _both(x, rate, efficiency)
     left_out = _left_out(robust)
     tested = np.array([int(j) not in left_out for j in robust.levels])
@@ -285,36 +292,39 @@ def contamination(
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:
-    """The classical and the robust wavelet variance, of one recording."""
+    """The classical and the robust wavelet variance of the recording."""
     pair = isinstance(x, tuple | list) and any(isinstance(part, WaveletVariance) for part in x)
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
-        raise DataError("x must be a signal, or two wavelet variances of it: (classical, robust)")
+        raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
         classical = signal_wavelet_variance(x, rate)
         return classical, signal_wavelet_variance(x, rate, robust=True, efficiency=efficiency)
     if len(x) != 2 or x[0].robust or not x[1].robust:
         kinds = ", ".join("robust" if part.robust else "classical" for part in x)
-        raise DataError(f"wavelet variances must come as (classical, robust), got ({kinds})")
+        raise DataError(argument="x", expected="a pair (classical, robust) of wavelet variances", got=kinds)
     classical, robust = x
     if not all(Design.of(part).running_sum for part in x):
-        raise OptionError("the test is of Haar MODWT variances: filter='haar', transform='modwt'")
+        raise OptionError(
+            "the test for outliers needs Haar MODWT variances",
+            advice="Measure them with {--filter=haar} and {--transform=modwt}.",
+        )
     same = ("samples", "segments", "rate", "unit", "axis")
     differ = [name for name in same if getattr(classical, name) != getattr(robust, name)]
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
-        raise DataError(f"the two wavelet variances must be of one recording, but their {what} differ")
+        raise DataError(f"the two wavelet variances are of different recordings: their {what} differ")
     if rate is not None and rate != robust.rate:
-        raise OptionError(f"rate={rate:g} contradicts the {robust.rate:g} Hz of the wavelet variances; leave rate out")
+        raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
     return classical, robust
 
 
 def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
-    """Levels that cannot be tested, and why."""
+    """Levels that are not tested, with the reason."""
     freedom = Design.of(robust).degrees_of_freedom
     found = robust.diagnostics.get("robust", {})
     outcomes = found.get("outcome", ["root"] * len(robust))
     zeros = np.array(found.get("zeros", np.zeros(len(robust))))
-    # Of a handful of coefficients one that is zero by chance would be a large share.
+    # Among few coefficients, a single zero by chance is a large share.
     rounded = _ruled_by_steps(np.where(freedom > LEAST_FREEDOM, zeros, 0.0))
     left_out: dict[int, Reason] = {}
     for k, level in enumerate(robust.levels.tolist()):
@@ -328,7 +338,7 @@ def _left_out(robust: WaveletVariance) -> dict[int, Reason]:
 
 
 def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
-    """Levels whose ratio shows the steps of the values, from the share of zeros at each level."""
+    """Levels whose ratio depends on the quantization steps, from the share of zeros at each level."""
     if np.max(zeros) > COARSEST:
         return np.ones(zeros.size, dtype=np.bool_)
     ruled = np.zeros(zeros.size, dtype=np.bool_)
@@ -337,17 +347,23 @@ def _ruled_by_steps(zeros: Vector) -> NDArray[np.bool_]:
     return ruled
 
 
-def _seconds(tau: Vector) -> str:
-    """Scales in words: all of them, or from first to last."""
-    if tau.size <= 3:
-        return ", ".join(f"{t:.4g}" for t in tau) + " s"
-    return f"{tau.size} levels from {tau[0]:.4g} to {tau[-1]:.4g} s"
+def excess_text(excess: float) -> str:
+    """By how much the classical variance exceeds the robust one: in per cent, or as a factor if it is large.
+
+    >>> excess_text(0.14), excess_text(20.0)
+    ('by 14 %', 'by a factor of 21')
+    """
+    return (
+        f"by {100 * excess:.2g} %"
+        if excess < 1
+        else f"by {100 * excess:.0f} %"
+        if excess < HUGE
+        else (f"by a factor of {rounded(1 + excess)}")
+    )
 
 
-def _percent(share: float) -> str:
-    if share >= HUGE:
-        return f"a factor of {rounded(1 + share)}"
-    return f"{100 * share:.2g} %" if share < 1 else f"{100 * share:.0f} %"
+def _scales(tau: Vector) -> tuple[Quantity, ...]:
+    return tuple(Quantity(float(one), "s") for one in tau)
 
 
 def _plain(value: float) -> float | None:

@@ -1,11 +1,15 @@
 """Units whose curves are those of their models to the last digit: no draws, so that files can be compared."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import gmwm
+from gmwm.exporters.api import _options
+from gmwm.exporters.base import HORIZON, find_exporter
+from gmwm.exporters.text import plain
 from gmwm.processes import Model
 from gmwm.variance.api import wavelet_variance
 
@@ -54,6 +58,18 @@ def calibrated(truths, within=WITHIN):
     return replace(
         gmwm.calibrate({axis: exact_curve(axis, truth) for axis, truth in truths.items()}, within), source="bench.csv"
     )
+
+
+def remarks_in(calibration, format, **options):
+    """The remarks in a file."""
+    exporter = find_exporter(format)
+    given = {"axes": None, "inflation": 1.0, "horizon": HORIZON, "rate": None} | options
+    return exporter.remarks(calibration, _options(exporter, given))
+
+
+def words(text):
+    """Text on one line, as files write it, without the marks of comments."""
+    return " ".join(plain(re.sub(r"^\s*(#|%|//|;)", " ", text, flags=re.MULTILINE)).split())
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,10 @@ import pytest
 import gmwm
 from gmwm.exporters import export_formats
 from gmwm.processes import Model
+from gmwm.remarks import Quantity, texts
+from tests.helpers import only, raises
 
-from .conftest import RATE, TRUTHS
+from .conftest import RATE, TRUTHS, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS, yaml
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -60,7 +62,7 @@ def test_every_format_has_a_consumer_here():
 def test_consumers_read_n_and_k_back(unit, format, rule):
     name, calibration = unit
     if rule == "each" and format not in PER_AXIS:
-        with pytest.raises(gmwm.errors.OptionError, match="one number for the axes"):
+        with raises(gmwm.errors.OptionError, argument="axes", got="each"):
             calibration.export(format=format, axes=rule)
         return
     text = calibration.export(format=format, axes=rule)
@@ -117,16 +119,19 @@ def test_a_walk_that_is_not_there_is_the_upper_limit_of_the_wider_model(units):
     walk = CONSUMERS["matlab"](units["no-walk"].export(format="matlab"))["accel"][1]
     assert walk[1] == pytest.approx(limit, rel=1e-3)
     text = units["no-walk"].export(format="matlab")
-    assert "UPPER LIMIT, not a measured value: K of gyro_x, K of gyro_y" in text
-    assert "(97.5 %, before inflation)" in text.replace("\n%   ", " ")
+    found = [remark for remark in remarks_in(units["no-walk"], "matlab") if remark.code == "upper-limit"]
+    assert [remark.subject for remark in found] == ["K of gyro_x, gyro_y, gyro_z", "K of accel_x, accel_y, accel_z"]
+    assert {remark.facts["level"] for remark in found} == {Quantity(97.5, "%")}
+    assert all(words(one) in words(text) for one in texts(found))
 
 
 def test_white_noise_that_is_not_there_is_an_upper_limit_too(units):
     from .conftest import calibrated
 
     truths = {**TRUTHS["quantized"], "gyro_x": "RW(gamma2=1e-9)", "gyro_y": "RW(gamma2=1e-9)"}
-    text = calibrated({**truths, "gyro_z": "RW(gamma2=1e-9)"}).export()
-    assert "UPPER LIMIT, not a measured value: N of the gyroscopes" in text
+    calibration = calibrated({**truths, "gyro_z": "RW(gamma2=1e-9)"})
+    text = calibration.export()
+    assert only(remarks_in(calibration, "kalibr"), "upper-limit").subject == "N of the gyroscopes"
     white, walk = CONSUMERS["kalibr"](text)["gyro"]
     assert 0 < white[0] < walk[0]
     assert walk == pytest.approx(math.sqrt(1e-9 * RATE), rel=2e-6)
@@ -174,7 +179,7 @@ def test_ros_covariances_are_the_variances_of_samples(unit, rule):
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_the_head_says_what_the_numbers_are(units, format):
     text = units["no-walk"].export(format=format)
-    head = " ".join(re.sub(r"^\s*(#|//|%)\s*", "", text, flags=re.MULTILINE).split())
+    head = words(text)
     units_of = ("deg/h", "mGal") if format == "kfgins" else ("rad/s", "m/s^2")
     for said in (
         *units_of, "bench.csv", "400000 samples at 200 Hz", "Units: ", "Inflation factor: 1.", "Horizon: 1 s.",

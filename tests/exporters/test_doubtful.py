@@ -9,21 +9,18 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.misfit import undescribed
-from gmwm.calibration.summary_text import rejected
+from gmwm.calibration.findings import rejected, unusable
+from gmwm.calibration.misfit import misfit_of
 from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.base import find_exporter
-from gmwm.reports.verdict import verdict
+from gmwm.remarks import Quantity, Severity, texts
+from tests.helpers import only
 
-from .conftest import TRUTHS, calibrated, exact_curve
+from .conftest import TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS
 
 HUMP = "GM(beta=20.0, sigma2=1e-5) + WN(sigma2=6e-7)"
 """No sum of white noise and a random walk has such a curve."""
-
-
-def words(text):
-    return " ".join(re.sub(r"^\s*(#|%|//)", " ", text, flags=re.MULTILINE).split())
 
 
 @pytest.fixture(scope="module")
@@ -32,33 +29,34 @@ def bad():
 
 
 @pytest.mark.parametrize("format", sorted(export_formats()))
-def test_axes_that_their_models_do_not_describe_stand_in_every_file(bad, format):
-    said = words(bad.export(format=format))
-    (caution,) = re.findall(r"the models? of ([^:]*) data; numbers of (?:this axis|these axes) may be wrong", said)
-    assert re.findall(r"(?:gyro|accel)_\w", caution) == ["gyro_z", "accel_x"]
-    assert caution.endswith("do not describe their")
-    assert ("CAUTION: the models of gyro_z (its variance at " in said) == (format != "json")
+def test_axes_that_do_not_fit_their_models_are_in_every_file(bad, format):
+    found = [remark for remark in remarks_in(bad, format) if remark.severity is Severity.UNUSABLE]
+    assert [(remark.code, remark.subject) for remark in found] == [
+        ("model-misfit", "gyro_z"),
+        ("model-misfit", "accel_x"),
+    ]
+    text = bad.export(format=format)
+    if format == "json":
+        assert [one["subject"] for one in json.loads(text)["remarks"] if one["severity"] == "unusable"] == [
+            "gyro_z", "accel_x"
+        ]  # fmt: skip
+    else:
+        cautions = [f"CAUTION: {one}" for one in texts(found)]
+        assert cautions
+        assert all(words(one) in words(text) for one in cautions)
 
 
-def test_they_are_those_that_the_report_says_cannot_be_used(bad):
-    far = undescribed({axis: bad.axes[axis] for axis in rejected(bad)})
-    assert list(far) == ["gyro_z", "accel_x"]
-    assert "2 of 6 axes cannot be used (gyro_z, accel_x)" in verdict(bad)["headline"]
-    said = words(bad.export())
-    for axis, at in far.items():
-        much = f"{at.times:.2g} times too {'large' if at.ratio > 1 else 'small'}"
-        assert f"{axis} (its variance at {at.tau:.3g} s is {much})" in said
-    (text,) = json.loads(bad.export(format="json"))["cautions"]
-    assert text in said
+def test_they_are_the_axes_that_cannot_be_used(bad):
+    assert unusable(bad) == ["gyro_z", "accel_x"]
+    for remark in remarks_in(bad, "kalibr"):
+        if remark.code == "model-misfit":
+            far = misfit_of(bad.axes[remark.subject])
+            assert (remark.facts["ratio"], remark.facts["tau"]) == (far.times, Quantity(far.tau, "s"))
+            assert remark.facts["side"] == ("above" if far.ratio > 1 else "below")
 
 
-def test_one_axis_is_told_as_one():
-    said = words(calibrated({**TRUTHS["no-walk"], "gyro_z": HUMP}, "WN + RW").export())
-    assert re.search(r"CAUTION: the model of gyro_z \(its [^()]*\) does not describe its data; numbers of this", said)
-
-
-def test_a_rejected_model_that_describes_its_curve_is_no_caution():
-    # Off by a fifth: far beyond chance, near enough to be used.
+def test_a_rejected_model_that_follows_its_curve_is_no_caution():
+    # 20 % off is far more than chance, and less than the ratio of 1.5 of a misfit.
     curve = exact_curve("gyro_z", TRUTHS["no-walk"]["gyro_x"])
     factor = np.where(curve.levels % 2, 1.2, 1.0)
     wave = replace(curve, **{name: getattr(curve, name) * factor for name in ("variance", "lower", "upper")})
@@ -67,7 +65,7 @@ def test_a_rejected_model_that_describes_its_curve_is_no_caution():
     found = replace(found, axes=axes)
     assert rejected(found) == ["gyro_z"]
     assert "CAUTION" not in found.export()
-    assert json.loads(found.export(format="json"))["cautions"] == []
+    assert json.loads(found.export(format="json"))["remarks"] == []
 
 
 # White noise so large on gyro_z that its limit of K lies above what the others have; on accel_x it lies far below.
@@ -79,48 +77,66 @@ def mixed():
     return calibrated(MIXED)
 
 
+def among(remarks):
+    """Axis, kind and value of the remarks on numbers of measured values and upper limits, by number."""
+    found = {}
+    for remark in remarks:
+        if remark.code == "upper-limit-among":
+            value = remark.facts["value"]
+            one = (remark.subject, remark.facts["kind"], value.unit, value.value)
+            found.setdefault(remark.facts["number"], []).append(one)
+    return found
+
+
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_limit_among_measured_values_names_its_axis(mixed, format):
-    said = words(mixed.export(format=format, axes="worst"))
-    limit = mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2]
-    assert said.count("UPPER LIMIT") == 1
-    assert (
-        "UPPER LIMIT, not a measured value: K of the gyroscopes is the upper limit of gyro_z, whose data cannot tell "
-        "it from zero (97.5 %). Axis by axis, before inflation, in rad/s/sqrt(s): gyro_x 4.47e-05 (measured), gyro_y "
-        f"7.75e-05 (measured), gyro_z <= {float(limit):.2e}."
-    ) in said
-    walk = CONSUMERS[format](mixed.export(format=format, axes="worst"))["gyro"][1]
-    assert walk == pytest.approx(float(limit), rel=2e-6)
+    text = mixed.export(format=format, axes="worst")
+    limit = float(mixed.export(format="matlab").split("'RandomWalk', [")[1].split("]")[0].split()[2])
+    found = remarks_in(mixed, format, axes="worst")
+    assert words(text).count("UPPER LIMIT") == 1
+    assert among(found) == {
+        "K of the gyroscopes": [
+            ("gyro_x", "measured", "rad/s/√s", pytest.approx(4.472e-5, rel=1e-3)),
+            ("gyro_y", "measured", "rad/s/√s", pytest.approx(7.746e-5, rel=1e-3)),
+            ("gyro_z", "upper limit", "rad/s/√s", pytest.approx(limit, rel=2e-6)),
+        ]
+    }
+    assert {remark.facts["level"].value for remark in found if remark.code == "upper-limit-among"} == {97.5}
+    assert all(words(one) in words(text) for one in texts(found))
+    walk = CONSUMERS[format](text)["gyro"][1]
+    assert walk == pytest.approx(limit, rel=2e-6)
 
 
-def test_what_is_said_is_not_inflated(mixed):
-    plain, inflated = (words(mixed.export(inflation=factor)) for factor in (1.0, 10.0))
-    told = [text[text.index("UPPER LIMIT") : text.index(" rostopic")] for text in (plain, inflated)]
-    assert told[0] == told[1]
+def test_the_values_in_remarks_are_not_inflated(mixed):
+    assert remarks_in(mixed, "kalibr", inflation=1.0) == remarks_in(mixed, "kalibr", inflation=10.0)
 
 
 @pytest.mark.parametrize("format", CONSUMERS)
 def test_a_mean_with_a_limit_names_the_axes(mixed, format):
-    said = words(mixed.export(format=format, axes="mean"))
-    assert "K of the gyroscopes is a root mean square with the upper limit of gyro_z, whose data" in said
-    assert "K of the accelerometers is a root mean square with the upper limit of accel_x, whose data" in said
-    assert re.search(r"in m/s\^2/sqrt\(s\): accel_x <= \S+, accel_y 1.41e-04 \(measured\), accel_z", said)
-    assert "The data cannot tell" not in said
+    found = remarks_in(mixed, format, axes="mean")
+    kinds = {number: [one[:2] for one in axes] for number, axes in among(found).items()}
+    assert kinds == {
+        "K of the gyroscopes": [("gyro_x", "measured"), ("gyro_y", "measured"), ("gyro_z", "upper limit")],
+        "K of the accelerometers": [("accel_x", "upper limit"), ("accel_y", "measured"), ("accel_z", "measured")],
+    }
+    assert {remark.facts["rule"] for remark in found if remark.code == "upper-limit-among"} == {"mean"}
+    value = among(found)["K of the accelerometers"][1]
+    assert value[2:] == ("m/s²/√s", pytest.approx(1.414e-4, rel=1e-3))
+    assert "upper-limit" not in {remark.code for remark in found}
 
 
 def test_limits_of_all_axes_and_of_some_are_told_apart():
-    said = words(calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"}).export())
-    assert (
-        "K of the accelerometers. The data cannot tell it from zero; they only say that it is not larger (97.5 %, "
-    ) in said
-    assert "K of the gyroscopes is the upper limit of gyro_z" in said
+    found = remarks_in(calibrated({**MIXED, "accel_y": "WN(sigma2=3e-5)", "accel_z": "WN(sigma2=4e-5)"}), "kalibr")
+    assert only(found, "upper-limit").subject == "K of the accelerometers"
+    assert list(among(found)) == ["K of the gyroscopes"]
 
 
 @pytest.mark.parametrize("format", PER_AXIS)
-def test_each_axis_has_its_own(mixed, format):
-    said = words(mixed.export(format=format, axes="each"))
-    assert "UPPER LIMIT, not a measured value: K of gyro_z, K of accel_x. The data cannot tell these from zero;" in said
-    assert "Axis by axis" not in said
+def test_each_axis_has_its_own_limit(mixed, format):
+    found = remarks_in(mixed, format, axes="each")
+    assert [remark.subject for remark in found if remark.code == "upper-limit"] == ["K of gyro_z", "K of accel_x"]
+    assert among(found) == {}
+    assert words(mixed.export(format=format, axes="each")).count("UPPER LIMIT") == 1
 
 
 RATE = 200.00116000672804
@@ -148,16 +164,21 @@ def test_json_keeps_all_digits_of_a_rate(units):
     assert json.loads(told.export(format="json"))["axes"]["gyro_x"]["rate"] == RATE
 
 
-def test_all_at_once_has_them_too(bad, tmp_path):
+def test_all_formats_at_once_have_the_cautions(bad, tmp_path):
     written, left = export_all(bad, tmp_path)
     assert not left
+    caution = texts(remark for remark in bad.remarks if remark.code == "model-misfit")
     for format, path in written.items():
-        assert "gyro_z (its variance at" in words(path.read_text(encoding="utf-8")), format
+        if format != "json":
+            assert all(words(one) in words(path.read_text(encoding="utf-8")) for one in caution), format
     assert math.isfinite(json.loads(written["json"].read_text(encoding="utf-8"))["horizon"])
 
 
-def test_a_ramp_in_matrices_is_told():
+def test_a_ramp_in_matrices_is_a_caution():
     drifting = {**TRUTHS["no-walk"], "gyro_z": "WN(sigma2=1e-6) + DR(omega=1e-6)"}
-    said = words(calibrated(drifting, "WN + DR").export(format="state-space"))
-    assert "CAUTION: DR of gyro_z: the ramp of this recording, known without error here (P0 = 0)." in said
-    assert "P0 = 0" not in words(calibrated(TRUTHS["no-walk"], "WN + RW").export(format="state-space"))
+    calibration = calibrated(drifting, "WN + DR")
+    remark = only(remarks_in(calibration, "state-space"), "ramp-in-matrices")
+    assert (remark.subject, remark.facts["term"]) == ("gyro_z", "DR")
+    assert f"CAUTION: {words(remark.text())}" in words(calibration.export(format="state-space"))
+    none = remarks_in(calibrated(TRUTHS["no-walk"], "WN + RW"), "state-space")
+    assert "ramp-in-matrices" not in {remark.code for remark in none}

@@ -5,17 +5,15 @@ import re
 
 import pytest
 
-from .conftest import RATE, calibrated
+from gmwm.remarks import texts
+
+from .conftest import RATE, calibrated, remarks_in, words
 from .consumers import CONSUMERS
 
 SLOW = {"gyro": (4e-8, 6e-7), "accel": (4e-6, 6e-5)}
 PHI = math.exp(-0.05 / RATE)
 LINES = {"gyro": "SIN(frequency=0.7, power=4e-8) + WN(sigma2=6e-7) + RW(gamma2=1e-11)",
          "accel": "SIN(frequency=0.7, power=4e-6) + SIN(frequency=20.0, power=4e-6) + WN(sigma2=6e-5)"}  # fmt: skip
-
-
-def words(text):
-    return " ".join(re.sub(r"^\s*(#|%|//|;)", " ", text, flags=re.MULTILINE).split())
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +40,8 @@ def test_a_slow_term_is_never_lost(slow, format):
     for sensor, (s2, _) in SLOW.items():
         # As the Gauss-Markov process of the same law; nearly so at a horizon that is no mere moment to it.
         assert CONSUMERS[format](text)[sensor][1] == pytest.approx(math.sqrt(2 * 0.05 * s2), rel=0.03)
-    assert "UPPER LIMIT" not in text
+    code = "counted-at-correlation-time" if format in ("kfgins", "gazebo") else "counted-at-horizon"
+    assert {remark.code for remark in remarks_in(slow, format)} == {code}
     assert "K: AR(1) (by its Allan deviation)" in words(text)
 
 
@@ -52,17 +51,22 @@ def test_lines_are_named_and_not_counted(lines, format):
     white, walk = CONSUMERS[format](text)["gyro"]
     assert white == pytest.approx(math.sqrt(6e-7 / RATE), rel=1e-4)
     assert walk == pytest.approx(math.sqrt(1e-11 * RATE), rel=1e-3)
-    said = words(text)
-    assert "Not in these numbers: a line at 0.700 Hz of amplitude 2.83e-04 rad/s, on gyro_x." in said
-    assert "a line at 20.0 Hz of amplitude 0.00283 m/s^2, on accel_y." in said
-    assert "In neither" not in said
+    found = [remark for remark in remarks_in(lines, format) if remark.code == "line-left-out"]
+    of_axes = {axis: [r.facts for r in found if r.subject == axis] for axis in ("gyro_x", "accel_y")}
+    assert [facts["frequency"].value for facts in of_axes["gyro_x"]] == pytest.approx([0.7], rel=1e-3)
+    assert of_axes["gyro_x"][0]["amplitude"].value == pytest.approx(math.sqrt(8e-8), rel=1e-3)
+    assert of_axes["gyro_x"][0]["amplitude"].unit == "rad/s"
+    assert sorted(facts["frequency"].value for facts in of_axes["accel_y"]) == pytest.approx([0.7, 20.0], rel=1e-3)
+    assert "terms-left-out" not in {remark.code for remark in remarks_in(lines, format)}
+    assert all(words(one) in words(text) for one in texts(found))
 
 
 def test_ros_leaves_lines_out(lines):
     text = lines.export(format="ros")
     (variance,) = re.findall(r"^angular_velocity_covariance: \[(\S+),", text, re.MULTILINE)
     assert float(variance) == pytest.approx(6e-7, rel=1e-4)
-    assert "a line at 0.700 Hz of amplitude 2.83e-04 rad/s, on gyro_x" in words(text)
+    axes = [remark.subject for remark in remarks_in(lines, "ros") if remark.code == "line-left-out"]
+    assert axes == [*(f"gyro_{k}" for k in "xyz"), *(f"accel_{k}" for k in "xyz" for _ in range(2))]
 
 
 def test_tables_have_frequency_and_amplitude(lines):

@@ -1,4 +1,4 @@
-"""What a fleet says: location and spread apart from error, units unlike the others, axes that differ, and its words."""
+"""Statistics of a fleet: location and spread without estimation error, outliers, axes that differ, and remarks."""
 
 import json
 import math
@@ -11,10 +11,13 @@ from scipy import stats
 
 from gmwm.errors import DataError, OptionError
 from gmwm.fleets.axes import hotelling
+from gmwm.fleets.findings import of_units
 from gmwm.fleets.outlier_units import deviants, looked_for
 from gmwm.fleets.random_effects import between_units, effects, predicted, spread_limits
 from gmwm.fleets.statistics import fleet_statistics
 from gmwm.fleets.summary_text import summary
+from gmwm.remarks import Remark, Severity
+from tests.helpers import codes, only, raises
 
 Z = stats.norm.ppf(0.975)
 
@@ -188,7 +191,7 @@ def test_healthy_units_raise_an_alarm_as_seldom_as_said(n, ends):
 
 
 def test_a_fleet_of_many_numbers_raises_no_more():
-    alarms = [bool(fleet_statistics(fleet(10, rng=seed)).outliers) for seed in range(25)]
+    alarms = [bool(fleet_statistics(fleet(10, seed=seed)).outliers) for seed in range(25)]
     # The size is 5 %: of 25 fleets 6 or more would come by chance once in a thousand times.
     assert sum(alarms) < 6
 
@@ -197,20 +200,20 @@ def test_among_few_units_none_is_looked_for():
     found = fleet_statistics(fleet(7, shifts={(3, "gyro_x"): 100.0}))
     assert not found.outliers
     assert not any(row.searched for row in found.rows)
-    assert "fewer than 8 units" in found.summary()
+    remark = only(found.remarks, "outliers-not-sought")
+    assert (remark.subject, remark.facts["fewest"]) == ("N of gyro", 8)
+    assert "no-outlier-units" not in codes(found.remarks)
     assert looked_for(np.array([7, 8])).tolist() == [0, 1]
 
 
-def test_too_few_units_for_a_spread_are_told_why_and_where_to_go():
+def test_too_few_units_for_a_spread_are_a_remark():
     two, three = (fleet_statistics(fleet(n)) for n in (2, 3))
     assert (two["gyro_x.N"].units, two["gyro_x.N"].spread, two["gyro_x.N"].predicted_high) == (2, None, None)
-    told = " ".join(two.summary().split())
-    assert "2 units, too few for a spread and for a further unit (–), which take 3, and for outliers, which" in told
-    assert "gmwm agree OUT/units/*.json" in told
-    told = " ".join(three.summary().split())
-    assert "gmwm agree OUT/units/*.json" in told
-    assert "too few for a spread" not in told
-    assert "gmwm agree" not in fleet_statistics(fleet(4)).summary()
+    remark = only(two.remarks, "few-units-compared")
+    assert (remark.subject, remark.facts) == ("N of gyro", {"units": 2, "least": 3, "fewest": 8})
+    assert [only(found.remarks, "small-fleet").facts["units"] for found in (two, three)] == [2, 3]
+    assert "few-units-compared" not in codes(three.remarks)
+    assert "small-fleet" not in codes(fleet_statistics(fleet(4)).remarks)
 
 
 # --- what is compared -------------------------------------------------------------------------------
@@ -226,6 +229,9 @@ def test_upper_limits_are_counted_but_not_compared():
     assert (found.units, found.limited, found.left_out) == (10, 2, 0)
     assert found.below == ("2.csv",)
     assert not found.shown_by
+    remarks = fleet_statistics(with_number(table, "K", value, low, high, "rad/s/√s")).remarks
+    assert only(remarks, "limits-not-compared").subject == "K of gyro"
+    assert only(remarks, "limits-below").facts["units"] == ("2.csv",)
 
 
 def test_the_few_that_show_what_the_others_do_not_are_named():
@@ -233,7 +239,8 @@ def test_the_few_that_show_what_the_others_do_not_are_named():
     value, low, high = [None] * 11 + [1e-5], [0.0] * 11 + [0.8e-5], [1e-6] * 11 + [1.2e-5]
     found = fleet_statistics(with_number(table, "K", value, low, high, "rad/s/√s"))
     assert found["gyro_x.K"].shown_by == ("11.csv",)
-    assert "shown by 11.csv only" in " ".join(found.summary().split())
+    remark = only(found.remarks, "shown-by-few")
+    assert (remark.subject, remark.facts) == ("gyro_x K", {"shown": ("11.csv",), "limited": 11})
 
 
 def test_the_ramp_is_compared_with_its_sign_and_a_limit_is_about_zero():
@@ -262,6 +269,8 @@ def test_numbers_of_the_model_are_compared_within_the_commonest_model():
     row = fleet_statistics(table)["gyro_x.T_c"]
     assert (row.model, row.units, row.left_out) == ("GM + WN", 10, 2)
     assert fleet_statistics(table)["gyro_x.N"].units == 12
+    remark = only(fleet_statistics(table).remarks, "one-model-compared")
+    assert (remark.subject, remark.facts["model"]) == ("T_c of gyro", "GM + WN")
 
 
 def test_numbers_without_an_interval_or_of_other_units_are_left_out():
@@ -271,6 +280,7 @@ def test_numbers_without_an_interval_or_of_other_units_are_left_out():
     table = table.with_columns(N_unit=pl.when(pl.col("unit") == "5.csv").then(pl.lit("u/√Hz")).otherwise("N_unit"))
     row = fleet_statistics(table)["gyro_x.N"]
     assert (row.units, row.left_out) == (9, 3)
+    assert only(fleet_statistics(table).remarks, "units-without-interval").subject == "N of gyro"
 
 
 def test_failed_units_are_not_counted():
@@ -280,7 +290,7 @@ def test_failed_units_are_not_counted():
     assert found.units == 9
     none = fleet_statistics(table.with_columns(status=pl.lit("failed")))
     assert (none.units, none.rows) == (0, ())
-    assert "No unit gives a number" in none.summary()
+    assert none.remarks == ()
 
 
 # --- axes -------------------------------------------------------------------------------------------
@@ -295,7 +305,9 @@ def test_of_two_axes_hotelling_is_student():
 
 def test_an_axis_that_differs_is_told_and_what_units_share_does_not_hide_it():
     shifts = {(unit, "gyro_z"): 1.1 for unit in range(20)}
-    (apart,) = fleet_statistics(fleet(20, shifts=shifts, spread=0.05)).differences
+    found = fleet_statistics(fleet(20, shifts=shifts, spread=0.05))
+    assert only(found.remarks, "axes-differ").subject == "N of gyro"
+    (apart,) = found.differences
     assert apart.differs
     assert apart.units == 20
     ratio = apart.relative["gyro_z"] / math.sqrt(apart.relative["gyro_x"] * apart.relative["gyro_y"])
@@ -311,13 +323,13 @@ def test_an_axis_that_differs_is_told_and_what_units_share_does_not_hide_it():
 
 def test_what_cannot_be_is_refused():
     table = fleet(8)
-    with pytest.raises(OptionError, match="size must be between 0 and 1"):
+    with raises(OptionError, argument="size", got=5):
         fleet_statistics(table, size=5)
-    with pytest.raises(OptionError, match=r"confidence must be at least 0\.5 and less than 1"):
+    with pytest.raises(OptionError, match="confidence"):
         fleet_statistics(table, confidence=95)
-    with pytest.raises(DataError, match="lacks model"):
+    with raises(DataError, argument="table", got=["model"]):
         fleet_statistics(table.drop("model"))
-    with pytest.raises(DataError, match="one row for each axis"):
+    with raises(DataError, argument="table", got="several rows for gyro_x of 0.csv"):
         fleet_statistics(pl.concat([table, table]))
     with pytest.raises(KeyError, match="there are gyro"):
         fleet_statistics(table)["gyro_x.K"]
@@ -327,20 +339,23 @@ def test_it_is_a_table_and_plain_values():
     found = fleet_statistics(fleet(10, shifts={(2, "gyro_x"): 9.0}))
     assert found.table.height == len(found.rows) == 4
     assert found.table["axis"].to_list() == ["gyro", "gyro_x", "gyro_y", "gyro_z"]
-    told = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert told["units"] == 10
-    assert told["outliers"][0]["unit"] == "2.csv"
-    assert told["rows"][1]["typical"] == found["gyro_x.N"].typical
+    content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    assert content["units"] == 10
+    assert content["outliers"][0]["unit"] == "2.csv"
+    assert content["rows"][1]["typical"] == found["gyro_x.N"].typical
+    assert [Remark.from_dict(one) for one in content["remarks"]] == list(found.remarks)
     assert "10 units" in repr(found)
 
 
-def test_the_summary_says_units_failures_outliers_and_what_to_do():
+def test_the_summary_has_units_failures_outliers_and_remarks():
     table = fleet(20, shifts={(2, "gyro_x"): 9.0})
     table = table.with_columns(p_value=pl.lit(1e-9), contaminated=pl.lit(False))
     failed = {f"bad{k}.csv": "no samples" for k in range(13)}
     names = [*table["unit"].unique(maintain_order=True), *failed]
-    told = SimpleNamespace(units=names, failed=failed, kept=15, done=5, table=table, statistics=fleet_statistics(table))
-    text = summary(told)
+    found = fleet_statistics(table)
+    remarks = [*of_units(table, len(names), len(failed)), *found.remarks]
+    many = SimpleNamespace(units=names, failed=failed, kept=15, done=5, table=table, statistics=found, remarks=remarks)
+    text = summary(many)
     assert max(map(len, text.splitlines())) <= 80
     flat = " ".join(text.split())
     assert "Fleet of 33 units: 20 calibrated (5 now, 15 before), 13 failed" in flat
@@ -349,10 +364,19 @@ def test_the_summary_says_units_failures_outliers_and_what_to_do():
     assert "and 3 more" in flat
     assert "2.csv, gyro_x N:" in flat
     assert "deg/√h" in flat
-    assert "rejects the model of 60 of 60 axes" in flat
+    assert only(remarks, "units-failed").facts == {"failed": 13, "units": 33}
+    assert only(remarks, "fits-rejected").facts == {"rejected": 60, "tested": 60}
+    assert "fleet-outliers" not in codes(remarks)
+    outlier = only(remarks, "units-outlying")
+    assert (outlier.subject, outlier.facts["count"], outlier.severity) == ("2.csv", 1, Severity.BIASED)
 
 
-def test_a_healthy_fleet_says_that_it_is():
-    text = " ".join(fleet_statistics(fleet(20)).summary().split())
-    assert "no unit is unlike the others" in text
-    assert "chance of a false alarm in a healthy fleet is some 5 %" in text
+def test_outliers_in_samples_are_a_remark():
+    table = fleet(4).with_columns(contaminated=pl.col("unit") == "2.csv")
+    assert only(of_units(table, 4, 0), "fleet-outliers").facts == {"contaminated": 3, "tested": 12}
+
+
+def test_a_healthy_fleet_has_no_grave_remark():
+    remarks = fleet_statistics(fleet(20)).remarks
+    assert only(remarks, "no-outlier-units").facts["size"] == 0.05
+    assert {remark.severity for remark in remarks} == {Severity.INFO}

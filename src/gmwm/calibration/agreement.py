@@ -1,4 +1,4 @@
-"""Do several recordings of one unit agree? Each number of their datasheets, tested; and the maker's beside them."""
+"""Compare several calibrations of one unit: test each number of their datasheets, and compare it with references."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from gmwm.signals import sensor_of
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
-"""Standard errors beyond which no double tells a probability from zero."""
+"""Standard errors beyond which a p-value is zero in double precision."""
 _SIGNED = "R"
-"""The ramp has a sign, and its interval is symmetric about it; the intervals of all others are of the logarithm."""
+"""Symbol of the rate ramp, which has a sign and a symmetric interval. All other intervals are those of logarithms."""
 
 Recording = Calibration | Mapping[str, Datasheet]
 
@@ -36,31 +36,31 @@ def agree(
     labels: Sequence[str] | None = None,
     reference: Mapping[str, tuple[float, str]] | None = None,
 ) -> Agreement:
-    """Tell which numbers of several recordings of one unit differ by more than chance.
+    """Test which numbers of several calibrations of one unit differ by more than chance.
 
-    For a number that recordings r give as x_r with the standard errors s_r, from the widths of their intervals, the
-    test of one value for all is
+    Recording r gives a number as x_r with the standard error s_r, from the width of its confidence interval. The test
+    that all recordings have the same value uses
 
         Σ (x_r − x̄)²/s_r² ~ χ² with one degree of freedom less than recordings, x̄ the mean weighted by 1/s_r²,
 
-    with x the logarithm, for the ramp R the number itself. Where the data of a recording only bound the number, its
-    limit is compared with the interval of each of the others, and of the lot the least probable counts: they agree if
-    the limit reaches the interval, where both are as wide as the test asks for. All p-values are adjusted by Holm's
-    method, so that `size` is that of any false alarm among all numbers.
+    where x is the logarithm of the number, or the number itself for the ramp R. If a recording gives only an upper
+    limit, the limit is compared with the interval of each other recording, and the smallest p-value counts: they agree
+    if the limit reaches the interval when both have the width that the test needs. All p-values are adjusted by Holm's
+    method, so `size` is the probability of any false alarm among all numbers.
 
-    Q, N, B, K and R are compared whatever the models, all others where all recordings have the same model; but not B
-    of a flicker term with B read at the lowest point of a curve.
+    Q, N, B, K and R are compared for all models, other numbers only if all recordings have the same model. B of a
+    flicker term is not compared with B at the minimum of the Allan deviation.
 
     Parameters
     ----------
     calibrations : sequence of Calibration, or of mappings of axis to Datasheet
-        One for each recording; two at least.
+        One for each recording, at least two.
     size : float
-        Of the test of all numbers together.
+        Size of the test of all numbers together.
     labels : sequence of str, optional
-        Names of the recordings; those of their files by default.
+        Names of the recordings; by default those of their files.
     reference : mapping of "gyro.N" or "gyro_x.N" to (value, unit), optional
-        Values of the maker, of a sensor or of one axis, in a unit as datasheets have it: (2.0, "deg/√h").
+        Values of the manufacturer for a sensor or an axis, with a datasheet unit: (2.0, "deg/√h").
 
     Returns
     -------
@@ -69,9 +69,9 @@ def agree(
     Raises
     ------
     OptionError
-        If there are fewer than two recordings, they share no axis, or an option is not one of those it may be.
+        If there are fewer than two recordings, they have no axis in common, or an option has an invalid value.
     UnitError
-        If an axis has another unit in another recording, or a reference is in no unit of its number.
+        If an axis has different units in the recordings, or a reference has a wrong unit.
 
     References
     ----------
@@ -90,14 +90,12 @@ def agree(
     """
     sheets = _sheets(calibrations)
     if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
-        raise OptionError(f"size must be between 0 and 1, got {size!r}; 5 % is 0.05")
+        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
     names = _labels(calibrations, labels)
     axes = merged([list(sheet) for sheet in sheets])
     if not any(sum(axis in sheet for sheet in sheets) > 1 for axis in axes):
-        raise OptionError(
-            "calibrations must be of recordings with an axis in common; they have "
-            + "; ".join(", ".join(sheet) for sheet in sheets)
-        )
+        axes_of = {name: ", ".join(sheet) for name, sheet in zip(names, sheets, strict=True)}
+        raise OptionError(argument="calibrations", expected="calibrations with an axis in common", got=axes_of)
     rows = _adjusted([row for axis in axes for row in _of_axis(axis, sheets, names)], size)
     rows, unmatched = _beside(rows, reference or {})
     models = {axis: tuple(sheet[axis].model if axis in sheet else None for sheet in sheets) for axis in axes}
@@ -116,16 +114,16 @@ def agree(
 def _sheets(calibrations: Sequence[Recording]) -> list[Mapping[str, Datasheet]]:
     """The datasheets of each recording."""
     if not isinstance(calibrations, list | tuple) or len(calibrations) < 2:
-        came = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
-        raise OptionError(f"calibrations must be a list of two or more, one for each recording; got {came}")
+        got = len(calibrations) if isinstance(calibrations, list | tuple) else type(calibrations).__name__
+        raise OptionError(argument="calibrations", expected="a list of at least two, one for each recording", got=got)
     sheets: list[Mapping[str, Datasheet]] = []
     for place, found in enumerate(calibrations, start=1):
         sheet = found.datasheets if isinstance(found, Calibration) else found
         if not isinstance(sheet, Mapping) or not sheet or not all(isinstance(s, Datasheet) for s in sheet.values()):
             raise OptionError(
-                f"calibrations must be Calibrations, or mappings of axis to Datasheet; number {place} is "
-                f"{type(found).__name__}"
-            )
+                argument="calibrations", expected="a list of Calibrations, or of mappings of axis to Datasheet",
+                got=f"{type(found).__name__} in place {place}",
+            )  # fmt: skip
         sheets.append(sheet)
     return sheets
 
@@ -137,16 +135,16 @@ def _labels(calibrations: Sequence[Recording], labels: Sequence[str] | None) -> 
         return tuple(stems) if whole else tuple(str(k) for k in range(1, len(stems) + 1))
     names = tuple(labels)
     if isinstance(labels, str) or not all(isinstance(name, str) and name for name in names):
-        raise OptionError(f"labels must be a sequence of names, got {labels!r}")
+        raise OptionError(argument="labels", expected="a sequence of names", got=labels)
     if len(names) != len(calibrations) or len(set(names)) != len(names):
-        raise OptionError(f"labels must be {len(calibrations)} names that differ, got {', '.join(names)}")
+        raise OptionError(argument="labels", expected=f"{len(calibrations)} different names", got=labels)
     return names
 
 
 def _where(
     calibrations: Sequence[Recording], names: Sequence[str], of: Callable[[Calibration], Iterable[str]]
 ) -> dict[str, tuple[str, ...]]:
-    """The recordings where an axis is one of some."""
+    """The recordings in which `of` yields an axis, by axis."""
     found: dict[str, tuple[str, ...]] = {}
     for name, calibration in zip(names, calibrations, strict=True):
         for axis in of(calibration) if isinstance(calibration, Calibration) else ():
@@ -163,8 +161,8 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
     units = {sheet.unit: name for sheet, name in zip(found, names, strict=True) if sheet is not None}
     if len(units) > 1:
         raise UnitError(
-            f"{axis} must have one unit; it has {', '.join(f'{unit} in {name}' for unit, name in units.items())}: "
-            "calibrate again, and say the units= of the file that is silent"
+            f"{axis} has different units: {', '.join(f'{unit} in {name}' for unit, name in units.items())}",
+            advice="Calibrate again, and pass the units of the file without units with {--units}.",
         )
     rows = []
     for symbol in in_order([list(sheet) for sheet in found if sheet is not None]):
@@ -192,19 +190,19 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
 
 
 def _is_known(entry: Entry) -> bool:
-    """Whether a number was estimated, and its interval says how well."""
+    """Whether a number was estimated and has a confidence interval or an upper limit."""
     if entry.held or entry.low is None or entry.high is None or not math.isfinite(entry.high):
         return False
     return entry.upper_only or entry.low < entry.value < entry.high
 
 
 def _reach(level: float) -> float:
-    """Standard errors from the middle of an interval to its end."""
+    """Standard errors from the centre of a confidence interval to its end."""
     return NormalDist().inv_cdf((1 + level) / 2)
 
 
 def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
-    """Of entries, each with the reach of its interval in standard errors, if they are of one number."""
+    """p-value of the test of one value for all entries, each with the reach of its interval in standard errors."""
     from scipy.special import gammaincc
 
     points = [_point(entry, z, signed) for entry, z in known if not entry.upper_only]
@@ -212,7 +210,7 @@ def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
     tests = []
     if len(points) > 1:
         x, s = np.array(points).T
-        # In units of the smallest error: no weight is out of range, whatever the unit.
+        # Relative to the smallest error, so that no weight overflows.
         weights = (s.min() / s) ** 2
         centre = float(weights @ x / weights.sum())
         tests.append(float(gammaincc((len(points) - 1) / 2, float(np.sum(((x - centre) / s) ** 2)) / 2)))
@@ -221,7 +219,7 @@ def _pvalue(known: Sequence[tuple[Entry, float]], signed: bool) -> float:
 
 
 def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
-    """A number on the scale of its interval, and its standard error there."""
+    """A number and its standard error, as a logarithm unless it has a sign."""
     low, high = entry.low or 0.0, entry.high or 0.0
     if signed:
         return entry.value, (high - low) / (2 * z)
@@ -229,10 +227,10 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """P-value of a limit below a number x ± s: with both as many standard errors wide, where the two would meet.
+    """p-value of an upper limit below a number x ± s: that of the width, in standard errors, at which they meet.
 
-    Errors that are independent add by their squares, and the sum of both errors is more than that: it is a bound. The
-    limit widens with the variance, as the amplitude of a term does; that of a number read off the curve, by a factor.
+    The value is an upper bound, because the sum of two independent errors is larger than their root sum of squares. The
+    upper limit of the amplitude of a term grows with its variance; that of a number read from the curve by a factor.
     """
 
     def apart(width: float) -> bool:
@@ -254,7 +252,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
-    """Holm: the smallest p-value times their number, the next times one less, and so on, each at least the last."""
+    """Holm's method: multiply each p-value by the number of those that are not smaller; keep them in order."""
     order = sorted((k for k, row in enumerate(rows) if row.pvalue is not None), key=lambda k: rows[k].pvalue or 0.0)
     made, least = list(rows), 0.0
     for place, k in enumerate(order):
@@ -263,26 +261,27 @@ def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
     return made
 
 
-# --- the maker's values -----------------------------------------------------------------------------
+# --- the reference values ----------------------------------------------------------------------------
 
 
 def _beside(
     rows: Sequence[SharedNumber], reference: Mapping[str, tuple[float, str]]
 ) -> tuple[list[SharedNumber], tuple[str, ...]]:
-    """The numbers with the maker's values, those of an axis before those of its sensor; and what found no number."""
+    """The numbers with their references, and the references without a number."""
     made, unmatched = list(rows), []
-    # Those of single axes last, as they overrule.
+    # References of axes come last, so that they replace those of sensors.
     for key in sorted(reference, key=lambda key: key.rpartition(".")[0] in {row.axis for row in rows}):
         name, _, symbol = key.rpartition(".")
         axes = {row.axis: row.unit for row in rows if name in (row.axis, sensor_of(row.axis))}
         if not axes:
             known = ", ".join(dict.fromkeys(name for row in rows for name in (sensor_of(row.axis), row.axis) if name))
-            raise OptionError(f"reference must be of one of {known}, as '{rows[0].axis}.N'; got {key!r}")
+            raise OptionError(argument="reference", expected=f"of {known}, such as '{rows[0].axis}.N'", got=key)
         places = [k for k, row in enumerate(rows) if row.axis in axes and row.symbol == symbol]
         for k in places:
             made[k] = replace(made[k], reference=as_reference(key, reference[key], rows[k].unit))
         if not places:
             if symbol not in LAWS:
-                raise OptionError(f"reference must be of {', '.join(LAWS)} or a number that there is; got {key!r}")
+                expected = f"of {', '.join(LAWS)} or another number of the calibrations"
+                raise OptionError(argument="reference", expected=expected, got=key)
             unmatched.append(key)
     return made, tuple(unmatched)

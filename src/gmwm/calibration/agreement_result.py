@@ -1,4 +1,4 @@
-"""The numbers that several recordings of one unit share, and the verdict on each."""
+"""The result of `agreement`: the numbers of several recordings of one unit, with the test of each."""
 
 from __future__ import annotations
 
@@ -7,31 +7,34 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gmwm._text import Summarised
+from gmwm.calibration.agreement_findings import remarks_of, verdict_of
 from gmwm.calibration.agreement_text import summary
 from gmwm.calibration.reference import Reference
 from gmwm.datasheets import Entry
+from gmwm.remarks import Remark
 
 
 @dataclass(frozen=True, kw_only=True)
 class SharedNumber:
-    """One number of one axis, as several recordings give it.
+    """One number of one axis, from several recordings.
 
     Attributes
     ----------
     axis, symbol, title, unit : str
-        Which one it is, and its SI unit.
+        Axis, symbol and title of the number, and its SI unit.
     entries : tuple of Entry or None
-        As each recording gives it; None where it does not.
+        The number of each recording; None if the recording does not have it.
     pvalue : float or None
-        Of numbers that differ so much or more if there is but one; None where they are not compared.
+        p-value of the test that the recordings have the same value; None if they are not compared.
     adjusted : float or None
-        The same with all numbers that were compared in mind, by Holm.
+        The p-value adjusted for the number of tests by Holm's method.
     agrees : bool or None
-        Whether `adjusted` is above the size of the test; None where they are not compared.
+        Whether `adjusted` is above the size of the test; None if they are not compared.
     reason : str
-        Why they are not compared: "one recording", "models", "kinds" (read in different ways), "interval"; else "".
+        Why they are not compared: "one recording", "models" (different ones), "kinds" (different definitions of B) or
+        "interval" (too few confidence intervals); "" if they are compared.
     reference : Reference or None
-        The maker's value.
+        The value of the manufacturer.
     """
 
     axis: str
@@ -47,7 +50,7 @@ class SharedNumber:
 
     @property
     def apart(self) -> float | None:
-        """The largest over the smallest value, less 1; None without two values, or with signs."""
+        """Ratio of the largest to the smallest value, minus 1; None without two values, or if the signs differ."""
         values = [entry.value for entry in self.entries if entry is not None and not entry.upper_only]
         return max(values) / min(values) - 1 if len(values) > 1 and min(values) > 0 else None
 
@@ -60,7 +63,7 @@ class SharedNumber:
         return tuple(None if value is None else abs(value) / self.reference.si for value in shown)
 
     def to_dict(self) -> dict[str, Any]:
-        """The number as plain numbers, lists and texts, ready for JSON."""
+        """The number as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis, "symbol": self.symbol, "title": self.title, "unit": self.unit,
             "entries": [None if entry is None else entry.to_dict() for entry in self.entries],
@@ -72,24 +75,24 @@ class SharedNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Agreement(Summarised, Sequence[SharedNumber]):
-    """Every number of several recordings of one unit, and which of them differ by more than chance.
+    """The numbers of several recordings of one unit, and which of them differ by more than chance.
 
     Attributes
     ----------
     labels : tuple of str
-        What the recordings are called.
+        Names of the recordings.
     rows : tuple of SharedNumber
         All numbers, axis by axis.
     models : mapping of axis to tuple of (str or None)
-        The model of each recording, None where it has no such axis.
+        The model of each recording; None if the recording does not have the axis.
     rejected : mapping of axis to tuple of str
-        Recordings whose model a test of the fit rejects there: their intervals are too narrow.
+        Recordings whose model is rejected by a goodness-of-fit test; their confidence intervals are too narrow.
     size : float
-        Probability of any disagreement where there is none.
+        Probability of a false alarm among all numbers.
     unmatched : tuple of str
-        References that no recording has a number for.
+        References for which no recording has a number.
     failed : mapping of axis to tuple of str
-        Recordings that have the axis, but that it could not be calibrated in.
+        Recordings in which the axis could not be calibrated.
     """
 
     labels: tuple[str, ...]
@@ -110,8 +113,18 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         """The numbers that differ by more than chance."""
         return tuple(row for row in self.rows if row.agrees is False)
 
+    @property
+    def verdict(self) -> Remark:
+        """How many numbers were compared, and how many differ."""
+        return verdict_of(self)
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What differs, and what was not compared; the gravest remark first."""
+        return tuple(remarks_of(self))
+
     def __getitem__(self, index: Any) -> Any:
-        """A number by its place, or by its name as "gyro_x.N"."""
+        """A number by its index or by its name, such as "gyro_x.N"."""
         if not isinstance(index, str):
             return self.rows[index]
         for row in self.rows:
@@ -126,11 +139,11 @@ class Agreement(Summarised, Sequence[SharedNumber]):
         return iter(self.rows)
 
     def summary(self) -> str:
-        """The numbers side by side in the units of datasheets, those that differ, and the maker's; 80 columns wide."""
+        """The numbers side by side in datasheet units, the remarks and the reference values, 80 columns wide."""
         return summary(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, lists and texts, ready for JSON."""
+        """The agreement as numbers, lists and strings, ready for JSON."""
         return {
             "labels": list(self.labels),
             "size": self.size,
@@ -141,6 +154,8 @@ class Agreement(Summarised, Sequence[SharedNumber]):
             "unmatched": list(self.unmatched),
             "failed": {axis: list(labels) for axis, labels in self.failed.items()},
             "rows": [row.to_dict() for row in self.rows],
+            "verdict": self.verdict.to_dict(),
+            "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
     def __repr__(self) -> str:

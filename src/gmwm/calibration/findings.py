@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gmwm._text import duration_text, rounded
+from gmwm._text import duration_text
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
 from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
 from gmwm.inference.planning import SEEN
-from gmwm.outliers import HUGE
+from gmwm.outliers import excess_text
 from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
 
 if TYPE_CHECKING:
@@ -142,9 +142,7 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
 def _excess(verdict: Verdict) -> dict[str, Fact]:
     """By how much the classical curve lies above the robust one at most, and at what scale."""
     worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
-    excess = float(verdict.excess[worst])
-    text = f"by {100 * excess:.0f} %" if excess < HUGE else f"by a factor of {rounded(1 + excess)}"
-    return {"excess": text, "tau": Quantity(float(verdict.tau[worst]), "s")}
+    return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
 def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:

@@ -1,4 +1,4 @@
-"""The maker's values, in the units in which datasheets tell them."""
+"""Reference values of the manufacturer, in datasheet units."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from gmwm.units import datasheet_units, find_unit, noise_unit, spelt
 
 @dataclass(frozen=True)
 class Reference:
-    """A value of the maker.
+    """A value of the manufacturer.
 
     Parameters
     ----------
     value : float
-        As it was given, in `unit`.
+        In `unit`.
     unit : str
     si : float
-        The same in SI.
+        The value in SI units.
     """
 
     value: float
@@ -28,7 +28,7 @@ class Reference:
     si: float
 
     def to_dict(self) -> dict[str, Any]:
-        """The value as plain numbers and texts, ready for JSON."""
+        """The value as numbers and strings, ready for JSON."""
         return asdict(self)
 
     def __str__(self) -> str:
@@ -36,7 +36,7 @@ class Reference:
 
 
 def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
-    """A value with its unit, of a number whose SI unit is `si`.
+    """Convert a reference value with its unit, for a number whose SI unit is `si`.
 
     >>> as_reference("gyro.N", (60.0, "°/sqrt(hr)"), "rad/s/√Hz").si == math.radians(1)
     True
@@ -44,9 +44,9 @@ def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
     Raises
     ------
     OptionError
-        If it is no positive number with a unit.
+        If it is not a positive number with a unit.
     UnitError
-        If the number is in no such unit.
+        If the number does not have this unit.
     """
     try:
         value, unit = given
@@ -54,20 +54,19 @@ def as_reference(name: str, given: tuple[float, str], si: str) -> Reference:
     except (TypeError, ValueError):
         whole = False
     if not whole:
-        raise OptionError(
-            f"reference of {name} must be a positive number and its unit, as (2.0, 'deg/√h'); got {given!r}"
-        )
+        expected = f"a positive number and its unit for {name}, such as (2.0, 'deg/√h')"
+        raise OptionError(argument="reference", expected=expected, got=given)
     return Reference(float(value), unit, float(value) * _factor(name, unit, si))
 
 
 def _factor(name: str, text: str, si: str) -> float:
-    """Of a unit to SI."""
+    """The factor from a unit to SI."""
     known = {spelt(unit): 1 / factor for unit, factor in {**datasheet_units(si), si: 1.0}.items()}
     if (size := known.get(spelt(text))) is not None:
         return size
-    # Of what has the unit of the signal itself: whatever the signal may be in.
+    # A number in the unit of the signal may have any unit of the signal.
     signal = find_unit(text)
     if signal is not None and noise_unit(0.0, signal.name)[0] == si:
         return signal.factor
     units = ", ".join(dict.fromkeys((*datasheet_units(si), si)))
-    raise UnitError(f"the unit of {name} must be one of {units}; got {text!r}")
+    raise UnitError(argument="reference", expected=f"in one of {units} for {name}", got=text)

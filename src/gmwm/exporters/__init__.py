@@ -1,4 +1,4 @@
-"""Files for others: the noise of a calibrated unit as filters, simulators, spreadsheets and papers take it."""
+"""Export the noise of a calibrated unit to filters, simulators, spreadsheets and papers."""
 
 from gmwm.exporters import autopilots as autopilots
 from gmwm.exporters import fastlio as fastlio

@@ -1,4 +1,4 @@
-"""From a calibration to the files that others read."""
+"""Write the noise of a calibrated unit as files for other programs."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def export(
     options = _options(exporter, given)
     for name, value in given.items():
         if name not in exporter.takes and value != _DEFAULTS[name]:
-            takes = f"it takes {', '.join(sorted(exporter.takes))}" if exporter.takes else "it takes no options"
-            raise OptionError(f"{name} has no meaning for {format!r}: {takes}")
+            used = ", ".join(sorted(exporter.takes)) or "none of these options"
+            raise OptionError(argument=name, expected=f"left out for the format {format}, which uses {used}", got=value)
     text = exporter.export(calibration, options)
     if path is not None:
         write_text(path, text)
@@ -51,22 +51,22 @@ def export_all(
     horizon: float = HORIZON,
     rate: float | None = None,
 ) -> tuple[dict[str, Path], dict[str, str]]:
-    """Every format, in a file of its name each; options are used where they have a meaning.
+    """Export a calibration in every format; each format uses the options that apply to it.
 
     Parameters
     ----------
     calibration, axes, inflation, horizon, rate
-        As for `export`. "each" is taken for "worst" where a format has one number for a sensor.
+        As for `export`. For `axes="each"`, formats with one number for a sensor use their default.
     folder : path
-        A directory that is there.
+        An existing folder. Each file has the name of its format.
 
     Returns
     -------
     mapping of format to Path, mapping of format to str
-        What was written, and why others were not.
+        The files, and the reason for each format that was not written.
     """
     written: dict[str, Path] = {}
-    left: dict[str, str] = {}
+    reasons: dict[str, str] = {}
     for exporter in registered():
         given: dict[str, Any] = {"axes": axes, "inflation": inflation, "horizon": horizon, "rate": rate}
         given = {name: value if name in exporter.takes else _DEFAULTS[name] for name, value in given.items()}
@@ -76,16 +76,16 @@ def export_all(
         try:
             text = exporter.export(calibration, options)
         except (DataError, MissingTheoryError) as error:
-            left[exporter.name] = str(error)
+            reasons[exporter.name] = str(error)
             continue
         target = Path(folder) / f"{exporter.name}{exporter.extension}"
         write_text(target, text)
         written[exporter.name] = target
-    return written, left
+    return written, reasons
 
 
 def export_formats() -> dict[str, str]:
-    """The formats that `export` writes: name and what it is for.
+    """Return the formats that `export` writes: the name and the program of each.
 
     >>> export_formats()["kalibr"]
     'Kalibr (imu.yaml)'
@@ -99,7 +99,7 @@ _DEFAULTS: Mapping[str, Any] = {"axes": None, "inflation": 1.0, "horizon": HORIZ
 def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
     axes, inflation, rate = given["axes"], given["inflation"], given["rate"]
     if axes is not None and axes not in RULES:
-        raise OptionError(f"axes must be one of {', '.join(map(repr, RULES))}; got {axes!r}")
+        raise OptionError(argument="axes", expected=f"one of {', '.join(map(repr, RULES))}", got=axes)
     return ExportOptions(
         exporter.default_axes if axes is None else axes,
         _positive("inflation", inflation),
@@ -110,5 +110,5 @@ def _options(exporter: Exporter, given: Mapping[str, Any]) -> ExportOptions:
 
 def _positive(name: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise OptionError(f"{name} must be a positive number, got {value!r}")
+        raise OptionError(argument=name, expected="a positive number", got=value)
     return float(value)

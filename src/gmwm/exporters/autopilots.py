@@ -1,4 +1,4 @@
-"""PX4 and ArduPilot: below what their filters' noise should never be set."""
+"""PX4 and ArduPilot: lower bounds of the noise parameters of their filters."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from gmwm.exporters.text import limit_mark, written
 
 
 class _Floor(TwoNumbers):
-    """Standard deviations of a step of Δt of the filter: it adds (Δt p)² to variances, so that p = N/√Δt, K/√Δt."""
+    """Standard deviations for a filter step of Δt. The filter adds (Δt p)² to the variances, so p = N/√Δt or K/√Δt."""
 
     takes = frozenset({"axes", "inflation", "horizon"})
     step: ClassVar[float]
     """Δt (s)."""
     keys: ClassVar[tuple[str, str, str, str]]
-    """Of the gyroscopes' and the accelerometers' noise, and of their biases."""
+    """Keys of the noise of gyroscopes and accelerometers, and of their biases."""
     row: ClassVar[str]
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """Four lines of comment: to load this file changes nothing."""
+        """Four comment lines, so that loading the file changes nothing."""
         gyro, accel = noise.of("gyro"), noise.of("accel")
         factor = 1 / math.sqrt(self.step)
         found = (gyro.N[0], accel.N[0], gyro.K[0], accel.K[0])
@@ -33,10 +33,10 @@ class _Floor(TwoNumbers):
 
 def _meaning(step: float, keys: Sequence[str]) -> tuple[str, ...]:
     return (
-        "A FLOOR, NOT ADVICE: the noise of the sensor at rest on the bench. The defaults are some hundred times "
-        "larger, since they stand for vibration, timing, misalignment and linearisation; a vehicle set to these values "
-        "may crash. Lower your parameters never below them. The lines are comments: to load this file changes nothing.",
-        f"Units: discrete, standard deviations of a step of {1000 * step:g} ms of the filter: {keys[0]} rad/s, "
+        "A LOWER BOUND, NOT A RECOMMENDATION: the noise of the sensor at rest. The defaults are about 100 times larger "
+        "because they include vibration, timing, misalignment and linearisation. A vehicle with these values may "
+        "crash. Never set a parameter below its bound. All lines are comments: loading the file changes nothing.",
+        f"Units: discrete, standard deviations for a filter step of {1000 * step:g} ms: {keys[0]} rad/s, "
         f"{keys[1]} m/s², {keys[2]} rad/s², {keys[3]} m/s³.",
     )
 
@@ -47,10 +47,13 @@ _ARDUPILOT = ("EK3_GYRO_P_NSE", "EK3_ACC_P_NSE", "EK3_GBIAS_P_NSE", "EK3_ABIAS_P
 
 @register
 class Px4(_Floor):
-    """Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms."""
+    """PX4.
+
+    Source: `EKF/covariance.cpp` and the parameters of the module ekf2 of PX4; EKF2_PREDICT_US is 10 ms.
+    """
 
     name = "px4"
-    title = "PX4 EKF2, as a floor"
+    title = "PX4 EKF2, lower bounds"
     extension = ".params"
     step = 0.010
     keys = _PX4
@@ -61,10 +64,13 @@ class Px4(_Floor):
 
 @register
 class ArduPilot(_Floor):
-    """Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms."""
+    """ArduPilot.
+
+    Source: `AP_NavEKF3_core.cpp` and `.h` of ArduPilot; EKF_TARGET_DT is 12 ms.
+    """
 
     name = "ardupilot"
-    title = "ArduPilot EKF3, as a floor"
+    title = "ArduPilot EKF3, lower bounds"
     extension = ".parm"
     step = 0.012
     keys = _ARDUPILOT

@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class FastLio(TwoNumbers):
-    """Discrete variances: a step adds Δt² times these to the covariance.
+    """Discrete variances; a step adds Δt² times these variances to the covariance.
 
     Source: `config/velodyne.yaml` and `IMU_Processing.hpp` of FAST-LIO.
     """
@@ -20,11 +20,11 @@ class FastLio(TwoNumbers):
     extension = ".yaml"
     meaning = (
         "Units: discrete, variances of a step at the rate below: N² f and K² f. acc_cov (m/s²)², gyr_cov (rad/s)², "
-        "b_acc_cov (m/s³)², b_gyr_cov (rad/s²)². At another rate they are others. The inflation factor enters squared.",
+        "b_acc_cov (m/s³)², b_gyr_cov (rad/s²)². Another rate needs other values. The inflation factor is squared.",
     )
-    advice = (
-        "These keys replace their namesakes under mapping: in your file, whose usual values, 0.1 and 0.0001, are far "
-        "larger than the noise of any sensor: they stand for what else is wrong.",
+    usage = (
+        "Replace the keys under mapping: in your file. The usual values, 0.1 and 0.0001, are far larger than the noise "
+        "of any sensor because they include other errors.",
     )
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 @register
 class Gazebo(TwoNumbers):
-    """A sample's σ = N√f, and a Gauss-Markov bias driven by K with a correlation time.
+    """σ = N√f of a sample, and a Gauss-Markov bias driven by K.
 
-    The simulator's bias is b ← e^(−Δt/T) b + w, Var w = K² T (1 − e^(−2Δt/T))/2.
+    The bias of the simulator is b ← e^(−Δt/T) b + w, Var w = K² T (1 − e^(−2Δt/T))/2.
 
     Source: SDFormat's description of noise, and `GaussianNoiseModel.cc` of Gazebo.
     """
@@ -35,19 +35,19 @@ class Gazebo(TwoNumbers):
         "Units: stddev is discrete, the standard deviation of a sample, N √f: rad/s and m/s². dynamic_bias_stddev is "
         "continuous, the random walk K: rad/s/√s and m/s²/√s; dynamic_bias_correlation_time s.",
         "The correlation time is that of the slowest Gauss-Markov term, or the length of the recording for an axis "
-        "whose walk shows no end.",
+        "with a random walk.",
     )
-    advice = ("This element goes into <sensor type='imu'>; its update_rate must be the rate of stddev.",)
+    usage = ("Put this element into <sensor type='imu'>. Its update_rate must be the rate of stddev.",)
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """The head as one comment of XML, as its lines have no mark."""
+        """Write the head as one XML comment."""
         text = super().export(calibration, options)
         head, _, body = text.partition("\n\n")
         lines = "\n".join(f"  {unended(line.strip())}" for line in head.splitlines())
         return f"<!--\n{lines}\n-->\n{body}"
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
-        """That of the axis, or the longest of its sensor where one number is for all of them."""
+        """The correlation time of the axis, or the longest of its sensor if one number is for all axes."""
         if options.axes == "each":
             return times[axis]
         return max(time for other, time in times.items() if sensor_of(other) == sensor_of(axis))

@@ -10,12 +10,10 @@ from gmwm.exporters.text import limit_mark, written
 
 _MEANING = (
     "Units: continuous-time power spectral densities, the squares of N and K: accelerometer (m/s²)²/Hz, gyroscope "
-    "(rad/s)²/Hz, bias of the accelerometer (m/s³)²/Hz, of the gyroscope (rad/s²)²/Hz. The inflation factor enters "
-    "squared.",
+    "(rad/s)²/Hz, bias of the accelerometer (m/s³)²/Hz, bias of the gyroscope (rad/s²)²/Hz. The inflation "
+    "factor is squared.",
 )
-_ADVICE = (
-    "The covariances of the integration and of the bias at the start are not the sensor's noise: they stay yours.",
-)
+_ADVICE = ("Keep your covariances of the integration and of the initial bias: they are not noise of the sensor.",)
 
 
 class _Gtsam(TwoNumbers):
@@ -25,7 +23,7 @@ class _Gtsam(TwoNumbers):
     """
 
     meaning = _MEANING
-    advice = _ADVICE
+    usage = _ADVICE
     per_axis = True
 
     def _four(self, noise: Noise) -> list[tuple[str, tuple[Number, ...]]]:
@@ -46,7 +44,7 @@ class GtsamCpp(_Gtsam):
     comment = "//"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """An assignment each."""
+        """One assignment for each covariance."""
         return [
             f"params->{key} = gtsam::Vector3({_squares(numbers)}).asDiagonal();{_mark(numbers, '//')}"
             for key, numbers in self._four(noise)
@@ -62,7 +60,7 @@ class GtsamPython(_Gtsam):
     extension = ".py"
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """A call each, in a function."""
+        """A function with one call for each covariance."""
         calls = [
             f"    params.set{key[0].upper()}{key[1:]}(np.diag([{_squares(numbers)}])){_mark(numbers, '#')}"
             for key, numbers in self._four(noise)

@@ -1,4 +1,4 @@
-"""Kalibr: imu.yaml of the camera-IMU calibration."""
+"""Kalibr: imu.yaml for the camera-IMU calibration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ CONTINUOUS = (
     "Units: continuous-time densities, one-sigma. Noise density N: gyroscope rad/s/√Hz, accelerometer m/s²/√Hz. "
     "Random walk K: gyroscope rad/s²/√Hz, accelerometer m/s³/√Hz.",
 )
-"""Of all consumers that have taken over Kalibr's four numbers."""
+"""Units of Kalibr's four numbers, which other consumers have adopted."""
 
 
 def four_numbers(noise: Noise) -> list[str]:
@@ -39,7 +39,7 @@ class Kalibr(TwoNumbers):
     title = "Kalibr (imu.yaml)"
     extension = ".yaml"
     meaning = CONTINUOUS
-    advice = ("rostopic is a place-holder: put the topic of your recordings there.",)
+    usage = ("Replace rostopic, which is a placeholder, by the topic of your recordings.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Kalibr's keys."""

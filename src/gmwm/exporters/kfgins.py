@@ -15,10 +15,10 @@ _MILLIGAL = 1e-5
 
 @register
 class KfGins(TwoNumbers):
-    """N and a Gauss-Markov bias with σ and one correlation time T for all axes.
+    """N, and a Gauss-Markov bias with σ and one correlation time T for all axes.
 
-    The filter drives the bias with 2σ²/T, so that σ = K√(T/2) has the walk K; with a single slow Gauss-Markov term and
-    its own T it is the σ of the term.
+    The filter drives the bias with 2σ²/T, so σ = K√(T/2) has the random walk K. For a single slow Gauss-Markov term and
+    its correlation time, it is the σ of the term.
 
     Source: `dataset/kf-gins.yaml`, `kf_gins.cpp` and `gi_engine.cpp` of KF-GINS.
     """
@@ -31,14 +31,14 @@ class KfGins(TwoNumbers):
     meaning = (
         "Units: continuous in time. arw deg/√h, vrw m/s/√h; gbstd deg/h and abstd mGal are the standard deviations of "
         "Gauss-Markov biases with the correlation time corrtime in h.",
-        "corrtime is the longest of the axes': that of the slowest Gauss-Markov term, or the length of the recording "
-        "for an axis whose walk shows no end. The deviations have the random walk K of each axis for times far below "
-        "it: K √(T/2).",
+        "corrtime is the longest correlation time T of all axes: that of the slowest Gauss-Markov term, or the length "
+        "of the recording for an axis with a random walk. The standard deviations are K √(T/2), so that each axis has "
+        "its random walk K over times far below T.",
     )
-    advice = ("Keep gsstd and asstd of your own file beside these: scale factors do not show at rest.",)
+    usage = ("Keep gsstd and asstd of your file: a recording at rest does not show scale factors.",)
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float:
-        """One for all axes."""
+        """The longest correlation time, for all axes."""
         return max(times.values())
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -20,9 +20,9 @@ class Kimera(TwoNumbers):
     extension = ".yaml"
     first = "%YAML:1.0"
     meaning = CONTINUOUS
-    advice = (
-        "These keys replace their namesakes in your ImuParams.yaml; T_BS, imu_preintegration_type, "
-        "imu_integration_sigma, imu_time_shift and n_gravity stay as they are.",
+    usage = (
+        "Replace these keys in your ImuParams.yaml. Keep T_BS, imu_preintegration_type, imu_integration_sigma, "
+        "imu_time_shift and n_gravity.",
     )
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class LioSam(TwoNumbers):
-    """Four continuous-time numbers, squared for GTSAM by itself.
+    """Four continuous-time numbers, which LIO-SAM squares for GTSAM.
 
     Source: `config/params.yaml` and `imuPreintegration.cpp` of LIO-SAM.
     """
@@ -22,9 +22,7 @@ class LioSam(TwoNumbers):
         "Units: continuous-time densities, one-sigma. imuGyrNoise rad/s/√Hz, imuAccNoise m/s²/√Hz, imuGyrBiasN "
         "rad/s/√s, imuAccBiasN m/s²/√s.",
     )
-    advice = (
-        "These keys replace their namesakes in your params.yaml; for ROS 2 they stand under /**: ros__parameters:.",
-    )
+    usage = ("Replace these keys in your params.yaml. For ROS 2, they are under /**: ros__parameters:.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Four keys."""

@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 _FLICKER = "BiasInstability"
-_HELD = 100.0
-"""How long (s) the filter is to hold flicker noise for."""
+_LASTING = 100.0
+"""Time lag (s) up to which the filter produces flicker noise: the default of this format, stated in its head."""
 
 
 @register
 class Matlab(TwoNumbers):
     """N and K of each axis for the simulator imuSensor.
 
-    With NoiseType "single-sided" a sample has the standard deviation NoiseDensity √f and a step of the walk
-    RandomWalk/√f, which is what N and K mean; with "double-sided", its default, f/2 stands in the place of f.
+    With the NoiseType "single-sided", a sample has the standard deviation NoiseDensity √f and a step of the random walk
+    RandomWalk/√f, as N and K are defined. With the default "double-sided", f/2 replaces f.
 
-    BiasInstability drives a filter whose output has the density B²/(2π|f|) of flicker noise at time lags up to as many
-    samples as the filter has poles, and is white beyond; the default has one pole.
+    BiasInstability drives a filter whose output has the density B²/(2π|f|) of flicker noise at time lags up to the
+    number of its poles, in samples, and is white noise at longer lags. The default filter has one pole.
 
     Source: reference pages of imuSensor, gyroparams, accelparams and fractalcoef, and the simulator's code.
     """
@@ -42,31 +42,31 @@ class Matlab(TwoNumbers):
     flicker = _FLICKER
     meaning = (
         "Units: continuous-time densities, one-sigma. NoiseDensity (rad/s)/√Hz and (m/s²)/√Hz; RandomWalk is the rate "
-        "and acceleration random walk K in (rad/s)/√s and (m/s²)/√s, which MATLAB calls (rad/s)√Hz and (m/s²)√Hz.",
-        "NoiseType is single-sided: then a sample has the standard deviation N √f. MATLAB's default, double-sided, "
-        "makes it smaller by √2, and the walk larger by √2.",
+        "and acceleration random walk K in (rad/s)/√s and (m/s²)/√s, which MATLAB writes as (rad/s)√Hz and (m/s²)√Hz.",
+        "NoiseType is single-sided, so that a sample has the standard deviation N √f. With MATLAB's default, "
+        "double-sided, it is smaller by √2, and the random walk is larger by √2.",
     )
 
     def head(self, calibration: Calibration, noise: Noise) -> list[str]:
-        """With what BiasInstability holds."""
-        said = super().head(calibration, noise)
+        """The head, with the meaning of BiasInstability."""
+        head = super().head(calibration, noise)
         if not _has_flicker(noise):
             return [
-                *said,
-                "BiasInstability stays at 0: it is a process of its own there, on top of N and K, which already stand "
-                "for the whole model.",
+                *head,
+                "BiasInstability stays 0. In MATLAB it is another process in addition to N and K, which already "
+                "describe the whole model.",
             ]
         return [
-            *said,
-            "BiasInstability is the coefficient B of the flicker noise, rad/s and m/s², which is in none of the other "
-            f"numbers. Its filter holds it over as many samples as it has poles, here {_HELD:g} s; beyond it is white: "
-            "raise poles for longer simulations. MATLAB's default filter has one pole, which is no flicker noise. "
-            "fractalcoef needs R2023b or later.",
+            *head,
+            "BiasInstability is the coefficient B of the flicker noise in rad/s and m/s². N and K do not include it. "
+            f"Its filter produces flicker noise up to a time lag of as many samples as it has poles, here {_LASTING:g} "
+            "s, and white noise at longer lags: increase poles for longer simulations. The default filter of MATLAB "
+            "has one pole and does not produce flicker noise. fractalcoef needs R2023b or later.",
         ]
 
     def body(self, noise: Noise) -> Sequence[str]:
-        """One call each."""
-        lines = [f"poles = {math.ceil(_HELD * noise.rate)};"] if _has_flicker(noise) else []
+        """One call for each sensor."""
+        lines = [f"poles = {math.ceil(_LASTING * noise.rate)};"] if _has_flicker(noise) else []
         for sensor, maker in ((noise.gyro, "gyro"), (noise.accel, "accel")):
             if sensor is not None:
                 lines += [

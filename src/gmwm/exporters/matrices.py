@@ -1,4 +1,4 @@
-"""State-space matrices of a model in a file: whether it has any, and with all digits."""
+"""State-space matrices of a model, as lists for a file."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def has_matrices(model: Model) -> bool:
 
 
 def require_matrices(axis: str, model: Model) -> None:
-    """An error where a term has no state-space form."""
+    """Raise an error if a term has no state-space form."""
     if not has_matrices(model):
-        lacking = next(p for p in model.processes if not p.has("state_space"))
-        raise MissingTheoryError(f"{axis}: {lacking.missing('state_space')}")
+        missing = next(p for p in model.processes if not p.has("state_space"))
+        raise MissingTheoryError(f"{axis}: {missing.missing('state_space')}")
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:

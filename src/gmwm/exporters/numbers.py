@@ -1,4 +1,4 @@
-"""The numbers of a unit as JSON: datasheet, two numbers for a filter, matrices."""
+"""The numbers of a unit as JSON: the datasheet, N and K for a filter, and the state-space matrices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from gmwm.exporters.base import Exporter, ExportOptions, register
 from gmwm.exporters.matrices import has_matrices
 from gmwm.exporters.reduction import axis_noise
 from gmwm.exporters.statespace import axis_matrices
-from gmwm.exporters.text import cautions
 from gmwm.units import SI_UNIT, find_unit, noise_unit
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ VERSION = 1
 
 @register
 class JsonNumbers(Exporter):
-    """What a program wants of a calibration, short; calibration.json has everything."""
+    """The numbers of a calibration for programs; calibration.json has the complete calibration."""
 
     name = "json"
     title = "other programs (JSON)"
@@ -39,14 +38,14 @@ class JsonNumbers(Exporter):
             "version": VERSION,
             "gmwm": metadata.version("gmwm"),
             "source": calibration.source,
-            "about": "SI units, continuous in time but for the parameters (per sample, beta in 1/s) and the matrices "
-            "F, Q, H, R, P0 (steps of a sample). Each axis by itself, no inflation. filter: two numbers for the "
-            "horizon; upper_limit says that the data only bound the number.",
+            "about": "SI units. Continuous time, except the parameters (per sample, beta in 1/s) and the matrices F, "
+            "Q, H, R, P0 (steps of one sample). Each axis by itself, without inflation. filter: N and K for the "
+            "horizon; if upper_limit is true, the number is an upper limit.",
             "horizon": options.horizon,
             "confidence": calibration.settings.confidence,
             "axes": {axis: _axis(axis, calibration, options) for axis in calibration},
             "failed": dict(calibration.failed),
-            "remarks": [remark.to_dict() for remark in cautions(calibration)],
+            "remarks": [remark.to_dict() for remark in self.remarks(calibration, options)],
         }
         return json.dumps(_plain(content), allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
@@ -71,11 +70,11 @@ def _axis(axis: str, calibration: Calibration, options: ExportOptions) -> dict[s
 
 
 def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict[str, Any] | None:
-    """N and K with their units; None, with a reason, where the data do not bound them or no unit is known."""
+    """N and K with their units, or the reason why there are none."""
     fit = calibration[axis]
     unit = find_unit(fit.wavelet_variance.unit)
     if unit is None:
-        return {"none_because": "the unit of the signal is not known"}
+        return {"none_because": "the unit of the signal is unknown"}
     try:
         use, level = Use(options.horizon), calibration.settings.confidence
         noise = axis_noise(axis, calibration.axes[axis], quantity=unit.quantity, use=use, level=level)
@@ -92,7 +91,7 @@ def _filter(axis: str, calibration: Calibration, options: ExportOptions) -> dict
 
 
 def _plain(value: Any) -> Any:
-    """Null for what JSON has no number for."""
+    """Replace NaN and infinity, which JSON does not have, by null."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -24,9 +24,9 @@ class OpenVins(TwoNumbers):
     extension = ".yaml"
     first = "%YAML:1.0"
     meaning = CONTINUOUS
-    advice = (
-        "OpenVINS advises to inflate by 10 to 20: --inflation 10. All but the four numbers and the rate are "
-        "place-holders for a perfect sensor: put those of your own calibration there.",
+    usage = (
+        "OpenVINS recommends an inflation factor of 10 to 20. Everything but the four numbers and the rate is a "
+        "placeholder for a perfect sensor: replace it by your own calibration.",
     )
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -10,7 +10,7 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class OrbSlam3(TwoNumbers):
-    """Four continuous-time numbers and the rate, by which it makes them discrete itself.
+    """Four continuous-time numbers and the rate, with which ORB-SLAM3 computes the discrete ones.
 
     Source: `Examples/Stereo-Inertial/EuRoC.yaml` and `Tracking.cc` of ORB-SLAM3.
     """
@@ -21,9 +21,9 @@ class OrbSlam3(TwoNumbers):
     first = "%YAML:1.0"
     meaning = (
         "Units: continuous-time densities, one-sigma. NoiseGyro rad/s/√Hz, NoiseAcc m/s²/√Hz, GyroWalk rad/s²/√Hz, "
-        "AccWalk m/s³/√Hz, Frequency Hz; it makes them discrete itself.",
+        "AccWalk m/s³/√Hz, Frequency Hz. ORB-SLAM3 computes the discrete numbers.",
     )
-    advice = ("These keys replace their namesakes in your settings file.",)
+    usage = ("Replace these keys in your settings file.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Five keys."""

@@ -1,4 +1,4 @@
-"""What the models of a unit come down to in a filter that knows white noise and a random walk only."""
+"""Reduce the models of a unit to the white noise N and the random walk K that most filters know."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from gmwm.datasheets.bias import SYMBOL
 from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
-from gmwm.datasheets.entry import Entry, significant
+from gmwm.datasheets.entry import Entry
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError
@@ -27,15 +27,15 @@ RULES: Mapping[Rule, str] = {
     "mean": "the root mean square of",
     "each": "one for each of",
 }
-"""How the axes of a sensor become the numbers of a file, in words."""
+"""How the axes of a sensor are combined into the numbers of a file."""
 
 NAMES: Mapping[Quantity, str] = {"gyro": "gyroscopes", "accel": "accelerometers"}
-"""The sensors, in words."""
+"""Names of the sensors in text."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of an axis or a sensor; where `upper`, the data only bound it, and it is the upper limit."""
+    """A number of an axis or a sensor: a measured value, or an upper limit if `upper` is true."""
 
     value: float
     upper: bool
@@ -47,7 +47,7 @@ class Number:
 
 @dataclass(frozen=True)
 class AxisNoise:
-    """N and K of one axis, B of its flicker noise, and what they are for."""
+    """N and K of one axis, B of its flicker noise, and the use that they are computed for."""
 
     axis: str
     fit: Fit
@@ -58,21 +58,21 @@ class AxisNoise:
 
     @property
     def time(self) -> float:
-        """Correlation time (s) that its walk is given where a consumer wants one."""
+        """Correlation time (s) of the Gauss-Markov bias, for consumers that replace the random walk by one."""
         return walk_time(self.fit, self.use.horizon) if self.use.time is None else self.use.time
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """N and K of one sensor in SI, inflated.
+    """N and K of one sensor in SI units, inflated.
 
     Parameters
     ----------
     quantity : "gyro" or "accel"
     axes : tuple of AxisNoise
-        As measured, not inflated.
+        Not inflated.
     N, K, B : tuple of Number
-        Three of them: for x, y and z. All the same but where the rule is "each". B is that of flicker noise alone.
+        Three numbers, for x, y and z. They are equal unless the rule is "each". B is the coefficient of a flicker term.
     """
 
     quantity: Quantity
@@ -90,12 +90,12 @@ class SensorNoise:
 def sensor_noise(
     calibration: Calibration, quantity: Quantity, rule: Rule, inflation: float, uses: Mapping[str, Use]
 ) -> SensorNoise | None:
-    """What a sensor comes down to; None where it was not calibrated.
+    """N, K and B of a sensor; None if it was not calibrated.
 
     Raises
     ------
     DataError
-        If the data do not even bound a number, or an axis that is wanted by itself was not calibrated.
+        If the data do not determine even an upper limit, or the rule is "each" and an axis was not calibrated.
     """
     names = axes_of(calibration, quantity)
     if not names:
@@ -114,41 +114,41 @@ def sensor_noise(
 
 
 def axes_of(calibration: Calibration, quantity: Quantity) -> list[str]:
-    """The axes of a sensor that were calibrated, in order."""
+    """The calibrated axes of a sensor, in alphabetical order."""
     return sorted(axis for axis in calibration if sensor_of(axis) == quantity)
 
 
 def require_unit(axis: str, fit: Fit, quantity: Quantity) -> None:
-    """An error where an axis is not in the SI unit of its sensor, as those of a recording are."""
+    """Raise an error if an axis is not in the SI unit of its sensor."""
     if fit.wavelet_variance.unit != SI_UNIT[quantity]:
         raise DataError(
-            f"{axis} is in {fit.wavelet_variance.unit or 'no known unit'}, where {SI_UNIT[quantity]} is expected of "
-            f"{NAMES[quantity]}; gmwm.read and gmwm.Signal take units="
+            f"{axis} is in {fit.wavelet_variance.unit or 'an unknown unit'} instead of {SI_UNIT[quantity]}",
+            advice="Read the recording again with {--units}.",
         )
 
 
 def axis_noise(axis: str, found: AxisCalibration, quantity: Quantity, use: Use, level: float) -> AxisNoise:
-    """N and K of one axis in a use: of the model, or upper limits where it has nothing of the kind."""
+    """N and K of one axis for a use: from the model, or upper limits if the model has no such noise."""
     fit = found.fit
     require_unit(axis, fit, quantity)
-    # Several files are made of one calibration; refits take their time.
-    kept: dict[tuple[Use, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
-    if (use, level) not in kept:
+    # Many files are written from one calibration, and an upper limit needs another fit.
+    known: dict[tuple[Use, float], tuple[Number, Number]] = fit.__dict__.setdefault("_two_numbers", {})
+    if (use, level) not in known:
         entries = noise_in_use(fit, use, level)
-        kept[use, level] = (
+        known[use, level] = (
             _number(axis, fit, entries["N_eff"], level),
             _number(axis, fit, entries["K_eff"], level),
         )
-    (white, walk), flicker = kept[use, level], _flicker(found)
+    (white, walk), flicker = known[use, level], _flicker(found)
     if use.flicker and flicker.value > 0 and not any(WALK in counted(p, use, fit.wavelet_variance.rate)
                                                      for p in translated(fit)[0].model.processes):  # fmt: skip
-        # The wandering is in the flicker noise: a walk that the data do not show is not added to it.
+        # The flicker term describes the slow changes; an upper limit of a random walk is not added to it.
         walk = Number(0.0, False)
     return AxisNoise(axis=axis, fit=fit, N=white, K=walk, B=flicker, use=use)
 
 
 def _flicker(found: AxisCalibration) -> Number:
-    """B of the flicker term, which is that of its datasheet where the model has one that is not zero."""
+    """B of the flicker term from the datasheet; zero if the model has no flicker term."""
     entry = found.datasheet.get(SYMBOL)
     if entry is None or entry.term is None:
         return Number(0.0, False)
@@ -157,15 +157,15 @@ def _flicker(found: AxisCalibration) -> Number:
 
 
 def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> tuple[Number, ...]:
-    """Three numbers by the rule, times the inflation factor."""
+    """Combine the numbers of the axes by the rule, multiplied by the inflation factor."""
     numbers = [number for _, number in given]
     if rule == "each":
         by_letter = {letter_of(axis): number for axis, number in given}
-        lacking = [letter for letter in "xyz" if letter not in by_letter]
-        if lacking:
+        if missing := [letter for letter in "xyz" if letter not in by_letter]:
             sensor = sensor_of(given[0][0])
             raise DataError(
-                f"axes='each' needs x, y and z of a sensor, {sensor}_{lacking[0]} is not calibrated; take axes='worst'"
+                f"{sensor}_{missing[0]} is not calibrated, so there is no number for each axis",
+                advice="Combine the other axes with the rule 'worst' or 'mean'.",
             )
         return tuple(by_letter[letter].scaled(inflation) for letter in "xyz")
     if rule == "worst":
@@ -177,20 +177,27 @@ def ruled(given: Sequence[tuple[str, Number]], rule: Rule, inflation: float) -> 
 
 
 def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
-    """The value of an entry; its upper limit where the data only bound it or the model has nothing of the kind."""
+    """The value of an entry, or its upper limit if the data do not distinguish it from zero."""
     if entry.value > 0 and not entry.upper_only:
         return Number(entry.value, False)
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError as error:
-        raise DataError(str(error).replace("the data do", f"the data of {axis} do", 1)) from error
+        raise _unbounded(axis, entry, error.__cause__) from error
     if not math.isfinite(high):
-        raise DataError(f"the data of {axis} do not bound its {entry.title}; a longer recording may")
+        raise _unbounded(axis, entry)
     return Number(high, True)
 
 
+def _unbounded(axis: str, entry: Entry, cause: BaseException | None = None) -> DataError:
+    message = f"the data of {axis} do not determine an upper limit of its {entry.title}"
+    if cause is not None:
+        return DataError(f"{message}: {cause}")
+    return DataError(message, advice="Record longer.")
+
+
 def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
-    """Correlation times (s), finite, of the terms that are a walk over the horizon; by label."""
+    """Finite correlation times (s), by label, of the terms that act as a random walk over the horizon."""
     written, labels = translated(fit)
     found = {}
     for label, process in zip(labels, written.model.processes, strict=True):
@@ -201,7 +208,7 @@ def slow_terms(fit: Fit, horizon: float) -> dict[str, float]:
 
 
 def walk_time(fit: Fit, horizon: float) -> float:
-    """Correlation time (s) of the walk: of the slowest term, or the record's length where no end of it shows."""
+    """Correlation time (s) of the walk: of the slowest term, or the length of the recording for a random walk."""
     written, _ = translated(fit)
     wv = fit.wavelet_variance
     times = slow_terms(fit, horizon).values()
@@ -215,40 +222,59 @@ def walk_time(fit: Fit, horizon: float) -> float:
 
 
 def counted_as(fit: Fit, use: Use) -> dict[str, list[str]]:
-    """Which terms of noise are in "N", in "K", in the parameter for flicker noise, and in neither; in words."""
+    """The terms of a model that are part of "N", of "K", of the parameter for flicker noise, and of none ("")."""
     written, labels = translated(fit)
     rate = fit.wavelet_variance.rate
-    found: dict[str, list[str]] = {"N": [], "K": [], "in neither": []}
+    found: dict[str, list[str]] = {"N": [], "K": [], "": []}
     if use.flicker:
-        found = {"N": [], "K": [], use.flicker: [], "in neither": []}
+        found = {"N": [], "K": [], use.flicker: [], "": []}
     for label, process in zip(labels, written.model.processes, strict=True):
         if process.scale == 0 or process.line(rate) is not None:
             continue
         powers = counted(process, use, rate)
         time = process.correlation_time(rate)
         if powers and by_deviation(process, use.horizon, rate):
-            label = f"{label} {BY_DEVIATION}"
+            label = f"{label} (by its Allan deviation)"
         elif powers and time is not None and 0 < time < math.inf:
             label = f"{label} (T_c {time:.3g} s)"
         for power in powers:
             found["N" if power == WHITE else "K"].append(label)
         if not powers:
-            found[use.flicker if use.flicker and is_flicker(process, rate) else "in neither"].append(label)
+            found[use.flicker if use.flicker and is_flicker(process, rate) else ""].append(label)
     return found
 
 
-BY_DEVIATION = "(by its Allan deviation)"
-"""What stands behind a term that is counted so."""
+def replaced_terms(fit: Fit, use: Use) -> tuple[str, ...]:
+    """The terms that are replaced by the noise with the same Allan deviation at one averaging time."""
+    written, labels = translated(fit)
+    rate = fit.wavelet_variance.rate
+    return tuple(
+        label
+        for label, process in zip(labels, written.model.processes, strict=True)
+        if process.scale > 0
+        and process.line(rate) is None
+        and counted(process, use, rate)
+        and by_deviation(process, use.horizon, rate)
+    )
 
 
-def lines_of(fit: Fit) -> list[str]:
-    """The lines of a model, in words."""
-    rate, unit, said = fit.wavelet_variance.rate, fit.wavelet_variance.unit or "u", []
-    for process in fit.model.processes:
+@dataclass(frozen=True)
+class Line:
+    """A line of a model: its frequency (Hz) and its amplitude, in the unit of the signal."""
+
+    term: str
+    frequency: float
+    amplitude: float
+
+
+def lines_of(fit: Fit) -> list[Line]:
+    """The lines of a model; a filter with two numbers knows none of them."""
+    rate = fit.wavelet_variance.rate
+    found = []
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
         line = process.line(rate)
         if line is None or process.scale == 0:
             continue
-        told = {number.time_power: number.value for number in process.physical(rate) if not number.signal_power}
-        frequency, amplitude = told.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])
-        said.append(f"a line at {significant(frequency, 3)} Hz of amplitude {significant(amplitude, 3)} {unit}")
-    return said
+        times = {number.time_power: number.value for number in process.physical(rate) if not number.signal_power}
+        found.append(Line(term, times.get(-1.0, abs(line[1]) * rate), math.sqrt(2 * line[0])))
+    return found

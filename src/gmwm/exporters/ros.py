@@ -1,18 +1,18 @@
-"""ROS: the covariances of sensor_msgs/Imu, for a driver to fill in."""
+"""ROS: the covariances of sensor_msgs/Imu messages."""
 
 from __future__ import annotations
 
 import math
-from importlib import metadata
 from typing import TYPE_CHECKING
 
-from gmwm.datasheets.effective import is_scale_free
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
-from gmwm.exporters.base import QUANTITIES, Exporter, ExportOptions, register
-from gmwm.exporters.reduction import RULES, Number, axes_of, lines_of, require_unit, ruled
-from gmwm.exporters.text import commented, recording, written
+from gmwm.exporters.base import QUANTITIES, Exporter, ExportOptions, register, title_line
+from gmwm.exporters.findings import of_lines
+from gmwm.exporters.reduction import RULES, Number, axes_of, require_unit, ruled
+from gmwm.exporters.text import cautions, commented, paragraphs, recording, written
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -23,7 +23,7 @@ _KEYS: dict[Quantity, str] = {"gyro": "angular_velocity_covariance", "accel": "l
 
 @register
 class Ros(Exporter):
-    """Variance of a sample: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, on the diagonal; lines are none.
+    """The variance of a sample on the diagonal: all stationary noise of the model, σ² + 2Q² + Σ σ²_GM, without lines.
 
     Source: `sensor_msgs/msg/Imu.msg`.
     """
@@ -36,14 +36,14 @@ class Ros(Exporter):
     per_axis = True
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """A list of nine numbers for each sensor there is."""
+        """A list of nine numbers for each calibrated sensor."""
+        first, last = paragraphs(self.remarks(calibration, options))
         head = [
-            f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-            *recording(calibration),
+            title_line(self), recording(calibration), *first,
             "Units: discrete, variances of one sample at the rate of the recording, row by row: angular_velocity "
             "(rad/s)², linear_acceleration (m/s²)².",
-            f"Inflation factor: {options.inflation:g}, which enters squared. Horizon: none.",
-        ]
+            f"Inflation factor: {options.inflation:g}, squared. Horizon: none.",
+        ]  # fmt: skip
         lines = []
         for quantity in QUANTITIES:
             if not (names := axes_of(calibration, quantity)):
@@ -58,23 +58,41 @@ class Ros(Exporter):
             lines.append(f"{_KEYS[quantity]}: [{nine}]")
         if not lines:
             raise DataError(
-                f"ros needs gyroscopes or accelerometers, as gyro_x and accel_x; got {', '.join(calibration)}"
+                f"ros needs gyroscopes or accelerometers, but this calibration has only {', '.join(calibration)}",
+                advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             )
-        head.append(
-            "They are the variances of all stationary noise: white noise, quantization noise, Gauss-Markov and other "
-            "correlated terms. Random walks and ramps have no variance and are left out; the message has no place for "
-            "them. The covariance of the orientation is not the sensors' noise."
-        )
-        if any(not p.stationary and is_scale_free(p, fit.wavelet_variance.rate) and p.scale > 0
-               for fit in calibration.values() for p in fit.model.processes):  # fmt: skip
-            head.append("Flicker and power-law noise have none either, and are left out too.")
-        lines_there = [(axis, line) for axis in calibration for line in lines_of(calibration[axis])]
-        head += [f"Not in these numbers: {line}, on {axis}." for axis, line in lines_there]
+        head += [
+            "The covariances are the variances of all stationary noise: white noise, quantization noise, and "
+            "Gauss-Markov and other correlated terms. The covariance of the orientation is not noise of the sensors.",
+            *last,
+        ]
         return "\n".join([*commented(head, "#"), "", *lines]) + "\n"
+
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """The doubts about the calibration, terms without a variance, and lines."""
+        found = cautions(calibration)
+        for axis, fit in calibration.items():
+            if terms := terms_without_variance(fit):
+                found.append(Remark.of("no-variance", axis, terms=terms))
+            found += of_lines(axis, fit)
+        return tuple(found)
+
+
+def terms_without_variance(fit: Fit) -> tuple[str, ...]:
+    """The terms whose variance grows with time."""
+    written, labels = translated(fit)
+    rate = fit.wavelet_variance.rate
+    return tuple(
+        label
+        for label, process in zip(labels, written.model.processes, strict=True)
+        if process.scale > 0
+        and process.line(rate) is None
+        and (not process.stationary or process.correlation_time(rate) == math.inf)
+    )
 
 
 def sample_variance(fit: Fit) -> float:
-    """Variance (SI) of one sample of the stationary noise of a model; terms that act as a walk are none, lines too."""
+    """Variance (SI) of one sample of the stationary noise of a model, without lines and terms that act as a walk."""
     model, wv = translated(fit)[0].model, fit.wavelet_variance
     stationary = [p for p in model.processes if p.stationary and p.scale > 0 and p.line(wv.rate) is None]
     lasting = [p for p in stationary if p.correlation_time(wv.rate) != math.inf]

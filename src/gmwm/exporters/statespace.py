@@ -1,29 +1,30 @@
-"""The full model as matrices: a Python file that runs with NumPy alone."""
+"""State-space matrices of the full model, as a Python file that needs only NumPy."""
 
 from __future__ import annotations
 
-from importlib import metadata
 from pprint import pformat
 from typing import TYPE_CHECKING, Any
 
-from gmwm.exporters.base import Exporter, ExportOptions, register
+from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.exporters.findings import of_ramps
 from gmwm.exporters.matrices import require_matrices, rows
-from gmwm.exporters.text import commented, plain, recording
-from gmwm.likelihood.system import is_ramp
+from gmwm.exporters.text import cautions, commented, paragraphs, plain, recording
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
 
 _MEANING = (
     "Discrete, in steps of one sample at the rate of the axis: x[t+1] = F x[t] + w, Var w = Q; y[t] = H x[t] + v, Var "
-    "v = R. x[0] has mean m0 and covariance P0; states marked in diffuse have no stationary distribution: start a "
-    "filter with a large variance there.",
-    "Continuous: dx/dt = A x + w, w white of density Qc; y = H_c x + v, v white of density Rc. Over a step of dt, F = "
-    "expm(A dt), and v has the variance Rc/dt. Terms under left_out exist in steps only, as quantization noise.",
-    "Units: u is rad/s for gyroscopes and m/s² for accelerometers. F and H are pure numbers; Q, R and P0 u² (a state "
-    "of slope: u per sample); A 1/s, Qc u²/s, Rc u²/Hz. y is the noise of the sensor; what it measures adds to it.",
-    "Axes: each by itself. Inflation: none. Horizon: none, the model is whole. The values are the estimates; terms "
-    "estimated as zero are zero here.",
+    "v = R. x[0] has the mean m0 and the covariance P0. States marked in diffuse have no stationary distribution: "
+    "start a filter with a large variance of these states.",
+    "Continuous: dx/dt = A x + w, w white with density Qc; y = H_c x + v, v white with density Rc. Over a step of dt, "
+    "F = expm(A dt), and v has the variance Rc/dt. The terms in left_out, such as quantization noise, exist only in "
+    "discrete time.",
+    "Units: u is rad/s for gyroscopes and m/s² for accelerometers. F and H have no unit; Q, R and P0 u² (a state of "
+    "slope: u per sample); A 1/s, Qc u²/s, Rc u²/Hz. y is the noise of the sensor, to be added to the true signal.",
+    "Axes: each by itself. Inflation: none. Horizon: none, the model is complete. The values are the estimates; terms "
+    "with an estimate of zero have the value zero.",
 )
 _CODE = '''
 
@@ -78,44 +79,27 @@ if __name__ == "__main__":
 
 @register
 class StateSpaceFile(Exporter):
-    """F, Q, H, R, m0, P0 of each axis, A, Qc, Rc where there are such, and code that joins and simulates them."""
+    """F, Q, H, R, m0, P0 and A, Qc, H_c, Rc of each axis, and code that joins and simulates them."""
 
     name = "state-space"
-    title = "state-space matrices of the full model, as a Python file for NumPy"
+    title = "NumPy (state-space matrices of the full model, as a Python file)"
     extension = ".py"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
         """A Python file."""
-        head = commented(
-            [
-                f"Noise of an IMU as {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                *recording(calibration), *_ramps(calibration), *_MEANING,
-            ],
-            "#",
-        )  # fmt: skip
+        first, last = paragraphs(self.remarks(calibration, options))
+        head = commented([title_line(self), recording(calibration), *first, *_MEANING, *last], "#")
         axes = {plain(axis): axis_matrices(axis, calibration) for axis in calibration}
         table = pformat(axes, indent=1, width=110, sort_dicts=False)
         return "\n".join([*head, "", "import numpy as np", "", f"AXES = {table}", _CODE])
 
-
-def _ramps(calibration: Calibration) -> list[str]:
-    """What a filter must know of terms without any chance in them, which are here with P0 = 0."""
-    told = {}
-    for axis, fit in calibration.items():
-        terms = zip(fit.model.terms, fit.model.processes, strict=True)
-        if found := [term for term, process in terms if is_ramp(process, fit.wavelet_variance.rate)]:
-            told[axis] = found
-    if not told:
-        return []
-    where = ", ".join(f"{term} of {axis}" for axis, terms in told.items() for term in terms)
-    return [
-        f"CAUTION: {where}: the ramp of this recording, known without error here (P0 = 0). That of another recording "
-        "is another one: in a filter leave its states out, or start its slope at zero with a variance."
-    ]
+    def remarks(self, calibration: Calibration, options: ExportOptions) -> tuple[Remark, ...]:
+        """The doubts about the calibration, and its rate ramps."""
+        return (*cautions(calibration), *of_ramps(calibration))
 
 
 def axis_matrices(axis: str, calibration: Calibration) -> dict[str, Any]:
-    """The matrices of one axis as plain lists, with all digits."""
+    """The matrices of one axis as lists, with all digits."""
     fit = calibration[axis]
     require_matrices(axis, fit.model)
     rate = fit.wavelet_variance.rate

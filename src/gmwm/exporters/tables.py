@@ -1,4 +1,4 @@
-"""Tables of the numbers of a unit: CSV for spreadsheets, LaTeX for papers."""
+"""Tables of the numbers of a unit: CSV for spreadsheets and LaTeX for papers."""
 
 from __future__ import annotations
 
@@ -6,38 +6,40 @@ import csv
 import io
 import re
 from collections.abc import Mapping
-from importlib import metadata
 from typing import TYPE_CHECKING
 
 from gmwm.calibration.tables import SENSORS, in_order, number
-from gmwm.exporters.base import Exporter, ExportOptions, register
-from gmwm.exporters.text import commented, recording
+from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
+from gmwm.exporters.text import commented, paragraphs, recording
 from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
     from gmwm.calibration.result import AxisCalibration
 
-_ABOUT = "Continuous in time. Each axis by itself; no inflation, no horizon: the datasheet of the whole model."
+_ABOUT = "Continuous-time numbers of each axis, from the whole model, without inflation and horizon."
 
 
 @register
 class CsvTable(Exporter):
-    """One row for each number of each axis, in SI and in the unit of datasheets."""
+    """One row for each number of each axis, in SI units and in datasheet units."""
 
     name = "csv"
     title = "spreadsheets (CSV)"
     extension = ".csv"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Comment lines, a header, rows."""
+        """Comment lines, a header and the rows."""
         level = calibration.settings.confidence
+        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
-                f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                *recording(calibration),
-                f"{_ABOUT} low and high: {100 * level:g} % interval; where upper_only is true the data only bound the "
-                "number, by high. inf: not determined.",
+                title_line(self),
+                recording(calibration),
+                *first,
+                f"{_ABOUT} low and high: {100 * level:g} % confidence interval. If upper_only is true, the number is "
+                "zero or not distinguished from zero, and high is its upper limit. inf: not determined.",
+                *last,
             ],
             "#",
         )  # fmt: skip
@@ -58,21 +60,24 @@ class CsvTable(Exporter):
 
 @register
 class LatexTable(Exporter):
-    """A tabular for each sensor: a column for each axis, a row for each number."""
+    """A tabular for each sensor, with a column for each axis and a row for each number."""
 
     name = "latex"
     title = "papers (LaTeX)"
     extension = ".tex"
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:
-        """Needs no package."""
+        """LaTeX that needs no package."""
         level = calibration.settings.confidence
+        first, last = paragraphs(self.remarks(calibration, options))
         head = commented(
             [
-                f"Noise of an IMU for {self.title}. Written by gmwm {metadata.version('gmwm')}.",
-                *recording(calibration),
-                f"Units of datasheets, in the first column. {_ABOUT} +-: half the {100 * level:g} % interval; "
-                f"<=: upper limit at {50 + 50 * level:g} %.",
+                title_line(self),
+                recording(calibration),
+                *first,
+                f"{_ABOUT} The first column has the unit. +-: half the width of the {100 * level:g} % confidence "
+                f"interval. <=: one-sided {50 + 50 * level:g} % upper limit.",
+                *last,
             ],
             "%",
         )  # fmt: skip
@@ -105,7 +110,7 @@ _SPECIAL = {
 
 
 def latex(text: str) -> str:
-    r"""A text as LaTeX takes it.
+    r"""Escape text for LaTeX.
 
     >>> print(latex("1.12e+03 ± 4.2 % deg/√h"), latex("T_c[1]"))
     $1.12\times10^{3}$ $\pm$ 4.2 \% deg/$\sqrt{\mathrm{h}}$ T\_c[1]

@@ -1,14 +1,14 @@
-"""Texts and numbers as all formats can hold them: ASCII, no line that a comment could end in."""
+"""Text and numbers that every format can hold: ASCII, and no line that could end a comment."""
 
 from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.exporters.reduction import Number
-from gmwm.remarks import Remark, Severity, texts
+from gmwm.remarks import Remark, Severity, with_groups
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -21,24 +21,41 @@ _ASCII = {
 }  # fmt: skip
 
 
-def recording(calibration: Calibration) -> list[str]:
-    """What was calibrated, in words, and what makes its numbers doubtful."""
+def recording(calibration: Calibration) -> str:
+    """The source, the length, the rate and the digest of the recording, for the head of a file."""
     source = f"{calibration.source}, " if calibration.source else ""
     digest = calibration.recording.sha256 if calibration.recording is not None else None
     extent = next(iter(calibration.values())).wavelet_variance.extent
-    said = [f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."]
-    return [*said, *(f"CAUTION: {text}" for text in texts(cautions(calibration)))]
+    return f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."
 
 
 def cautions(calibration: Calibration) -> list[Remark]:
-    """What makes the numbers doubtful: remarks that say that they may be wrong, and doubts about units."""
+    """The remarks that every file carries: numbers that may be wrong by a factor, and doubtful units."""
     return [
         remark for remark in calibration.remarks if remark.severity <= Severity.WRONG or remark.code in _DOUBTFUL_UNITS
     ]
 
 
+def paragraphs(remarks: Iterable[Remark]) -> tuple[list[str], list[str]]:
+    """Remarks as paragraphs of a head: those that affect the numbers, marked as cautions, and the others.
+
+    Returns
+    -------
+    list of str, list of str
+        The first list belongs directly below the source, the second to the end of the head.
+    """
+    first: list[str] = []
+    last: list[str] = []
+    for group, text in with_groups(remarks):
+        if group[0].severity <= Severity.BIASED:
+            first.append(f"CAUTION: {text}")
+        else:
+            last.append(text)
+    return first, last
+
+
 def plain(text: str) -> str:
-    """A text in ASCII on one line, which no comment can end in: for names and files that come from elsewhere.
+    """Text as a single line of ASCII that cannot end a comment; needed for names and files from elsewhere.
 
     >>> plain("a√Hz * / -- b\\nc")
     'asqrt(Hz) * / -- b c'
@@ -47,12 +64,12 @@ def plain(text: str) -> str:
     for sign, written in _ASCII.items():
         text = text.replace(sign, written)
     text = "".join(c if c.isprintable() else " " for c in text).encode("ascii", "replace").decode("ascii")
-    # A backslash at the end of a line would carry a comment of C++ over to the next.
+    # A backslash at the end of a line continues a C++ comment on the next line.
     return " ".join(text.replace("\\", "/").replace("*/", "* /").split())
 
 
 def unended(line: str) -> str:
-    """A line of plain text that cannot end a comment of XML.
+    """A line of plain text that cannot end an XML comment.
 
     >>> unended("a --> b")
     'a - -> b'
@@ -62,11 +79,11 @@ def unended(line: str) -> str:
     return line
 
 
-def commented(paragraphs: Sequence[str], mark: str) -> list[str]:
-    """Paragraphs as lines of comment."""
+def commented(texts: Sequence[str], mark: str) -> list[str]:
+    """Paragraphs as comment lines."""
     return [
         line
-        for text in paragraphs
+        for text in texts
         for line in textwrap.wrap(
             plain(text), _WIDTH, initial_indent=f"{mark} ", subsequent_indent=f"{mark}   ", break_on_hyphens=False
         )
@@ -74,7 +91,7 @@ def commented(paragraphs: Sequence[str], mark: str) -> list[str]:
 
 
 def written(number: Number | float) -> str:
-    """A number as all the formats here read it, with seven digits.
+    """A number with seven digits, in a form that all consumers read.
 
     >>> written(1.0), written(1.25e-7)
     ('1.000000e+00', '1.250000e-07')
@@ -83,7 +100,7 @@ def written(number: Number | float) -> str:
 
 
 def written_rate(rate: float) -> str:
-    """A rate (Hz) with six digits: those of one that was counted from time stamps are not known to more.
+    """A rate (Hz) with six digits; a rate measured from time stamps is not more precise.
 
     >>> written_rate(200.0), written_rate(200.00116000672804)
     ('200.0', '200.001')
@@ -92,5 +109,5 @@ def written_rate(rate: float) -> str:
 
 
 def limit_mark(number: Number) -> str:
-    """What stands behind a number that is an upper limit."""
+    """The mark behind a number that is an upper limit."""
     return "  upper limit" if number.upper else ""

@@ -11,9 +11,9 @@ from gmwm.exporters.text import limit_mark, written
 
 @register
 class Vins(TwoNumbers):
-    """Discrete standard deviations, as σ√f.
+    """Discrete standard deviations N√f and K√f.
 
-    A step adds (Δt σ)² to the variances of angle, velocity and biases, so that N²Δt = Δt²·acc_n² and likewise for K.
+    A step adds (Δt σ)² to the variances of angle, velocity and biases, so N²Δt = Δt²·acc_n², and likewise for K.
 
     Source: `config/euroc` and `integration_base.h` of VINS-Mono and VINS-Fusion.
     """
@@ -24,12 +24,12 @@ class Vins(TwoNumbers):
     first = "%YAML:1.0"
     meaning = (
         "Units: discrete, standard deviations of a step at the rate below: N √f and K √f. acc_n m/s², gyr_n rad/s, "
-        "acc_w m/s³, gyr_w rad/s². At another rate they are others.",
+        "acc_w m/s³, gyr_w rad/s². Another rate needs other values.",
     )
-    advice = (
-        "These keys replace their namesakes in your configuration. The mean of two samples that it integrates is taken "
-        "for one of half the variance, where successive steps share a sample: acc_n and gyr_n larger by √2 make up for "
-        "that; it is not done here. Users commonly take 10 to 100 times more.",
+    usage = (
+        "Replace these keys in your configuration. VINS integrates the mean of two samples and assumes half the "
+        "variance, although successive steps share a sample. Multiply acc_n and gyr_n by √2 to correct for this; the "
+        "numbers here are not corrected. Users commonly set 10 to 100 times larger values.",
     )
 
     def body(self, noise: Noise) -> Sequence[str]:

@@ -1,4 +1,4 @@
-"""Many units of one type: each calibrated, and what they tell together."""
+"""Calibrate many units of one type, and compute the statistics of their numbers."""
 
 from gmwm.fleets.engine import fleet
 from gmwm.fleets.result import Fleet

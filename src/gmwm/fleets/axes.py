@@ -1,4 +1,4 @@
-"""Do the axes of a sensor differ? Hotelling's test of their differences, unit by unit."""
+"""Test whether the axes of a sensor differ, by Hotelling's test of their differences within units."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from gmwm.fleets.statistics_result import SIGNED, AxisDifference
 from gmwm.signals import sensor_of
 
 LEAST = 6
-"""Units in which all axes have a number, below which their differences are not tested."""
+"""Number of units with a number on all axes that the test needs, so that three axes leave 4 degrees of freedom."""
 
 
 def differences(
     numbers: Sequence[tuple[str, str, str, str | None]], x: Matrix, size: float
 ) -> tuple[AxisDifference, ...]:
-    """The axes of each sensor, number by number.
+    """Test the axes of each sensor for each number.
 
         T² = n d̄ᵀ S⁻¹ d̄,   (n − p) T² / (p (n − 1)) ~ F(p, n − p)
 
-    with d the differences of neighbouring axes in each of the n units that have all, S their covariance and p one less
-    than axes. What the axes of a unit share, and that some are known better than others, does not matter to it.
+    with d the differences of neighbouring axes in each of the n units with all axes, S their covariance, and p the
+    number of axes minus one. A common factor of the axes of a unit, and different precisions of axes, have no effect.
 
     Parameters
     ----------
     numbers : sequence of (axis, symbol, unit, model)
-        What the rows of `x` are.
+        The meaning of the rows of `x`.
     x : (m, n) array
-        Numbers of n units on the scale of comparison, NaN where there is none.
+        Numbers of n units as logarithms (R itself), NaN for a missing number.
     size : float
-        Of all tests together.
+        Size of all tests together.
 
     References
     ----------
@@ -69,12 +69,12 @@ def differences(
 
 
 def hotelling(d: Matrix) -> float | None:
-    """P-value of d (p, n) having the mean zero; None where their scatter is not of full rank."""
+    """p-value of the test that d (p, n) has the mean zero; None if its covariance is singular."""
     from scipy.stats import f
 
     p, n = d.shape
     mean = d.mean(axis=1)
-    # In units of their own scatter, so that the rank is told whatever the units.
+    # Scaled to unit variance, so that the rank does not depend on the unit.
     size = d.std(axis=1, ddof=1)
     if n <= p or not np.all(size > 0):
         return None
@@ -86,7 +86,7 @@ def hotelling(d: Matrix) -> float | None:
 
 
 def _adjusted(found: Sequence[AxisDifference], size: float) -> tuple[AxisDifference, ...]:
-    """Holm's adjustment over all."""
+    """Adjust the p-values of all tests by Holm's method."""
     made, least = list(found), 0.0
     for rank, k in enumerate(sorted(range(len(made)), key=lambda k: made[k].pvalue)):
         least = max(least, min(1.0, (len(made) - rank) * made[k].pvalue))

@@ -1,4 +1,4 @@
-"""Which recordings a fleet has: all in a folder, or those that are named; and what its units are called."""
+"""Find the recordings of a fleet, and name its units."""
 
 from __future__ import annotations
 
@@ -13,51 +13,50 @@ from gmwm.readers import registered
 from gmwm.readers.base import HEAD_BYTES
 
 FILE = "fleet.json"
-"""Stands in the folder that a fleet is written to."""
+"""Name of the file that marks the output folder of a fleet."""
 _PLAUSIBLE = 0.5
-"""What a reader says of a file that may be its own, see `Reader.sniff`."""
+"""Confidence of a reader for a file that it may be able to read, see `Reader.sniff`."""
 Recordings = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str]]
 
 
 @dataclass(frozen=True)
 class FleetUnits:
-    """The recordings of a fleet by the names of their units, and the files beside them that are none."""
+    """The recordings of a fleet by unit, and the other files of the folder."""
 
     paths: Mapping[str, Path]
     left_out: tuple[str, ...] = ()
 
 
 def find_units(recordings: Recordings, output: Path, pattern: str | None) -> FleetUnits:
-    """The units of a fleet; `pattern` is of files in a folder."""
+    """Find the units of a fleet; `pattern` selects files of a folder."""
     if isinstance(recordings, str | os.PathLike):
         return _in_folder(Path(recordings).absolute(), output.absolute(), pattern)
     if pattern is not None:
-        raise OptionError(f"pattern={pattern!r} is of the files in a folder; leave it out where recordings are named")
+        raise OptionError(argument="pattern", expected="left out unless recordings is a folder", got=pattern)
     if isinstance(recordings, Mapping):
         paths = {str(unit): Path(path).absolute() for unit, path in recordings.items()}
     elif isinstance(recordings, Sequence):
         paths = _named([Path(path).absolute() for path in recordings])
     else:
         raise OptionError(
-            "recordings must be a folder, a sequence of paths or a mapping of unit to path, got "
-            f"{type(recordings).__name__}"
+            argument="recordings", expected="a folder, a sequence of paths or a mapping of unit to path", got=recordings
         )
     if not paths:
-        raise OptionError("recordings must name one recording at least, got none")
+        raise OptionError(argument="recordings", expected="at least one recording", got=recordings)
     _check_names(paths)
     return FleetUnits(paths)
 
 
 def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
     if not folder.is_dir():
-        what = "is a file; pass it as [path]" if folder.exists() else "does not exist"
-        raise OptionError(f"recordings must be a folder, {folder} {what}")
+        advice = "Pass a single file as a list." if folder.exists() else ""
+        raise OptionError(argument="recordings", expected="an existing folder", got=str(folder), advice=advice)
     paths: dict[str, Path] = {}
     left_out: list[str] = []
     for path in _walk(folder, output):
         unit = path.relative_to(folder).as_posix()
         if pattern is not None:
-            # A pattern with a folder in it is one of paths.
+            # A pattern with a folder is matched with the path, others with the name.
             if fnmatchcase(unit if "/" in pattern else path.name, pattern):
                 paths[unit] = path
         elif path.is_dir() or _is_recording(path):
@@ -65,14 +64,18 @@ def _in_folder(folder: Path, output: Path, pattern: str | None) -> FleetUnits:
         else:
             left_out.append(unit)
     if not paths:
-        wanted = "that a reader knows" if pattern is None else f"that fit the pattern {pattern!r}"
-        raise OptionError(f"recordings must be a folder with recordings, {folder} has no files {wanted}")
+        if pattern is not None:
+            raise OptionError(argument="pattern", expected=f"the pattern of some file in {folder}", got=pattern)
+        raise OptionError(
+            argument="recordings", expected="a folder with files that a reader knows", got=str(folder),
+            advice="Choose the files with {--pattern}.",
+        )  # fmt: skip
     _check_names(paths)
     return FleetUnits(dict(sorted(paths.items())), tuple(sorted(left_out)))
 
 
 def _walk(folder: Path, output: Path) -> Iterator[Path]:
-    """All files beneath, and folders that are one recording; hidden ones and what fleets wrote are passed over."""
+    """All files below a folder, and folders that are one recording, without hidden files and outputs of fleets."""
     signs = {reader.folder_sign for reader in registered()} - {""}
     for name, folders, files in os.walk(folder):
         here = Path(name)
@@ -87,12 +90,9 @@ def _walk(folder: Path, output: Path) -> Iterator[Path]:
 
 
 def _is_recording(path: Path) -> bool:
-    """Whether the name or the content says that a file should be a recording; if it is none then, its unit fails.
-
-    Of what is merely text only the name tells.
-    """
+    """Whether the name or the content of a file is that of a recording; a text file needs a known extension."""
     for reader in registered():
-        # What stands for a folder is no recording by itself, and .yaml may be anything.
+        # The file that marks a folder as a recording is not one itself, and .yaml may be anything.
         if path.suffix.lower() in set(reader.extensions) - {Path(reader.folder_sign).suffix}:
             return True
     try:
@@ -105,29 +105,32 @@ def _is_recording(path: Path) -> bool:
 
 
 def _named(paths: Sequence[Path]) -> dict[str, Path]:
-    """Recordings by what follows the folder that they have in common."""
+    """Recordings by their paths below the folder that they have in common."""
     if not paths:
         return {}
     try:
         common = Path(os.path.commonpath([path.parent for path in paths]))
-    except ValueError as error:  # on drives of their own
-        raise OptionError("recordings must lie on one drive; or name their units: a mapping of unit to path") from error
+    except ValueError as error:  # on different drives
+        raise OptionError(
+            "the recordings are on different drives", advice="Name the units: pass a mapping of unit to path."
+        ) from error
     named = {path.relative_to(common).as_posix(): path for path in paths}
     if len(named) < len(paths):
         twice = next(str(path) for k, path in enumerate(paths) if path in paths[:k])
-        raise OptionError(f"recordings must name each recording once, {twice} is named twice")
+        raise OptionError(argument="recordings", expected="different paths", got=twice)
     return named
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """A unit's name is that of its file beneath the output folder: it stays there, and no other is in its way."""
+    """Check names of units: each is a path inside the output folder, and no path is that of a folder of another."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:
-            raise OptionError(f"the name of a unit must be a path beneath a folder, as 'lot 7/unit 12'; got {unit!r}")
+            expected = "named by paths inside a folder, such as 'lot 7/unit 12'"
+            raise OptionError(argument="recordings", expected=expected, got=unit)
         for above in map(str, parts.parents):
             if above.endswith(".json") and above.removesuffix(".json") in units:
                 raise OptionError(
-                    f"the units {above.removesuffix('.json')!r} and {unit!r} would both be written to {above}; name "
-                    "the units yourself: a mapping of unit to path"
+                    f"the units {above.removesuffix('.json')!r} and {unit!r} would have the same path {above}",
+                    advice="Name the units: pass a mapping of unit to path.",
                 )

@@ -1,4 +1,4 @@
-"""Thousands of recordings, each calibrated: on this machine or many, kept as it goes, taken up where it ended."""
+"""Calibrate many recordings on one machine or a cluster, and continue an interrupted run."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gmwm._text import counted
 from gmwm._threads import processors
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
 from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
 from gmwm.fleets.result import Fleet
 from gmwm.fleets.rows import Row, failed_row
-from gmwm.fleets.storage import TABLE, finished_rows, foreign_units, remove_unit, write_facts, write_unit
-from gmwm.fleets.table import as_table, write_table
+from gmwm.fleets.storage import TABLE, UNITS, finished_rows, foreign_units, remove_unit, write_facts, write_unit
+from gmwm.fleets.table import RUN_AGAIN, as_table, write_table
 from gmwm.fleets.unit_job import Job, Outcome, UnitOptions
 from gmwm.fleets.workers import allowing_lost_workers, in_process, on_cluster
 from gmwm.options import ReadOptions
 from gmwm.processes.model import ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.readers import find_reader
+from gmwm.remarks import Remark
 from gmwm.signals import AXES
 from gmwm.units import SI_UNIT
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 Progress = Callable[[int, int, str], None]
-"""Called with the number of units done, that of all, and the last one."""
+"""A function that is called with the number of units done, the number of all units, and the last unit."""
 
 
 def fleet(
@@ -58,53 +58,53 @@ def fleet(
     retries: int = 2,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Calibrate every recording of a fleet, and make one table of all.
+    """Calibrate the recordings of many units, and collect their numbers in one table.
 
-    Each unit's calibration is written as soon as it is there. Whoever runs the same again does only what is missing:
-    units that failed, that are new, whose recording or whose settings are others. A unit that fails is a row with its
-    reason and ends nothing. What a network file system or a lost worker interrupts is tried again.
+    The calibration of each unit is written as soon as it is finished. A second run with the same output calibrates only
+    units that failed, that are new, or whose recording or options changed. A unit that fails has a row with the reason
+    and does not stop the others. Errors of a network file system or a lost worker are retried.
 
     Parameters
     ----------
     recordings : folder, sequence of paths, or mapping of unit to path
-        Of a folder all files beneath that a reader knows by name or content, but hidden ones; a unit is called by its
-        path in the folder.
+        For a folder, all files below it that a reader recognizes by name or content, without hidden files. The name of
+        a unit is its path in the folder.
     output : path
         Folder for fleet.json, fleet.parquet, and units/<unit>.json as `Calibration.load` reads them.
     within, robust, weighting, criterion, confidence, efficiency, draws, rng, axes
-        As for `calibrate`, of every unit. An integer is drawn from a Generator once and serves all units; a later run
-        with another integer calibrates all of them again.
+        As for `calibrate`, for every unit. From a Generator, one integer is drawn for all units. A later run with
+        another integer calibrates all units again.
     reading : mapping or ReadOptions, optional
-        Arguments of `read`, for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
+        Arguments of `read` for every recording: {"rate": 100.0, "units": {"gyro": "deg/s"}}.
     pattern : str, optional
-        Which files of the folder instead: "*.csv" is of their names, "lot 7/*.csv" of their paths.
+        Files of the folder to use instead: "*.csv" is matched with the names, "lot 7/*.csv" with the paths.
     scheduler : str or distributed.Client, optional
-        Address of a Dask scheduler whose workers do the work, or a client of it. All have gmwm, and the workers find
-        the recordings under the same paths; how many lost workers a unit may cost is the scheduler's own setting.
+        Address of a Dask scheduler, or a client. The workers need gmwm and access to the recordings under the same
+        paths. The scheduler decides how many lost workers end a job.
     workers : int, optional
-        Processes to begin on this machine instead, one for each processor by default if Dask is installed; a script
-        must then hold its work under `if __name__ == "__main__":`. 0 works in this process.
+        Number of processes to start on this machine; by default one for each processor if Dask is installed. A script
+        must then start its work under `if __name__ == "__main__":`. 0 uses only this process.
     retries : int
-        How often a unit is tried again that the system interrupted.
+        Number of retries after an error of the operating system.
     progress : function of (done, all, text), optional
-        Called after each unit, in the calling thread.
+        Called after each unit in the calling thread.
 
     Returns
     -------
     Fleet
-        Its `table`, `failed`, `statistics` and `outliers`; `fleet["unit"]` is the Calibration of one.
+        With `table`, `failed`, `statistics`, `outliers` and `remarks`; `fleet["unit"]` is the Calibration of one unit.
 
     Raises
     ------
     OptionError, UnitError, ModelError
-        If an option is not one of those it may be; before any work begins.
+        If an option has an invalid value; raised before any calibration.
     MissingDependencyError
-        If a cluster or workers are asked for and Dask is not installed.
+        If a scheduler or workers are given and Dask is not installed.
 
     Warns
     -----
     GmwmWarning
-        If results of units that are not of this fleet stand in the output.
+        If the output contains results of units that are not in this fleet.
 
     Examples
     --------
@@ -151,20 +151,16 @@ def calibrate_fleet(
     folder = Path(output).absolute()
     found = find_units(recordings, folder, pattern)
     if folder.exists() and not folder.is_dir():
-        raise OptionError(f"output must be a folder, {folder} is a file; name another one")
+        raise OptionError(argument="output", expected="a folder", got=str(folder))
     run = _Run(folder, found, progress)
     jobs = run.jobs(unit_options)
-    # Nothing is written before there is somebody to do the work.
+    # Nothing is written before the scheduler answers.
     with _outcomes(jobs, scheduler, workers, retries) as outcomes:
         folder.mkdir(parents=True, exist_ok=True)
         if others := foreign_units(folder, found.paths):
-            warnings.warn(
-                f"{counted(len(others), 'result')} of units that are not of this fleet "
-                f"{'stays' if len(others) == 1 else 'stay'} in {folder / 'units'}: {', '.join(others[:3])}"
-                f"{' …' if len(others) > 3 else ''}; remove them, or name another output",
-                GmwmWarning,
-                stacklevel=2,
-            )
+            where = str(folder / UNITS)
+            remark = Remark.of("foreign-results", folder=where, count=len(others), units=tuple(others))
+            warnings.warn(GmwmWarning(remark), stacklevel=2)
         write_facts(folder, found, unit_options)
         with run.telling():
             for outcome in outcomes:
@@ -183,7 +179,7 @@ def calibrate_fleet(
 
 
 class _Run:
-    """One run of a fleet: what is kept of earlier ones, and what comes."""
+    """One run of a fleet: the rows kept from earlier runs, and the new ones."""
 
     def __init__(self, folder: Path, found: FleetUnits, progress: Progress | None) -> None:
         self.folder, self.paths, self.progress = folder, found.paths, progress
@@ -191,7 +187,7 @@ class _Run:
         self.kept = self.done = 0
 
     def jobs(self, options: UnitOptions) -> list[Job]:
-        """What is to be done; the rest is kept."""
+        """The jobs of units that are not finished."""
         jobs = []
         for unit, path in self.paths.items():
             rows = finished_rows(self.folder, unit, path, options)
@@ -204,7 +200,7 @@ class _Run:
         return jobs
 
     def take(self, outcome: Outcome) -> None:
-        """Keep what became of a unit."""
+        """Store the outcome of a unit."""
         unit = outcome.unit
         if outcome.document is None:
             remove_unit(self.folder, unit)
@@ -216,8 +212,8 @@ class _Run:
         self._tell(unit if outcome.document is not None else f"{unit}: failed")
 
     def table(self) -> Any:
-        """The table of all units, in their order; of those that were not come to, too."""
-        missing = "not come to: the run was ended before; run the same again"
+        """The table of all units in their order, with those that the run did not reach."""
+        missing = f"the run ended before this unit. {RUN_AGAIN}"
         return as_table(
             row
             for unit, path in self.paths.items()
@@ -226,7 +222,7 @@ class _Run:
 
     @contextmanager
     def telling(self) -> Iterator[None]:
-        """Write the table in the end, and after an error or Ctrl-C too."""
+        """Write the table at the end, also after an error or Ctrl-C."""
         try:
             yield
         finally:
@@ -241,7 +237,7 @@ class _Run:
 def _outcomes(
     jobs: Sequence[Job], scheduler: str | Client | None, workers: int | None, retries: int
 ) -> Iterator[Iterable[Outcome]]:
-    """What becomes of the jobs, wherever they are done."""
+    """The outcomes of the jobs, from this process or a cluster."""
     alone = (
         scheduler is None and workers is None and (len(jobs) < 2 or processors() == 1 or not find_spec("distributed"))
     )
@@ -254,37 +250,38 @@ def _outcomes(
     with ExitStack() as stack:
         stack.enter_context(allowing_lost_workers(retries))
         client = stack.enter_context(connected(scheduler, workers))
-        # A worker has one job for each of its threads: the axes of a unit follow one another there.
+        # A worker runs one job for each of its threads, so the axes of a unit are calibrated one after the other.
         outcomes = on_cluster([Job(job.unit, job.path, job.options, threads=1) for job in jobs], client, retries)
-        # Closed first, whatever happens: what has not begun is cancelled while there is a client.
+        # Closed before the client, so that jobs that have not started are cancelled.
         stack.callback(outcomes.close)
         yield outcomes
 
 
 def _read_options(reading: Mapping[str, Any] | ReadOptions | None) -> ReadOptions:
-    """The options of `read` in a mapping; None stands for a default."""
+    """The options of `read` in a mapping; None means the default."""
     if isinstance(reading, ReadOptions):
         return reading
     if reading is not None and not isinstance(reading, Mapping):
-        raise OptionError(f"reading must map arguments of gmwm.read to values, got {type(reading).__name__}")
+        raise OptionError(argument="reading", expected="a mapping of arguments of gmwm.read to values", got=reading)
     known = [field.name for field in fields(ReadOptions)]
     if unknown := [name for name in reading or {} if name not in known]:
-        raise OptionError(f"reading must hold arguments of gmwm.read, some of {', '.join(known)}; got {unknown[0]!r}")
+        expected = f"a mapping with the keys {', '.join(known)}"
+        raise OptionError(argument="reading", expected=expected, got=unknown[0])
     return ReadOptions(**{name: value for name, value in (reading or {}).items() if value is not None})
 
 
 def _check_axes(names: tuple[str, ...] | None) -> None:
-    """Axes and sensors by name; recordings have no others."""
+    """Check the names of axes and sensors."""
     known = (*AXES, *SI_UNIT)
     if unknown := [name for name in names or () if name not in known]:
-        raise OptionError(f"axes must be some of {', '.join(known)}; got {unknown[0]!r}")
+        raise OptionError(argument="axes", expected=f"some of {', '.join(known)}", got=unknown[0])
 
 
 def _check_places(scheduler: str | Client | None, workers: int | None, retries: int) -> None:
     for name, number in (("workers", workers), ("retries", retries)):
         if number is not None and (isinstance(number, bool) or not isinstance(number, int) or number < 0):
-            raise OptionError(f"{name} must be a whole number from 0, got {number!r}")
+            raise OptionError(argument=name, expected="zero or a positive integer", got=number)
     if scheduler is not None and workers is not None:
         raise OptionError(
-            f"workers={workers} are those begun on this machine, a scheduler has its own: leave one of them out"
+            argument="workers", expected="left out if there is a scheduler, which has its own workers", got=workers
         )

@@ -1,4 +1,4 @@
-"""Which units of a sample are not like the others: Rosner's procedure for numbers with errors of their own."""
+"""Find outliers among units: Rosner's procedure for numbers with different standard errors."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.fleets.random_effects import effects
 
 FEWEST = 8
-"""With fewer units the others say too little of how far apart healthy ones are."""
+"""Number of units that the search for outliers needs (tests/fleets/test_statistics.py holds its size there)."""
 SHARE, MOST = 0.1, 100
-"""At most a tenth of the units, and so many, are looked at as outliers: more are not outliers but another type."""
+"""Largest share and largest number of units that are tested as outliers; more are units of another type."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviants:
-    """The units farthest from all others of their sample, the farthest first.
+    """The units with the largest distances from the others of their sample.
 
     Attributes
     ----------
     places : (m, k) array of int
-        Their places; −1 beyond the number that was looked for.
+        Indices of the units; −1 beyond the number that was tested.
     distance : (m, k) array
-        t of each against those that are left.
+        t statistic of each unit against the remaining ones.
     pvalue : (m, k) array
-        Of finding so many outliers or more in a sample without any.
+        Probability of as many outliers in a sample without any.
     """
 
     places: NDArray[np.int64]
@@ -36,7 +36,7 @@ class Deviants:
 
 
 def looked_for(count: Vector) -> NDArray[np.int64]:
-    """How many outliers are looked for among so many units: a tenth of them, one at least; none among few.
+    """The number of outliers that are tested for among a number of units: a tenth, at least one, and none among few.
 
     >>> looked_for(np.array([7, 8, 20, 5000])).tolist()
     [0, 1, 2, 100]
@@ -45,19 +45,19 @@ def looked_for(count: Vector) -> NDArray[np.int64]:
 
 
 def deviants(x: Matrix, s2: Matrix) -> Deviants:
-    """Take the farthest unit away, again and again, and test each against those that are left.
+    """Remove the farthest unit repeatedly, and test each against the remaining ones.
 
         t_i = (x_i − μ̂_{−i}) / v_i,   v_i² = τ̂²_{−i} + s_i² + Var μ̂_{−i},   ν_i = 2 v_i⁴ / Var v_i²
 
-    against t of ν_i degrees of freedom (Satterthwaite; v_i² scatters as τ̂²_{−i} does), but no more than n − 2, the
-    p-value times the number n of units that it was the farthest of. Where all s_i are nothing, ν_i = n − 2, and this is
-    Rosner's generalised ESD procedure: the outliers at a level are all up to the last one whose p-value is below. So
-    that this can be read off, the p-value of each is the least of its own and those taken after it.
+    is compared with the t distribution with ν_i degrees of freedom (Satterthwaite), at most n − 2. The p-value is
+    multiplied by the number n of units from which the unit was the farthest. If all s_i are zero, ν_i = n − 2, and this
+    is Rosner's generalised ESD procedure: all units up to the last one with a p-value below the level are outliers. For
+    this, the p-value of each unit is the smallest of its own and those of the units removed after it.
 
     Parameters
     ----------
     x, s2 : (m, n) arrays
-        Numbers, and the squares of their standard errors, above zero; NaN in `x` where there is none.
+        Numbers and the squares of their standard errors, which are positive; NaN in `x` for a missing number.
 
     References
     ----------
@@ -74,7 +74,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
     for k in range(shape[1]):
         rows = np.flatnonzero(wanted > k)
         here, here2 = left[rows], s2[rows]
-        # Against all, itself among them: who is the farthest needs no more.
+        # The distance from all units, itself included, is enough to find the farthest one.
         size2 = spread2[rows, None] + here2 - error[rows, None] ** 2
         scaled = np.abs(here - mean[rows, None]) / np.sqrt(np.maximum(size2, np.finfo(float).tiny))
         far = np.nanargmax(scaled, axis=1)
@@ -87,7 +87,7 @@ def deviants(x: Matrix, s2: Matrix) -> Deviants:
         size2 = others.spread2 + error2 + others.error**2
         distance[rows, k] = (value - others.mean) / np.sqrt(size2)
         scatter = others.spread2_variance * (1 + others.error2_slope) ** 2
-        # Of an ill-known unit the size is known better than that, if τ̂² is no chance: among few units it often is.
+        # For a unit with a large error, Satterthwaite's formula exceeds n − 2, which relies on τ̂² of few units.
         freedom = np.minimum(2 * size2**2 / scatter, count - 2)
         chance = 2 * t.sf(np.abs(distance[rows, k]), freedom)
         pvalue[rows, k] = np.minimum(1.0, count * chance)

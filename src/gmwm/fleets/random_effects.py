@@ -1,7 +1,7 @@
-"""Units that differ and are measured with error: where they lie, how far apart, and where the next one will lie.
+"""Random-effects model of units that are measured with error: location, spread and prediction.
 
-x_i ~ N(μ, τ² + s_i²), with s_i known. Every function takes many such samples at once: arrays (…, n), NaN where a unit
-has no number.
+x_i ~ N(μ, τ² + s_i²) with known s_i. Every function takes many samples at once: arrays (…, n) with NaN for a missing
+number.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from gmwm._arrays import Matrix, Vector
 
 _STEPS = 100
-"""More than the slowest of Newton's sequences was seen to take (12)."""
+"""Largest number of Newton steps; the slowest sequence of tests/fleets/test_statistics.py takes 12."""
 _NODES = 48
-"""Of the integral over what τ may be; a t distribution of 7 degrees of freedom comes out to four digits."""
+"""Nodes of the integral over τ; they give a t distribution with 7 degrees of freedom to four digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Effects:
     spread2_variance : (…) array
         Var τ̂² ≈ 2(n − 1)/(Σw − Σw²/Σw)².
     error2_slope : (…) array
-        By how much the square of `error` grows with τ²: Σw²/(Σw)².
+        Derivative of the square of `error` by τ²: Σw²/(Σw)².
     count : (…) array
         n.
     """
@@ -45,20 +45,20 @@ class Effects:
 
 
 def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Vector | None = None) -> Vector:
-    """τ² ≥ 0 at which Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) comes down to `target`; 0 where it begins below.
+    """Solve Q(τ²) = Σ (x_i − μ̂)²/(τ² + s_i²) = `target` for τ² ≥ 0; 0 if Q(0) is below the target.
 
-    With the target n − 1 this is the estimate of Paule and Mandel, with quantiles of χ² of n − 1 degrees of freedom
-    the limits of the Q-profile interval. 1/Q is concave in τ² (with the data turned so that their covariance is
-    diagonal, Q is a sum of z²/(d + τ²)), so Newton's sequence for 1/Q = 1/target comes from below and cannot miss.
+    With the target n − 1, this is the estimate of Paule and Mandel; with quantiles of χ² with n − 1 degrees of freedom,
+    it gives the limits of the Q-profile interval. 1/Q is concave in τ² (in coordinates with a diagonal covariance, Q is
+    a sum of z²/(d + τ²)), so Newton's sequence for 1/Q = 1/target converges from below.
 
     Parameters
     ----------
     x, s2 : (…, n) arrays
-        Numbers, and the squares of their standard errors, above zero; NaN in `x` where there is none.
+        Numbers and the squares of their standard errors, which are positive; NaN in `x` for a missing number.
     target : (…) array, optional
         n − 1 by default.
     start : (…) array, optional
-        Where to begin; 0 by default.
+        Initial value; 0 by default.
 
     References
     ----------
@@ -86,7 +86,7 @@ def between_units(x: Matrix, s2: Matrix, target: Vector | None = None, start: Ve
 
 
 def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector | None = None) -> Effects:
-    """Location and spread of each sample (…, n); with `spread2` given, as if τ² were known to be that."""
+    """Location and spread of each sample (…, n); `spread2` is a known value of τ²."""
     known = between_units(x, s2, start=start) if spread2 is None else spread2
     there = np.isfinite(x)
     w = np.where(there, 1.0 / (known[..., None] + np.where(there, s2, 1.0)), 0.0)
@@ -106,7 +106,7 @@ def effects(x: Matrix, s2: Matrix, spread2: Vector | None = None, start: Vector 
 
 
 def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None) -> tuple[Vector, Vector]:
-    """Confidence limits of τ² by the Q-profile; `freedom` where numbers are not independent, as of axes of a unit."""
+    """Confidence limits of τ² by the Q-profile; `freedom` is for dependent numbers, such as the axes of a unit."""
     from scipy.stats import chi2
 
     many, free = _freedom(x, freedom)
@@ -118,22 +118,23 @@ def spread_limits(x: Matrix, s2: Matrix, confidence: float, freedom: Vector | No
 def predicted(
     x: Matrix, s2: Matrix, confidence: float, freedom: Vector | None = None, widened: Vector | None = None
 ) -> tuple[Vector, Vector]:
-    """Limits between which the true number of a further unit lies.
+    """Prediction limits for the true number of a further unit.
 
-    τ² is not known, but Q(τ²) at the true one is χ² of n − 1 degrees of freedom: this is its confidence distribution.
-    Over it, μ̂(τ²) ± √(τ² + Var μ̂) is mixed. Where the errors s_i are nothing this is the t interval μ̂ ± t_{n−1} τ̂
-    √(1 + 1/n), exactly; where they are large, it knows that τ may be other than τ̂.
+    At the true τ², Q(τ²) has a χ² distribution with n − 1 degrees of freedom, which defines the confidence distribution
+    of τ². The prediction is the mixture of normal distributions with the mean μ̂(τ²) and the variance τ² + Var μ̂ over
+    it. If the errors s_i are zero, this is exactly the t interval μ̂ ± t_{n−1} τ̂ √(1 + 1/n); if they are large, it
+    includes the uncertainty of τ̂.
 
     Parameters
     ----------
     x, s2 : (…, n) arrays
         As for `between_units`.
     confidence : float
-        Probability that the further unit lies there.
+        Probability that the further unit lies between the limits.
     freedom : (…) array, optional
-        Degrees of freedom in place of n − 1.
+        Degrees of freedom instead of n − 1.
     widened : (…) array, optional
-        Factor of Var μ̂, where numbers are not independent.
+        Factor of Var μ̂ for dependent numbers.
 
     References
     ----------
@@ -147,7 +148,7 @@ def predicted(
     nodes, weights = (1 + nodes) / 2, weights / 2
     means, sizes = [], []
     start = None
-    # From the largest χ² down τ² only grows: each sequence begins where the last one ended.
+    # From the largest χ² down, τ² increases, so each sequence starts at the last solution.
     for node in nodes[::-1]:
         start = between_units(x, s2, target=chi2.ppf(node, free) * many / free, start=start)
         at = effects(x, s2, spread2=start)
@@ -159,7 +160,7 @@ def predicted(
 
 
 def _freedom(x: Matrix, freedom: Vector | None) -> tuple[Vector, Vector]:
-    """n − 1, and the degrees of freedom, one at least."""
+    """n − 1, and the degrees of freedom, at least 1."""
     many = np.maximum(np.isfinite(x).sum(axis=-1) - 1.0, 1.0)
     return many, many if freedom is None else np.maximum(freedom, 1.0)
 

@@ -1,4 +1,4 @@
-"""The result of a fleet: its table, its units, and what they tell together."""
+"""The result of `fleet`: the table, the calibrations and the statistics of many units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.result import Calibration
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.fleets.storage import TABLE, read_facts, unit_file
-from gmwm.fleets.table import read_table
+from gmwm.fleets.table import RUN_AGAIN, read_table
+from gmwm.remarks import Remark, sorted_remarks
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -25,28 +26,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fleet(Summarised):
-    """Many units, each calibrated; `fleet["unit"]` is the Calibration of one, read when it is asked for.
+    """Many calibrated units; `fleet["unit"]` reads the Calibration of one unit.
 
     Attributes
     ----------
     folder : Path
-        Where all of it stands: fleet.json, fleet.parquet, units/<unit>.json.
+        The folder with fleet.json, fleet.parquet and units/<unit>.json.
     paths : mapping of unit to path
         The recordings.
     table : polars.DataFrame
         A row for each unit and axis: `unit`, `axis`, `status` ("calibrated" or "failed"), `reason`, `file`, `sha256`,
         `samples`, `rate` (Hz), `duration` (s), `model`, `p_value` (of the fit), `robust`, `contaminated`, `certified`,
-        `cautions` (how many); then for each number of the datasheets N, N_low, N_high, N_unit in SI. A number that the
-        data only bound has no value, low 0, and its limit as high, infinite where there is none. A unit that failed as
-        a whole has one row without an axis.
+        `cautions` (their number); and for each number of the datasheets N, N_low, N_high, N_unit in SI units. A number
+        with only an upper limit has no value, the low end 0 and the limit as high end, infinite if there is none. A
+        unit that failed completely has one row without an axis.
     settings : CalibrationOptions
-        What was asked for.
+        The options of the calibrations.
     left_out : tuple of str
-        Files in the folder of recordings that are none.
+        Files in the folder of recordings that are no recordings.
     kept, done : int
-        Units that an earlier run had calibrated, and that this one did; of a fleet that was loaded all are kept.
+        Number of units calibrated by earlier runs and by this run. For a loaded fleet, all units are kept.
     reading : mapping
-        Arguments of `read` that are not its defaults.
+        Arguments of `read` that differ from its defaults.
     """
 
     folder: Path
@@ -65,26 +66,34 @@ class Fleet(Summarised):
 
     @cached_property
     def failed(self) -> dict[str, str]:
-        """Units that could not be calibrated at all, and why."""
+        """Units that could not be calibrated, with the reason."""
         rows = self.table.filter(self.table["axis"].is_null()).select("unit", "reason").rows()
         return {str(unit): str(reason) for unit, reason in rows}
 
     @cached_property
     def statistics(self) -> FleetStatistics:
-        """What the units have in common and how they differ, for each number of each axis; and the outliers."""
+        """Typical value, spread, outliers and differences between axes, for each number."""
         from gmwm.fleets.statistics import fleet_statistics
 
         return fleet_statistics(self.table, confidence=self.settings.confidence)
 
     @property
     def outliers(self) -> Any:
-        """Units with a number that is not as the others' are."""
+        """The numbers of units that differ from those of the others."""
         return self.statistics.outliers
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What to know about the fleet; the gravest remark first."""
+        from gmwm.fleets.findings import of_units
+
+        found = of_units(self.table, len(self.units), len(self.failed))
+        return tuple(sorted_remarks([*found, *self.statistics.remarks]))
 
     def __getitem__(self, unit: str) -> Calibration:
         if unit not in self.paths:
             some = ", ".join(list(self.paths)[:3])
-            raise OptionError(f"unit must be one of {len(self.paths)}, as {some}; got {unit!r}")
+            raise OptionError(argument="unit", expected=f"one of the {len(self.paths)} units, such as {some}", got=unit)
         if unit in self.failed:
             raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}")
         return Calibration.load(unit_file(self.folder, unit))
@@ -99,7 +108,7 @@ class Fleet(Summarised):
         return unit in self.paths and unit not in self.failed
 
     def summary(self) -> str:
-        """How many units are done, what they are like together, which are not like the others, and which failed."""
+        """Counts, failed units, tables, outliers and remarks."""
         from gmwm.fleets.summary_text import summary
 
         return summary(self)
@@ -132,12 +141,12 @@ class Fleet(Summarised):
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Fleet:
-        """The fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
+        """Load the fleet in a folder that `gmwm.fleet` or `gmwm fleet` wrote.
 
         Raises
         ------
         ReadError
-            If the folder is none of a fleet, of a newer version, or no run came to its end.
+            If the folder is not that of a fleet, has a newer version, or no run was completed.
         """
         where = Path(folder)
         facts = read_facts(where)
@@ -145,13 +154,10 @@ class Fleet(Summarised):
         try:
             settings = CalibrationOptions.from_dict(facts["settings"])
         except (ReadError, TypeError) as error:
-            raise ReadError(f"{where}: the settings of the fleet cannot be understood: {error}") from error
-        paths, told = facts["units"], set(table["unit"])
-        if any(unit not in told for unit in paths):
-            raise ReadError(
-                f"{where}: its last run was cut short before its table was written; run it again, what is done is not "
-                "done twice"
-            )
+            raise ReadError(f"{where} has unknown settings: {error}") from error
+        paths, listed = facts["units"], set(table["unit"])
+        if any(unit not in listed for unit in paths):
+            raise ReadError(f"{where}: the last run ended before it wrote the table", advice=RUN_AGAIN)
         found = cls(
             folder=where,
             paths=paths,

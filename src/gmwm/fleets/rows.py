@@ -1,4 +1,4 @@
-"""The rows of a fleet's table: one for each unit and axis, as plain numbers and texts."""
+"""The rows of the table of a fleet: one for each unit and axis, as numbers and strings."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from gmwm.remarks import Severity
 
 Row = dict[str, Any]
 PROVEN = 1e-3
-"""Share of the objective that a better fit could gain at most, where the one that was found counts as the best."""
+"""Largest relative gap of the objective to its lower bound for a certified fit (docs/validation/optimum.md)."""
 _INFINITE = "Infinity"
 
 
 def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
     """A row for each axis, with those that could not be calibrated.
 
-    A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI; one that the data only
-    bound has no value, and its limit in `<symbol>_high`.
+    A number has the columns `<symbol>`, `<symbol>_low`, `<symbol>_high`, `<symbol>_unit`, in SI units. A number with
+    only an upper limit has no value, and the limit in `<symbol>_high`.
     """
     base: Row = {
         "unit": unit,
@@ -33,12 +33,12 @@ def rows_of(unit: str, path: str, found: Calibration) -> list[Row]:
 
 
 def failed_row(unit: str, path: str, reason: str) -> Row:
-    """The row of a unit that failed as a whole."""
+    """The row of a unit that could not be calibrated."""
     return {"unit": unit, "file": path, "status": "failed", "reason": reason}
 
 
 def plain(row: Row) -> Row:
-    """A row as JSON can hold it: a limit that is infinite is a text.
+    """A row for JSON: an infinite limit becomes a string.
 
     >>> from_plain(plain({"N": 1.0, "N_high": math.inf}))
     {'N': 1.0, 'N_high': inf}
@@ -47,7 +47,7 @@ def plain(row: Row) -> Row:
 
 
 def from_plain(row: Mapping[str, Any]) -> Row:
-    """The way back."""
+    """The row of `plain`."""
     return {name: math.inf if value == _INFINITE else value for name, value in row.items()}
 
 

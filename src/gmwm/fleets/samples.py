@@ -1,4 +1,4 @@
-"""The table of a fleet as samples: each number of each axis over all units, on the scale where they are compared."""
+"""The samples in the table of a fleet: each number of each axis over all units, as logarithms."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NEEDED = ("unit", "axis", "status", "model")
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """One number of one axis over all units: logarithms (R as it is), NaN where a unit has none to compare."""
+    """One number of one axis over all units: logarithms `x` (R itself), NaN for units that are not compared."""
 
     axis: str
     symbol: str
@@ -39,23 +39,24 @@ class Sample:
     left_out: int
 
     def back(self, x: float) -> float | None:
-        """A position on the scale of comparison as a number, None where there is none."""
+        """The number for a logarithm; None for NaN."""
         return (x if self.symbol == SIGNED else float(np.exp(x))) if np.isfinite(x) else None
 
 
 class Reading:
-    """The table, its units and axes as places of arrays (axes, units)."""
+    """The table with its units and axes as indices of arrays (axes, units)."""
 
     def __init__(self, table: polars.DataFrame, confidence: float) -> None:
         import polars
 
         if missing := [name for name in _NEEDED if name not in table.columns]:
-            raise DataError(f"table must have the columns {', '.join(_NEEDED)}; it lacks {', '.join(missing)}")
+            raise DataError(argument="table", expected=f"a table with the columns {', '.join(_NEEDED)}", got=missing)
         done = table.filter((polars.col("status") == "calibrated") & polars.col("axis").is_not_null())
         twice = done.filter(polars.struct("unit", "axis").is_duplicated())
         if twice.height:
             unit, axis = twice.row(0, named=True)["unit"], twice.row(0, named=True)["axis"]
-            raise DataError(f"table must have one row for each axis of a unit; it has more for {axis} of {unit}")
+            expected = "a table with one row for each axis of a unit"
+            raise DataError(argument="table", expected=expected, got=f"several rows for {axis} of {unit}")
         self.done, self.z = done, NormalDist().inv_cdf((1 + confidence) / 2)
         self.confidence = confidence
         self.units: list[str] = done["unit"].unique(maintain_order=True).to_list()
@@ -81,7 +82,7 @@ class Reading:
         return found
 
     def samples(self) -> list[Sample]:
-        """Every number of every axis that any unit gives."""
+        """Every number of every axis that some unit has."""
         by_axis: dict[str, list[Sample]] = {axis: [] for axis in self.axes}
         for symbol in self.symbols:
             value, low, high = (self._numbers(symbol + end) for end in ("", "_low", "_high"))
@@ -138,5 +139,5 @@ class Reading:
 
 
 def _commonest(names: NDArray[Any]) -> str:
-    """The name that is there most often, the first of several."""
+    """The most frequent name, the first of several."""
     return str(Counter(names.tolist()).most_common(1)[0][0])

@@ -1,4 +1,4 @@
-"""From the table of a fleet to what it says: each number over the units, the axes side by side, the outlier units."""
+"""Statistics of a fleet from its table: each number over the units, outliers, and differences between axes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.calibration.tables import in_order
 from gmwm.errors import OptionError
-from gmwm.fleets.advice import LEAST
 from gmwm.fleets.axes import differences
+from gmwm.fleets.findings import LEAST
 from gmwm.fleets.outlier_units import FEWEST, deviants, looked_for
 from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
@@ -25,34 +25,34 @@ if TYPE_CHECKING:
     import polars
 
 _FEW = 3
-"""Who shows a number is named where so many times as many units only bound it."""
+"""Ratio of units with only an upper limit to units with a value from which on the latter are named (a convention)."""
 
 
 def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size: float = 0.05) -> FleetStatistics:
-    """Tell what the units of one type have in common, how far they differ, and which ones are not like the others.
+    """Compute the typical values and the spread of a fleet, and find outliers and differences between axes.
 
-    The estimates x_i of a number (logarithms, but for R, which has a sign) are scattered by differences of units and by
-    error of estimation:
+    The estimates x_i of a number (logarithms, except for R, which has a sign) differ between units and have estimation
+    errors:
 
-        x_i ~ N(μ, τ² + s_i²),   s_i from the width of the interval of unit i.
+        x_i ~ N(μ, τ² + s_i²),   s_i from the width of the confidence interval of unit i.
 
-    τ² is that of Paule and Mandel, with limits by the Q-profile; μ has the interval μ̂ ± t_{n−1}/√Σ w; where a further
-    unit lies is told by the confidence distribution of τ². Outlier units are sought by Rosner's procedure, extended to
-    unequal s_i, in each number of each axis with 8 units or more, and all p-values are adjusted by Holm's method: in a
-    fleet without any, the chance of one false alarm or more is `size`. Location, spread and prediction are then those
-    of the units that are left. Whether the axes of a sensor differ is asked by Hotelling's test, unit by unit.
+    τ² is estimated by the method of Paule and Mandel, with limits by the Q-profile. μ has the confidence interval
+    μ̂ ± t_{n−1}/√Σ w. The prediction for a further unit uses the confidence distribution of τ². Outliers are found by
+    Rosner's procedure, extended to unequal s_i, in each number of each axis with at least 8 units. All p-values are
+    adjusted by Holm's method, so the probability of any false alarm in a healthy fleet is `size`. Location, spread and
+    prediction leave out the outliers. Hotelling's test of differences within units shows whether the axes differ.
 
-    Units whose data only bound a number tell that they are below their limit and are counted, but not compared; R
-    lies about zero then, and is compared as 0 with the error that its limit says. Numbers other than Q, N, B, K and R
-    depend on the model, and are compared between the units of the commonest model that has them.
+    Units with only an upper limit are counted but not compared. An upper limit of R means that R is near zero; it is
+    compared as 0 with the standard error of the limit. Numbers other than Q, N, B, K and R depend on the model; they
+    are compared between the units with the most frequent model.
 
     Parameters
     ----------
     table : polars DataFrame
-        A row for each unit and axis, as `Fleet.table`: unit, axis, status, model, and for each number N the columns
-        N, N_low, N_high in SI, and N_unit.
+        A row for each unit and axis, as in `Fleet.table`: unit, axis, status, model, and for each number N the columns
+        N, N_low, N_high in SI units, and N_unit.
     confidence : float
-        Level of the intervals in the table, and of those that are made of them.
+        Level of the confidence intervals in the table and of those in the result.
     size : float
         Probability of any false alarm in a fleet of healthy units.
 
@@ -65,7 +65,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     OptionError
         If `confidence` is not from 0.5 to below 1, or `size` not between 0 and 1.
     DataError
-        If the table lacks a column, or has two rows for one axis of one unit.
+        If a column is missing, or an axis of a unit has two rows.
 
     References
     ----------
@@ -90,7 +90,7 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
     """
     confidence = as_confidence(confidence)
     if isinstance(size, bool) or not isinstance(size, int | float) or not 0 < size < 1:
-        raise OptionError(f"size must be between 0 and 1, got {size!r}; 5 % is 0.05")
+        raise OptionError(argument="size", expected="a probability between 0 and 1, such as 0.05", got=size)
     read = Reading(table, confidence)
     samples = read.samples()
     units = len(read.units)
@@ -129,23 +129,23 @@ def fleet_statistics(table: polars.DataFrame, *, confidence: float = 0.95, size:
 def _outliers(
     read: Reading, samples: Sequence[Sample], x: Matrix, s2: Matrix, kept: Matrix, size: float
 ) -> tuple[tuple[OutlierUnit, ...], NDArray[np.bool_]]:
-    """The outlier units, which become NaN in `kept`, and in which samples they were looked for."""
+    """The outliers, which become NaN in `kept`, and the samples that were searched."""
     searched = looked_for(np.isfinite(x).sum(axis=1)) > 0
     if not np.any(searched):
         return (), searched
     found = deviants(x, s2)
     rows, least = np.flatnonzero(searched), 0.0
-    said: list[tuple[int, int, float, float]] = []
+    chosen: list[tuple[int, int, float, float]] = []
     for rank, row in enumerate(rows[np.argsort(found.pvalue[rows, 0], kind="stable")]):
         adjusted = np.maximum(least, np.minimum(1.0, (rows.size - rank) * found.pvalue[row]))
         least = float(adjusted[0])
         for place, distance, p in zip(found.places[row], found.distance[row], adjusted, strict=True):
             if place >= 0 and p <= size:
-                said.append((int(row), int(place), float(distance), float(p)))
+                chosen.append((int(row), int(place), float(distance), float(p)))
                 kept[row, place] = np.nan
     centre = effects(kept, s2).mean
     outliers = []
-    for row, place, distance, p in said:
+    for row, place, distance, p in chosen:
         sample = samples[row]
         value, low, high = (float(of[place]) for of in (sample.value, sample.low, sample.high))
         typical = sample.back(float(centre[row])) or 0.0
@@ -190,7 +190,7 @@ def _rows(
 
 
 def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix) -> list[FleetNumber]:
-    """A row for each number of each sensor, where several axes have it from the same kind of model."""
+    """A row for each number of each sensor that several axes have, within the same model."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k, sample in enumerate(samples):
         if sensor := sensor_of(sample.axis):
@@ -213,7 +213,7 @@ def _together(read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix,
 def _described(
     read: Reading, samples: Sequence[Sample], x: Matrix, kept: Matrix, s2: Matrix, *, axes: int = 1
 ) -> list[FleetNumber]:
-    """Location, spread and prediction of samples (m, n); those of several axes of a unit are not independent."""
+    """Location, spread and prediction of samples (m, n); the axes of a unit are dependent."""
     from scipy.stats import t
 
     at = effects(kept, s2)
@@ -229,13 +229,13 @@ def _described(
     reach = t.ppf((1 + read.confidence) / 2, np.maximum(freedom, 1.0)) * error
     made = []
     for k, sample in enumerate(samples):
-        all_, told = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
+        all_, enough = x[k][np.isfinite(x[k])], freedom[k] >= LEAST - 1
         quantiles = np.quantile(all_, (0.05, 0.5, 0.95)) if all_.size else np.full(3, np.nan)
         back = [sample.back(float(q)) for q in quantiles]
         s = float(np.sqrt(np.median(s2[k][np.isfinite(x[k])]))) if all_.size else None
-        tau = float(np.sqrt(at.spread2[k])) if told else None
+        tau = float(np.sqrt(at.spread2[k])) if enough else None
         ends = [float(at.mean[k] - reach[k]), float(at.mean[k] + reach[k]), float(ahead[0][k]), float(ahead[1][k])]
-        low, high, soon, late = (sample.back(end) if told else None for end in ends)
+        low, high, soon, late = (sample.back(end) if enough else None for end in ends)
         made.append(
             FleetNumber(
                 axis=sample.axis,
@@ -252,8 +252,8 @@ def _described(
                 typical_low=low,
                 typical_high=high,
                 spread=tau,
-                spread_low=float(np.sqrt(limits[0][k])) if told else None,
-                spread_high=float(np.sqrt(limits[1][k])) if told else None,
+                spread_low=float(np.sqrt(limits[0][k])) if enough else None,
+                spread_high=float(np.sqrt(limits[1][k])) if enough else None,
                 error=s,
                 error_share=None if tau is None or s is None else s * s / (tau * tau + s * s),
                 predicted_low=soon,
@@ -264,7 +264,7 @@ def _described(
 
 
 def _clustered(x: Matrix, s2: Matrix, axes: int) -> Vector:
-    """Standard error of μ̂ where the axes of a unit may be alike: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
+    """Standard error of μ̂ for dependent axes of a unit: √(n/(n − 1) Σ_units (Σ_axes w (x − μ̂))²) / Σ w."""
     at = effects(x, s2)
     w = np.where(np.isfinite(x), 1 / (at.spread2[:, None] + s2), 0.0)
     pulls = (w * np.where(np.isfinite(x), x - at.mean[:, None], 0.0)).reshape(x.shape[0], axes, -1).sum(axis=1)

@@ -1,4 +1,4 @@
-"""What a fleet says: the numbers of its type, the axes that differ, and the units that are not like the others."""
+"""The result of the statistics of a fleet: its numbers, the outliers, and the differences between axes."""
 
 from __future__ import annotations
 
@@ -7,56 +7,59 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gmwm._text import Summarised
+from gmwm.fleets.findings import remarks_of
 from gmwm.fleets.summary_text import statistics_text
+from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     import polars
 
 SIGNED = "R"
-"""The ramp has a sign, and is compared as it is; all others by their logarithms."""
+"""Symbol of the rate ramp, which has a sign and is compared directly; all other numbers are compared as logarithms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FleetNumber:
-    """One number of one axis, or of all axes of a sensor, over the units of a fleet.
+    """The statistics of one number of an axis, or of all axes of a sensor, over the units of a fleet.
 
-    Values are in `unit`. Location, spread and prediction are without the outlier units; median and quantiles are of
-    all estimates, as they are.
+    Values are in `unit`. The typical value, the spread and the prediction leave out the outliers. The median and the
+    quantiles are those of all estimates.
 
     Attributes
     ----------
     axis : str
-        "gyro_x"; "gyro" for all its axes together, each as if it were of a unit of its own.
+        "gyro_x", or "gyro" for all axes of the sensor together.
     symbol, unit : str
-        Which number, as in a datasheet, and its SI unit.
+        Symbol of the number in a datasheet, and its SI unit.
     units : int
-        Units that give a value with an interval and are compared.
+        Number of units that are compared, because they have a value with a confidence interval.
     limited : int
-        Units whose data only bound it: they are not among `units` (but for R, where they are known to lie about 0).
+        Number of units with only an upper limit. They are not among `units`, except for R, where they are zero ± limit.
     left_out : int
-        Units that give it, but have another model or unit, hold it, or do not determine it.
+        Number of units with another model or unit, a fixed value or no confidence interval.
     model : str or None
-        The model of the units, where only those of one model can be compared.
+        The model of the units, if the number is compared only within one model.
     median, quantile_05, quantile_95 : float or None
-        Of the estimates, error and all.
+        Of the estimates.
     typical, typical_low, typical_high : float or None
-        exp μ̂ (for R μ̂) and its confidence limits.
+        exp μ̂ (μ̂ for R) and its confidence limits.
     spread, spread_low, spread_high : float or None
-        τ̂ between units apart from estimation error, on the scale of the logarithm (0.1 is 10 %; for R in `unit`).
+        Standard deviation τ̂ between the units without estimation error, and its confidence limits, of the logarithm
+        (0.1 is 10 %; for R in `unit`).
     error : float or None
-        Median standard error of one unit on the same scale.
+        Median standard error of one unit, on the same scale.
     error_share : float or None
-        error² / (spread² + error²): what of the scatter that is seen is no difference of units.
+        error² / (spread² + error²), the share of estimation error in the variance of the estimates.
     predicted_low, predicted_high : float or None
-        Limits for the true number of a further unit.
+        Prediction limits for the true number of a further unit.
     searched : bool
-        Whether outliers were looked for: among 8 units or more of one axis.
+        Whether outliers were searched for, which needs at least 8 units of one axis.
     outliers : int
-        How many were found.
+        Number of outliers.
     below : tuple of str
         Units whose upper limit is below `predicted_low`.
     shown_by : tuple of str
-        The units that show it, where nearly all others only bound it.
+        The units with a value, if nearly all others have only an upper limit.
     """
 
     axis: str
@@ -86,28 +89,28 @@ class FleetNumber:
 
     @property
     def signed(self) -> bool:
-        """Whether it is compared as it is, not by its logarithm."""
+        """Whether the number has a sign and is compared directly."""
         return self.symbol == SIGNED
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutlierUnit:
-    """A unit that is not like the others.
+    """A number of a unit that differs from those of the others by more than chance.
 
     Attributes
     ----------
     unit, axis, symbol : str
-        Which one, and in what.
+        The unit, the axis and the number.
     value, low, high, typical : float
-        Its number with its interval, and that of the others, in `si`.
+        The number with its confidence interval, and the typical value of the others, in `si`.
     si : str
         SI unit.
     times : float or None
         value / typical; None for R.
     distance : float
-        How far it is from the others, in standard deviations of a unit as it is measured.
+        Distance from the others, in standard deviations between units with estimation error.
     pvalue : float
-        Of such a unit in a healthy fleet, with all units, axes and numbers in mind.
+        Probability of such a distance in a healthy fleet, among all units, axes and numbers.
     """
 
     unit: str
@@ -130,13 +133,13 @@ class AxisDifference:
     Attributes
     ----------
     sensor, symbol, unit : str
-        Which one, and its SI unit.
+        The sensor, the number and its SI unit.
     units : int
-        Units in which all axes have it.
+        Number of units in which all axes have the number.
     relative : mapping of axis to float
-        Its mean over the mean of all axes (geometric; for R the difference to it).
+        Ratio of the mean of the axis to the mean of all axes (geometric means; for R the difference).
     pvalue, adjusted : float
-        Of Hotelling's test, alone and with all such tests in mind (Holm).
+        p-value of Hotelling's test, and adjusted for the number of tests (Holm).
     differs : bool
         Whether `adjusted` is at most the size of the test.
     """
@@ -153,22 +156,22 @@ class AxisDifference:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FleetStatistics(Summarised):
-    """What the units of a fleet say together.
+    """The statistics of a fleet of units.
 
     Attributes
     ----------
     rows : tuple of FleetNumber
-        Sensor by sensor and number by number, all axes of the sensor first.
+        By sensor and number; the row of all axes comes before those of single axes.
     outliers : tuple of OutlierUnit
-        The least probable first.
+        The smallest p-value first.
     differences : tuple of AxisDifference
-        Of each sensor with several axes and each number.
+        For each sensor with several axes and each number.
     confidence : float
-        Of intervals and predictions.
+        Level of confidence intervals and predictions.
     size : float
-        Probability of any false alarm in a healthy fleet.
+        Probability of any outlier in a healthy fleet.
     units : int
-        How many have been calibrated.
+        Number of calibrated units.
     """
 
     rows: tuple[FleetNumber, ...]
@@ -183,29 +186,38 @@ class FleetStatistics(Summarised):
         self._places.update({(row.axis, row.symbol): k for k, row in enumerate(self.rows)})
 
     def __getitem__(self, name: str) -> FleetNumber:
-        """The number "gyro_x.N", or "gyro.N" of all axes."""
+        """The number "gyro_x.N", or "gyro.N" for all axes."""
         axis, _, symbol = name.rpartition(".")
         if (axis, symbol) not in self._places:
             raise KeyError(f"{name}; there are {', '.join(f'{axis}.{symbol}' for axis, symbol in self._places)}")
         return self.rows[self._places[axis, symbol]]
 
     @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What the statistics mean; the gravest remark first."""
+        return tuple(remarks_of(self))
+
+    @property
     def table(self) -> polars.DataFrame:
-        """The rows as a table, in SI."""
+        """The rows as a table in SI units."""
         import polars
 
         rows = [asdict(row) | {name: list(getattr(row, name)) for name in ("below", "shown_by")} for row in self.rows]
         return polars.DataFrame(rows, infer_schema_length=None)
 
     def summary(self) -> str:
-        """All of it in words, in the units of datasheets, at most 80 columns wide."""
+        """Tables, outliers and remarks in datasheet units, at most 80 columns wide."""
         return statistics_text(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, lists and texts, ready for JSON."""
+        """The statistics as numbers, lists and strings, ready for JSON."""
         named = ("rows", "outliers", "differences")
-        return {"units": self.units, "confidence": self.confidence, "size": self.size} | {
-            name: [asdict(item) for item in getattr(self, name)] for name in named
+        return {
+            "units": self.units,
+            "confidence": self.confidence,
+            "size": self.size,
+            **{name: [asdict(item) for item in getattr(self, name)] for name in named},
+            "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Files of a fleet in its folder, and which units need no new calibration."""
+"""The files in the folder of a fleet, and which units are finished."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ from gmwm.fleets.unit_job import PART, UnitOptions, stamp_of
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
-"""Of fleet.json. A reader takes its own version and older ones; new keys alone do not raise it."""
+"""Version of fleet.json. gmwm reads this version and older ones; a new key does not change the version."""
 TABLE = "fleet.parquet"
 UNITS = "units"
 
 
 def unit_file(folder: Path, unit: str) -> Path:
-    """Where the calibration of a unit stands."""
+    """The file of the calibration of a unit."""
     return folder / UNITS / f"{unit}.json"
 
 
 def write_unit(folder: Path, unit: str, document: str) -> None:
-    """Write the calibration of a unit, whole or not at all."""
+    """Write the calibration of a unit; an error leaves an existing file unchanged."""
     file = unit_file(folder, unit)
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text(file, document)
 
 
 def remove_unit(folder: Path, unit: str) -> None:
-    """Remove the calibration of an earlier run if the unit cannot be calibrated now: it is of another recording."""
+    """Remove the calibration of an earlier run if the unit fails now, because it is that of another recording."""
     unit_file(folder, unit).unlink(missing_ok=True)
 
 
 def foreign_units(folder: Path, units: Mapping[str, Path]) -> list[str]:
-    """Units with results in the folder that do not belong to this fleet."""
+    """Units with a result in the folder that are not in this fleet."""
     inside = folder / UNITS
-    there = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
-    return sorted(unit for unit in there if unit not in units)
+    found = (str(file.relative_to(inside).as_posix()).removesuffix(".json") for file in inside.rglob("*.json"))
+    return sorted(unit for unit in found if unit not in units)
 
 
 def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> list[Row] | None:
-    """The rows of a finished unit; None if it must be calibrated.
+    """The rows of a finished unit; None if the unit must be calibrated.
 
-    A unit is finished if it was calibrated with the same settings, from the same recording, read in the same way.
+    A unit is finished if it was calibrated with the same options from the same recording.
     """
     try:
         content = json.loads(unit_file(folder, unit).read_text(encoding="utf-8"))
@@ -64,11 +64,11 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
             return None
         return [from_plain(row) | {"unit": unit, "file": str(path)} for row in made["rows"]]
     except (OSError, ValueError, KeyError, TypeError):
-        return None  # none, cut short, or not ours: it is made anew
+        return None  # missing, incomplete, or another file
 
 
 def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) -> bool:
-    """Whether a recording is what it was: by size and time, or by its content where only its time is another one."""
+    """Whether a recording is unchanged: by size and time, or by its content if only the time differs."""
     stamp = stamp_of(path)
     if stamp["size"] != made["size"]:
         return False
@@ -79,7 +79,7 @@ def _is_same(path: Path, made: Mapping[str, Any], recording: Mapping[str, Any]) 
 
 
 def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
-    """Write what the fleet is: its units, and what was asked of them."""
+    """Write the units and the options of the fleet."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -92,12 +92,12 @@ def write_facts(folder: Path, found: FleetUnits, options: UnitOptions) -> None:
 
 
 def read_facts(folder: Path) -> Mapping[str, Any]:
-    """What `write_facts` wrote.
+    """Read the file that `write_facts` wrote.
 
     Raises
     ------
     ReadError
-        If the folder is none of a fleet, or of a newer version.
+        If the folder is not that of a fleet, or has a newer version.
     """
     file = folder / FILE
     if not file.is_file():
@@ -105,14 +105,15 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ReadError(f"{file} is not of a fleet: no JSON, or cut short ({error})") from error
+        raise ReadError(f"{file} is not the file of a fleet: it is not JSON or incomplete ({error})") from error
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{file} is not of a fleet: it does not begin with "format": "{FORMAT}"')
+        raise ReadError(f'{file} is not the file of a fleet: it does not have "format": "{FORMAT}"')
     if not isinstance(content.get("version"), int) or content["version"] > VERSION:
         raise ReadError(
-            f"{file} is of version {content.get('version')} of its format, written by gmwm {content.get('gmwm')}; this "
-            f"gmwm reads versions up to {VERSION}: install a newer one"
+            f"{file} has version {content.get('version')} of its format, written by gmwm {content.get('gmwm')}; this "
+            f"gmwm reads versions up to {VERSION}",
+            advice="Install a newer gmwm.",
         )
     if missing := [name for name in ("settings", "units", "left_out") if name not in content]:
-        raise ReadError(f"{file} is not whole: it has no {missing[0]!r}")
+        raise ReadError(f"{file} is incomplete: it has no {missing[0]!r}")
     return content

@@ -1,4 +1,4 @@
-"""The table of a fleet: its columns, and the Parquet file that holds it."""
+"""The table of a fleet: its columns and its Parquet file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ if TYPE_CHECKING:
     from polars import DataFrame
 
 TEXTS = ("unit", "axis", "status", "reason", "file", "sha256")
-"""Columns that name a row; those of its recording, its model and its numbers follow."""
+"""Columns that name a row; the columns of the recording, the model and the numbers follow."""
 LIMITS = ("", "_low", "_high", "_unit")
-"""What follows the symbol of a number in the names of its columns."""
+"""Suffixes of the columns of a number."""
+RUN_AGAIN = "Run the fleet again: finished units are not repeated."
+"""Advice for a run that was not completed."""
 
 
 def as_table(rows: Iterable[Row]) -> DataFrame:
-    """The table of some rows: the same columns whatever was found, and four for each number of any unit."""
+    """The table of some rows: fixed columns, and four columns for each number of any unit."""
     import polars as pl
 
     given = list(rows)
@@ -32,19 +34,19 @@ def as_table(rows: Iterable[Row]) -> DataFrame:
     schema: dict[str, Any] = dict.fromkeys(TEXTS, pl.String) | numbers
     for symbol in symbols_of(given):
         schema |= {f"{symbol}{end}": pl.String if end == "_unit" else pl.Float64 for end in LIMITS}
-    # Empty rather than of no columns, where a fleet has no units.
+    # A fleet without units has an empty table with all columns.
     return pl.DataFrame({name: [row.get(name) for row in given] for name in schema}, schema=schema)
 
 
 def symbols_of(rows: Iterable[Row]) -> list[str]:
-    """The symbols of all numbers in some rows, in the order of datasheets."""
+    """The symbols of all numbers in some rows, in datasheet order."""
     each = [[name.removesuffix("_unit") for name in row if name.endswith("_unit")] for row in rows]
-    # Rows of the same model are many; each order is looked at once.
+    # Many rows have the same model, so each order of symbols is used once.
     return in_order([list(symbols) for symbols in dict.fromkeys(map(tuple, each))])
 
 
 def write_table(table: DataFrame, path: Path) -> None:
-    """Write the table to a Parquet file, whole or not at all."""
+    """Write the table to a Parquet file; an error leaves an existing file unchanged."""
     with written_whole(path) as temporary:
         table.write_parquet(temporary)
 
@@ -55,14 +57,12 @@ def read_table(path: Path) -> DataFrame:
     Raises
     ------
     ReadError
-        If there is none, or it is no table of a fleet.
+        If the file does not exist or is not the table of a fleet.
     """
     import polars as pl
 
     if not path.is_file():
-        raise ReadError(
-            f"{path} does not exist: no run of this fleet came to its end; run it again, what is done is not done twice"
-        )
+        raise ReadError(f"{path} does not exist: no run of this fleet was completed", advice=RUN_AGAIN)
     try:
         table = pl.read_parquet(path)
     except (OSError, pl.exceptions.PolarsError) as error:

@@ -1,4 +1,4 @@
-"""One unit of a fleet: its recording read, calibrated and made a document; the same in this process and in another."""
+"""Read and calibrate one unit of a fleet, in this process or in a worker."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from gmwm.remarks import Remark
 from gmwm.signals import Imu
 
 PART = "fleet"
-"""The key of a unit's document under which stands what it was made of and how, and its rows of the table."""
+"""Key in the document of a unit for its recording, its options and its rows of the table."""
 _FINAL = frozenset({errno.EACCES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ENOTDIR, errno.ELOOP})
-"""Errors of the system that another try does not mend."""
-# Python's filters of warnings belong to the whole process: a worker may have several threads.
+"""Errors of the operating system that a retry does not remove."""
+# The warning filters of Python are shared by all threads of a process, and a worker may have several.
 _WARNINGS = threading.Lock()
 
 
 @dataclass(frozen=True)
 class UnitOptions:
-    """Options of every unit: how its recording is read, and how it is calibrated."""
+    """The options for every unit: how its recording is read and calibrated."""
 
     calibration: CalibrationOptions
     reading: ReadOptions
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, lists and texts, as JSON gives them back."""
-        axes = None if self.calibration.wanted is None else list(self.calibration.wanted)
-        return {"settings": self.calibration.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
+        """The options as numbers, lists and strings, after a round trip through JSON."""
+        axes = None if self.options.wanted is None else list(self.options.wanted)
+        return {"settings": self.options.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)
 class Job:
-    """One unit to be calibrated, axes in so many threads."""
+    """One unit to calibrate, with the number of threads for its axes."""
 
     unit: str
     path: str
@@ -55,9 +55,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a unit: the text of its document and its rows of the table, or the reason of the failure.
+    """The result of a job: the document of the unit and its rows of the table, or the reason of the failure.
 
-    `passing` is whether another try may go better.
+    `passing` means that a retry may succeed.
     """
 
     unit: str
@@ -68,26 +68,24 @@ class Outcome:
 
 
 def calibrate_unit(job: Job) -> Outcome:
-    """Calibrate a unit; whatever goes wrong is an outcome, but for Ctrl-C."""
+    """Calibrate a unit. Every error except Ctrl-C is an outcome."""
     try:
         found, made = _calibrated(job)
         rows = rows_of(job.unit, job.path, found)
         content = {**found.to_dict(), PART: {**made, "rows": [plain(row) for row in rows]}}
         return Outcome(job.unit, as_text(content), tuple(rows))
     except GmwmError as error:
-        # The table has the path beside it.
-        why = str(error).removeprefix(f"{job.path}: ").replace(job.path, Path(job.path).name)
-        return Outcome(job.unit, reason=why, passing=_is_passing(error))
+        return Outcome(job.unit, reason=str(error), passing=_is_passing(error))
     except OSError as error:
         return Outcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
-    except Exception as error:  # one unit must not end thousands
+    except Exception as error:  # an unexpected error of one unit must not stop the others
         return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
 
 
 def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
-    """The calibration, and what it was made of and how."""
+    """The calibration, and the recording and the options that it was made from."""
     path, options = Path(job.path), job.options
-    stamp = stamp_of(path)  # before it is read: what changes from here on is seen next time
+    stamp = stamp_of(path)  # before reading, so that the next run sees a later change
     recording, warned = _read(path, options.reading)
     found = calibrate_recording(recording, options.calibration, threads=job.threads).of_file(path)
     new = tuple(remark for remark in warned if remark not in found.recording_remarks)
@@ -96,7 +94,7 @@ def _calibrated(job: Job) -> tuple[Calibration, dict[str, Any]]:
 
 
 def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]:
-    """The recording, a large one in chunks, and what reading it warned of, without the file's name."""
+    """The recording, as a stream if it is large, and the remarks from reading it."""
     chunked = is_large(path) and options.gaps == "keep"
     with _WARNINGS, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", GmwmWarning)
@@ -106,17 +104,17 @@ def _read(path: Path, options: ReadOptions) -> tuple[Imu | Stream, list[Remark]]
 
 
 def stamp_of(path: Path) -> dict[str, int]:
-    """Size and time of the last change of a recording; of a folder that is one, of all files in it."""
+    """Size and time of the last change of a recording, or of all files of a folder."""
     files = [path] if not path.is_dir() else [file for file in path.rglob("*") if file.is_file()]
-    told = [file.stat() for file in files]
+    found = [file.stat() for file in files]
     return {
-        "size": sum(one.st_size for one in told),
-        "modified_ns": max((one.st_mtime_ns for one in told), default=0),
+        "size": sum(one.st_size for one in found),
+        "modified_ns": max((one.st_mtime_ns for one in found), default=0),
     }
 
 
 def _is_passing(error: BaseException | None) -> bool:
-    """Whether the system was at fault, as a network file system is now and then, not the file."""
+    """Whether the error came from the operating system, such as a network file system, and may pass."""
     while error is not None:
         if isinstance(error, OSError) and not isinstance(error, gzip.BadGzipFile) and error.errno is not None:
             return error.errno not in _FINAL

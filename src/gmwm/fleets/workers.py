@@ -1,4 +1,4 @@
-"""Calibrate the units of a fleet: one after the other in this process, or by the workers of a Dask cluster."""
+"""Run the jobs of a fleet, in this process or on the workers of a Dask cluster."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ if TYPE_CHECKING:
     from distributed import Future
 
 WINDOW = 4
-"""Jobs under way for each thread of the cluster: enough that none waits, few enough for thousands of units."""
-_GONE = "the scheduler no longer answers; what is done is kept, and not done again when the fleet is run again"
+"""Number of submitted jobs for each thread of the cluster, so that no thread waits and the scheduler stays small."""
+_GONE = "the scheduler no longer answers"
+_AGAIN = "Run the fleet again: finished units are kept."
 
 
 def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
-    """The outcome of each job, done in this process one after the other; retries come at the end."""
+    """Run the jobs in this process, one after the other; retries come last."""
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
     while waiting:
@@ -34,10 +35,10 @@ def in_process(jobs: Iterable[Job], retries: int) -> Iterator[Outcome]:
 
 
 def on_cluster(jobs: Iterable[Job], client: Any, retries: int) -> Generator[Outcome, None, None]:
-    """The outcome of each job, done by the workers of a cluster, as they end.
+    """Run the jobs on the workers of a cluster; outcomes come in the order of completion.
 
-    What a lost worker had is done again by another one. Dask gives up on a job after some lost workers, and cannot tell
-    the job that kills them from those beside it: these are tried once more in the end, each alone.
+    Dask repeats the jobs of a lost worker on another worker, and gives a job up after several lost workers. It does not
+    know which of the jobs of a worker caused its end, so these jobs are repeated at the end, one at a time.
     """
     suspects: list[Job] = []
 
@@ -55,8 +56,7 @@ def _lost(job: Job, error: Exception) -> Outcome:
     deaths = getattr(error, "allowed_failures", 0) + 1
     return Outcome(
         job.unit,
-        reason=f"its worker process died {counted(deaths, 'time')} with nothing else under way; is there "
-        "enough memory for it?",
+        reason=f"its worker process died {counted(deaths, 'time')} without another job; it may need more memory",
     )
 
 
@@ -67,7 +67,7 @@ def _through(
     on_lost: Callable[[Job, Exception], Outcome | None],
     window: Callable[[], int],
 ) -> Iterator[Outcome]:
-    """All jobs through the cluster, only so many at a time."""
+    """Run all jobs on the cluster, with a limited number at a time."""
     import distributed
 
     waiting = deque(jobs)
@@ -93,34 +93,34 @@ def _through(
             elif outcome is not None:
                 yield outcome
             fill()
-    except Exception as error:  # the client's: what goes wrong in a unit is an outcome
+    except Exception as error:  # of the client; an error of a unit is an outcome
         if client.status == "running" and not isinstance(error, OSError):
             raise
-        raise GmwmError(_GONE) from error
+        raise GmwmError(_GONE, advice=_AGAIN) from error
     finally:
-        # After an error or Ctrl-C: nothing new is begun. A scheduler that is gone needs no word.
+        # After an error or Ctrl-C, nothing new is started. The scheduler may be gone.
         with suppress(Exception):
             client.cancel(list(running))
 
 
 def _outcome(future: Future[Any], job: Job, on_lost: Callable[[Job, Exception], Outcome | None]) -> Outcome | None:
-    """What a future brought; an error of the cluster itself ends the fleet."""
+    """The outcome of a future; an error of the cluster itself ends the fleet."""
     from distributed import KilledWorker
 
     if future.status == "cancelled":
-        raise GmwmError(_GONE)
+        raise GmwmError(_GONE, advice=_AGAIN)
     try:
         found: Outcome = future.result()
     except KilledWorker as error:
         return on_lost(job, error)
-    except Exception as error:  # as calibrate_unit raises none: it could not be begun, or its result not be sent
+    except Exception as error:  # calibrate_unit raises none, so the job could not be started or its result not sent
         return Outcome(job.unit, reason=f"{type(error).__name__}: {error}")
     return found
 
 
 @contextmanager
 def allowing_lost_workers(retries: int) -> Iterator[None]:
-    """Let a scheduler that starts in the block lose `retries` workers to a job before it gives the job up."""
+    """Let a scheduler that starts in the block give a job up after more than `retries` lost workers."""
     import dask
 
     with dask.config.set({"distributed.scheduler.allowed-failures": retries}):

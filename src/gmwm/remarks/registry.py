@@ -18,6 +18,7 @@ SECTIONS: Mapping[str, str] = {
     "recording": "The recording",
     "curve": "The wavelet variance",
     "fit": "A fitted model",
+    "selection": "Several candidate models",
     "numbers": "Numbers of a datasheet",
     "calibration": "A calibration",
     "agreement": "Several calibrations of one unit",

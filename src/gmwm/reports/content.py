@@ -163,8 +163,8 @@ def _settings(calibration: Calibration) -> Facts:
 
 def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = found.fit, found.ranking
-    # The table has its own words for what its signs say elsewhere.
-    words = [text for text in ranking.words() if not text.startswith(("*", "="))]
+    # The table marks the recommended model and those that are as good.
+    shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
     return {
         "axis": axis,
         "title": axis_title(axis),
@@ -174,7 +174,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "test": _test(found, rejected),
         "rejected": rejected,
         "proof": _proof(fit.gap),
-        "ranking": {"rows": _ranked(ranking), "words": words},
+        "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
         "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
     }
 
@@ -257,12 +257,12 @@ def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
     verdict, robust = found.verdict, found.fit.wavelet_variance.robust
     said = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
     if verdict is None:
-        return said | {"words": ["not looked for"]}
+        return said | {"remarks": ["not tested"]}
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
         percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
         said["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
-    words = verdict.summary().removeprefix(f"{verdict.axis}: ").splitlines()
-    return said | {"contaminated": bool(verdict.contaminated), "p": p, "words": words}
+    remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
+    return said | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}

@@ -1,4 +1,4 @@
-"""Choosing a model: every candidate under one criterion, and which of them the data cannot tell apart."""
+"""Model selection: rank candidates by one criterion, with its uncertainty."""
 
 from gmwm.selection.api import rank, select
 from gmwm.selection.ranking import Candidate, Comparison, Ranking

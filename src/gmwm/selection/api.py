@@ -1,4 +1,4 @@
-"""Ranking models by the wavelet information criterion: those named by the user, or all within a general one."""
+"""Rank models by the wavelet information criterion: given models, or all models within a general one."""
 
 from __future__ import annotations
 
@@ -47,40 +47,41 @@ def select(
     efficiency: float = 0.6,
     progress: Progress | None = None,
 ) -> Ranking:
-    """Rank every model within a general one, and recommend the simplest that is as good as the best.
+    """Select a model: rank every model within a general one, and recommend the simplest that is as good as the best.
 
-    All are fitted under one weighting matrix Ω, that of the general model at its estimate, and judged by the wavelet
-    information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. A criterion has errors of its own and tends to keep
-    a needless term: a model counts as equivalent to the best if records of its own would show a difference as large
-    in more than 5 % of the cases, whichever of all sums were the best for them. Of those that contain another
-    equivalent one the smaller counts, and the simplest of what remains is recommended.
+    All models are fitted with one weighting matrix Ω, that of the general model at its estimate, and compared by the
+    wavelet information criterion, WIC = objective + 2 tr[Cov(ν̂, ν(θ̂)) Ω]. The criterion is uncertain and tends to keep
+    unnecessary terms. A model is therefore equivalent to the best one if more than 5 % of the records that it generates
+    show a difference as large between its criterion and the smallest criterion of all sums. Models that contain a
+    smaller equivalent model are left out, and the simplest of the remaining ones is recommended.
 
     Parameters
     ----------
     general : Model, Process or str
-        The largest model, as `4 * GM() + WN() + QN() + RW() + DR()`. Parameters that are held stay; a process of
-        which all are held is in every candidate. Where the record has fewer levels than it has parameters, candidates
-        have as many as there are levels.
-    data : WaveletVariance, Signal or (N,) array; or a list of several
-        The recording. Several are recordings of one sensor: candidates are ranked by the mean loss of a fit to one of
-        them on each other.
+        The largest model, for example `4 * GM() + WN() + QN() + RW() + DR()`. Fixed values stay fixed, and a process
+        whose values are all fixed is in every candidate. If the general model has more parameters than there are
+        levels, the candidates have at most as many parameters as levels.
+    data : WaveletVariance, Signal or (N,) array; or a list of these
+        The recording. Several recordings must be of one sensor: candidates are then ranked by the mean loss of a fit to
+        one recording on the others.
     rate : float, optional
-        Samples per second (Hz); needed with plain arrays only.
+        Sampling rate (Hz); only for plain arrays.
     weighting : "optimal" or "diagonal"
-        Ω = V⁻¹ or 1 / V_jj, V the exact covariance of ν̂² under the general model. "optimal" tells models apart best.
+        Ω = V⁻¹ or 1 / V_jj, where V is the exact covariance of ν̂² under the general model. "optimal" distinguishes
+        models best.
     criterion : "asymptotic" or "bootstrap"
-        How the optimism is found: first-order theory; or `draws` records simulated from the general model, which
-        every candidate is fitted to: some milliseconds for each candidate and record.
+        How the optimism is computed: by first-order theory, or by fitting every candidate to `draws` records simulated
+        from the general model, which takes some milliseconds for each candidate and record.
     confidence : float
-        The right model, where it is among the candidates, is in the equivalent set in this share of the cases.
+        Probability that the true model is among the equivalent ones, if it is a candidate.
     draws : int
-        Simulated records for the uncertainty of the criterion, and for the bootstrap.
+        Number of simulated records for the uncertainty of the criterion and for the bootstrap.
     rng : int or numpy.random.Generator
         Source of the draws; the same integer gives the same result.
     robust, efficiency : bool, float
-        As in `fit`.
+        As for `fit`.
     progress : callable, optional
-        Called with the number of candidates done, and of all.
+        Called with the number of candidates done and the number of all candidates.
 
     Returns
     -------
@@ -89,11 +90,11 @@ def select(
     Raises
     ------
     ModelError
-        If there is nothing to choose, or too much.
+        If no parameter is free, or there are too many candidates.
     MissingTheoryError
-        If the covariance of a process is not known.
+        If a process does not define its autocovariance.
     DataError, OptionError
-        As in `fit`; or if several recordings have no levels in common.
+        As for `fit`; or if recordings differ in their rate, unit or estimator.
 
     References
     ----------
@@ -132,8 +133,9 @@ def select_within(
     candidates = [model for model in nested(wanted) if freedom(model) <= len(recordings[0])]
     if not candidates:
         raise ModelError(
-            f"no model within {wanted.structure} has as few parameters as the wavelet variance has levels, "
-            f"{len(recordings[0])}; record longer"
+            f"every model within {wanted.structure} has more parameters than the wavelet variance has levels, "
+            f"{len(recordings[0])}",
+            advice="Record longer.",
         )
     return _ranked(wanted, candidates, recordings, options=options, progress=progress)
 
@@ -152,9 +154,9 @@ def rank(
     efficiency: float = 0.6,
     progress: Progress | None = None,
 ) -> Ranking:
-    """Rank the models that you name; see `select` for what is done, and for the parameters.
+    """Rank given models by the criterion of `select`.
 
-    Ω and V are those of the smallest model that has all the terms of each: the one that all candidates are nested in.
+    Ω and V are those of the smallest model that contains all candidates.
 
     Parameters
     ----------
@@ -185,21 +187,25 @@ def rank(
         weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
     )  # fmt: skip
     if isinstance(models, (str, Process, Model)) or not list(models):
-        raise OptionError('models must be a list of candidates, as ["WN + RW", "GM + WN"]; for all within one: select')
+        raise OptionError(
+            argument="models", expected='a list of candidates such as ["WN + RW", "GM + WN"]', got=models,
+            advice="To rank all models within one, use `gmwm.select`.",
+        )  # fmt: skip
     wanted = [without_values(as_model(model)) for model in models]
     recordings = _recordings(data, rate, robust, efficiency)
     for model in wanted:
         if freedom(model) > len(recordings[0]):
             raise ModelError(
-                f"{model.structure} has {freedom(model)} parameters to estimate, but the wavelet variance has only "
-                f"{len(recordings[0])} levels; record longer, or leave it out"
+                f"{model.structure} has {freedom(model)} free parameters, but the wavelet variance has only "
+                f"{len(recordings[0])} levels",
+                advice="Record longer, or leave this model out.",
             )
     unique = list({frozenset(structure_of(model).items()): model for model in wanted}.values())
     return _ranked(_union(unique), unique, recordings, options=options, progress=progress)
 
 
 def _union(models: Sequence[Model]) -> Model:
-    """The smallest model that has every term of each; a term that some hold and others estimate is estimated."""
+    """The smallest model that contains all models; a term that is fixed in some models and free in others is free."""
     most = Counter[Process]()
     for model in models:
         most |= Counter(model.processes)
@@ -219,7 +225,7 @@ def _union(models: Sequence[Model]) -> Model:
 
 
 def _join(one: Process, other: Process) -> type[Process] | None:
-    """The class of a process with an order that has two of lower orders in it; none where values are held."""
+    """The class of a process whose order includes those of two processes; None if they have fixed values."""
     if type(one) is type(other) or any(
         process.is_fixed(p.name) for process in (one, other) for p in process.parameters
     ):
@@ -234,15 +240,15 @@ def _recordings(data: object, rate: float | None, robust: bool, efficiency: floa
     )
     items = list(data) if several and isinstance(data, (list, tuple)) else [data]
     if not items:
-        raise DataError("data must be a recording or a list of them, got an empty list")
+        raise DataError(argument="data", expected="a recording or a list of recordings", got=data)
     curves = [measured(item, rate, robust, efficiency) for item in items]  # type: ignore[arg-type]
     first = curves[0]
     for other in curves[1:]:
         for name in ("rate", "unit", "filter", "transform", "robust"):
             if getattr(other, name) != getattr(first, name):
                 raise DataError(
-                    f"recordings of one sensor must have one {name}, got {getattr(first, name)!r} and "
-                    f"{getattr(other, name)!r}; rank them one by one"
+                    f"the recordings differ in their {name}: {getattr(first, name)!r} and {getattr(other, name)!r}",
+                    advice="Rank the models for each recording by itself.",
                 )
     short = min(map(len, curves))
     return [wv if len(wv) == short else shortened(wv, short) for wv in curves]
@@ -292,7 +298,7 @@ def _levels(made: Sequence[Candidate]) -> dict[str, float]:
 
 
 def _sorted(made: Sequence[Candidate]) -> list[Candidate]:
-    """By the criterion; one that comes down to a smaller one stands behind it, though it fit a little better."""
+    """Sort by the criterion; a model with the same fit as a smaller one comes after it, whatever the last digits."""
     level = _levels(made)
     return sorted(
         made,
@@ -321,7 +327,7 @@ def _candidate(model: Model, place: int, explored: Sequence[Explored], wic: Crit
 
 
 def _out_of_sample(fits: Sequence[Fit]) -> float | None:
-    """Mean loss of the fit to one recording on another."""
+    """The mean loss of the fit to one recording on another; None for a single recording."""
     if len(fits) == 1:
         return None
     losses = []
@@ -334,7 +340,7 @@ def _out_of_sample(fits: Sequence[Fit]) -> float | None:
 
 
 def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: int, seed: int) -> list[Criterion]:
-    """The criterion of each candidate, the mean over recordings; candidates that share a fit share the work."""
+    """The criterion of each candidate, as the mean over the recordings; shared fits are evaluated once."""
     known: dict[int, float] = {}
     for r, e in enumerate(explored):
         variances = None
@@ -359,7 +365,7 @@ def _criteria(explored: Sequence[Explored], count: int, method: Method, draws: i
 
 
 def _related(made: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates with the name of the smaller one that they come down to, in every recording."""
+    """Set `same_as` of candidates that have the same fit as a smaller one in every recording."""
     own = {frozenset(structure_of(c.model).items()): c for c in made}
     alike: dict[tuple[int, ...], Candidate] = {}
     for c in sorted(made, key=lambda c: freedom(c.model)):
@@ -376,7 +382,7 @@ def _related(made: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _end(name: str, target: Mapping[str, str | None]) -> str:
-    """Where a chain of models that come down to one another ends."""
+    """The end of a chain of `same_as`."""
     seen = {name}
     while (after := target[name]) is not None and after not in seen:
         name = after
@@ -385,7 +391,7 @@ def _end(name: str, target: Mapping[str, str | None]) -> str:
 
 
 def _shown(candidate: Candidate) -> Counter[str] | None:
-    """The structure that the data show of a candidate; None where recordings show several."""
+    """The structure of a candidate without terms that are zero; None if it differs between the recordings."""
     structures = [shown_by(fit) for fit in candidate.fits]
     return structures[0] if all(s == structures[0] for s in structures) else None
 
@@ -395,16 +401,16 @@ def _equivalent(
 ) -> list[Candidate]:
     """The candidates as good as the best, without those that contain another of them; the simplest first."""
     best, level = made[0], _levels(made)
-    kept: list[Candidate] = []
+    equivalent: list[Candidate] = []
     own = (c for c in made if c.same_as is None)
     for candidate in sorted(own, key=lambda c: (c.parameters, level[c.structure])):
         structure = structure_of(candidate.model)
-        if any(within(structure_of(k.model), structure) for k in kept):
+        if any(within(structure_of(k.model), structure) for k in equivalent):
             continue
         if level[candidate.structure] != level[best.structure]:
             if candidate.wic.value - best.wic.value > SURELY:
                 continue
             if not as_good(explored, candidate.fits, rivals=best.fits, size=1 - confidence, draws=draws, seed=seed):
                 continue
-        kept.append(candidate)
-    return kept
+        equivalent.append(candidate)
+    return equivalent

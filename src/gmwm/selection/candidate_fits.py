@@ -1,4 +1,4 @@
-"""All candidates fitted to one recording under one Ω: that of the general model at its estimate."""
+"""Fit all candidates to one recording with the weighting matrix Ω of the general model."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from gmwm.selection.structure import largest_within, nested, of_lower_order, str
 from gmwm.variance.result import WaveletVariance
 
 NOT_LOWER = 1e-9
-"""Objectives that differ by less (relative) are one."""
+"""Relative difference below which two objectives are equal (tests/selection/test_nested_objectives.py)."""
 
 EVERY = 8
-"""Every so manieth place of the grid: 20 % in the correlation time."""
+"""Step through the grid of correlation times: neighbours differ by 20 % (used in docs/validation/selection.md)."""
 
 Progress = Callable[[int, int], None]
-"""Called with the number of candidates done, and of all."""
+"""A function that is called with the number of candidates done and the number of all candidates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,11 @@ class Explored:
     Attributes
     ----------
     general : Fit
-        The largest model with as many parameters as the levels allow, whose Ω and V all others have.
+        The fit of the largest model with at most as many parameters as levels; its Ω and V are used for all others.
     matrix, wavelet : (J, J) arrays
-        Ω, and V, the covariance of ν̂².
+        Ω, and the covariance V of ν̂².
     fits : tuple of Fit
-        One for each candidate; a candidate with terms that the data do not show may share that of a smaller one.
+        One for each candidate. A candidate with terms that are zero may share the fit of a smaller one.
     """
 
     general: Fit
@@ -60,10 +60,10 @@ def explore(
     *,
     progress: Progress | None = None,
 ) -> Explored:
-    """Fit every candidate under the Ω of the general model.
+    """Fit every candidate with the Ω of the general model.
 
-    Where the optimum of a sum has terms that are zero, it is that of every sum in between, too; and no sum has a larger
-    objective than one of its parts. Both spare most of the work, and the second is seen to.
+    If the optimum of a sum has terms that are zero, it is also the optimum of every sum in between, which saves most of
+    the work. A sum never has a larger objective than one of its parts; `mend` ensures this.
     """
     largest = largest_within(nested(general), len(wv))
     settled, wavelet = nearly_settled(largest, wv, weighting)
@@ -90,7 +90,7 @@ class _Solved:
 
 
 class _Exploration:
-    """Solved sums under one Ω, by structure."""
+    """The solved sums for one Ω, by structure."""
 
     def __init__(self, wv: WaveletVariance, matrix: Matrix, weighting: str) -> None:
         self.wv, self.matrix, self.weighting = wv, matrix, weighting
@@ -98,7 +98,7 @@ class _Exploration:
         self.fits: dict[int, Fit] = {}
 
     def take(self, model: Model, problem: Problem, solution: Solution) -> _Solved:
-        """Keep a solution, and that of its shown part, which is the same."""
+        """Store a solution, also for its part without terms that are zero."""
         structure = structure_of(model)
         shown = _shown(model, problem, solution)
         found = _Solved(model, structure, shown=shown, problem=problem, solution=solution)
@@ -108,7 +108,7 @@ class _Exploration:
         return found
 
     def add(self, model: Model) -> None:
-        """Solve a candidate, or find it solved."""
+        """Solve a candidate, unless its solution is known."""
         structure = structure_of(model)
         if _key(structure) in self.solved:
             return
@@ -120,7 +120,7 @@ class _Exploration:
         self.take(model, problem, solve(problem, certify=False))
 
     def mend(self) -> None:
-        """See to it that no sum has a larger objective than one of its parts."""
+        """Replace a solution with a larger objective than that of one of its parts."""
         for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
             parts = [
                 p
@@ -134,7 +134,7 @@ class _Exploration:
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:
-        """The fit of a candidate; sums with the same optimum share it."""
+        """The fit of a candidate; sums with the same optimum share one fit."""
         found = self.solved[_key(structure_of(model))]
         if id(found.solution) not in self.fits:
             self.fits[id(found.solution)] = as_fit(Settled(found.problem, found.solution), self.wv, self.weighting)
@@ -143,10 +143,10 @@ class _Exploration:
     def _part(self, found: _Solved) -> _Solved:
         """The solution without the terms that are zero."""
         old = found.problem
-        kept = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
+        linear = [k for k, scale in zip(old.linear, found.solution.scales, strict=True) if scale > 0]
         moving = [k for k, term in zip(old.shaped, found.solution.terms, strict=True) if term.scale > 0]
         free = {*old.linear, *old.shaped}
-        places = sorted([*kept, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
+        places = sorted([*linear, *moving, *(k for k in range(len(old.model.processes)) if k not in free)])
         model = Model(tuple(old.model.processes[k] for k in places))
         problem = pose(without_values(model), self.wv, self.matrix)
         scales = np.array([s for s in found.solution.scales if s > 0], dtype=np.float64)
@@ -169,10 +169,11 @@ def _key(structure: Counter[str]) -> frozenset[tuple[str, int]]:
 
 
 def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
-    """Wavelet variances (n, J) that the general model can add, and how many come first that have no shape to find.
+    """Wavelet variances (n, J) that the general model can add, and the number of those without shape parameters.
 
-    Processes with a search are taken at places all over their domain. Of others, where a scan of all that they can be
-    would promise more than their parameters can give, it is the ways in which their estimates can move.
+    Those without shape parameters come first. A process with a search is evaluated on a grid over its domain. For other
+    processes with shape parameters, such a grid would allow more than their parameters can reach; they have their
+    estimate and its derivatives.
     """
     wv = explored.general.wavelet_variance
     problem = pose(without_values(explored.general.model), wv, explored.matrix)
@@ -187,7 +188,7 @@ def relaxed_columns(explored: Explored) -> tuple[Matrix, int]:
 
 
 def _ways(general: Fit, problem: Problem) -> list[Matrix]:
-    """The shape of each free process as estimated, and its derivatives, either way."""
+    """The estimated shape of each free process, and its derivatives with both signs."""
     rows = []
     for process in general.model.processes:
         moving = to_find(process)

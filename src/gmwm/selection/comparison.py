@@ -1,4 +1,4 @@
-"""The difference of two criteria, and how far chance alone moves it."""
+"""The difference of two criteria and its standard error."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from gmwm.selection.ranking import Candidate, Comparison, Ranking
 
 
 def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Comparison:
-    """Two candidates of a ranking.
+    """Compare two candidates of a ranking.
 
-    The loss of a model is a quadratic form of ν̂², |P L (ν̂ − ν)|² with P the projector off the directions in which the
-    curve can follow; that of the difference, (e + m)ᵀ(P₁ − P₂)(e + m), has the variance 2 tr[(AW)²] + 4 aᵀWa with
-    A = P₁ − P₂, a = r₁ − r₂ the difference of the residuals, and W = LVLᵀ. Of several recordings it is that of the
-    first over their number.
+    The loss of a model is the quadratic form |P L (ν̂ − ν)|² of ν̂², where P projects onto the complement of the
+    directions in which the curve of the model can change. The difference of two losses, (e + m)ᵀ(P₁ − P₂)(e + m), has
+    the variance 2 tr[(AW)²] + 4 aᵀWa with A = P₁ − P₂, W = LVLᵀ, and a = r₁ − r₂, the difference of the residuals. For
+    several recordings, it is the variance for the first one divided by their number.
     """
     root = square_root(ranking.weighting_matrix)
     scatter = root @ ranking.wavelet @ root.T

@@ -1,11 +1,12 @@
-"""Which models the data can tell from the best: the criterion's own uncertainty.
+"""Test which candidates are equivalent to the best one, given the uncertainty of the criterion.
 
-A model is as good as the best one where its own records would show a criterion as much above the least in one case of
-twenty. It is judged by the covariance V that it implies itself, as one that claims more makes the levels that came out
-low seem well known. Records are drawn as their wavelet variances: the chi-square law of each level, with the
-correlations of V. To each the model is fitted by first-order theory; against it stand every sum with one more term and,
-as a bound of all that have several more, the best sum of any number of processes with the penalty of two parameters. So
-what it does to the least of many criteria that it is the least is accounted for.
+A candidate is equivalent to the best model if its own records show, in more than one of twenty cases, a criterion that
+exceeds the smallest one by as much. "Own records" are drawn from the candidate with the covariance V that it implies,
+because the covariance of a larger model would give too much weight to levels that happen to be small. A record is drawn
+as its wavelet variances: the chi-square distribution of each level with the correlations of V. The candidate is fitted
+to each record by first-order theory. Its rivals are every sum with one more term and, as a bound for all sums with
+several more terms, the best sum of any number of processes with the penalty of two parameters. In this way, the test
+accounts for the choice of the smallest among many criteria.
 """
 
 from __future__ import annotations
@@ -32,25 +33,26 @@ from gmwm.selection.candidate_fits import Explored, relaxed_columns
 from gmwm.selection.structure import without_values
 
 SPARE = 1e-8
-"""A term of which less than this share (squared) lies off the directions of the others adds nothing to them."""
+"""Squared share of a term outside the span of the others below which it is collinear: √ε of a double."""
 SURELY = 1000.0
-"""A criterion that is so much larger, under the common weights, is larger under any."""
+"""Difference of criteria with the common Ω above which a candidate is rejected without a further fit, to save time."""
 NEVER = 1e-6
-"""A loss with a smaller probability than this, and by far, needs no closer look."""
+"""p-value of a bound on the loss below which a candidate is rejected without a further fit, to save time."""
 CLOSER = 1
-"""So often a candidate that fails is fitted again with the weights of its last fit."""
+"""Number of times that a rejected candidate is fitted again with the weights of its last fit; see
+docs/validation/selection.md."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """That a recording comes from a candidate: what its own records say of it and of its rivals.
+    """The hypothesis that a recording comes from a candidate, with records simulated from the candidate.
 
     Attributes
     ----------
     fit : Fit
-        The candidate, fitted under the common Ω.
+        The candidate, fitted with the common Ω.
     matrix, wavelet : (J, J) arrays
-        Ω and V of its own: V at the fit, and V⁻¹ or 1 / V_jj.
+        Ω and V of the candidate: V at the fit, and Ω = V⁻¹ or 1 / V_jj.
     """
 
     explored: Explored
@@ -62,7 +64,7 @@ class Hypothesis:
 
     @classmethod
     def of(cls, explored: Explored, fit: Fit, draws: int, seed: int) -> Hypothesis | None:
-        """None where the candidate has no noise at some level."""
+        """The hypothesis for a fit; None if the candidate has no noise at some level."""
         wv = fit.wavelet_variance
         try:
             wavelet = drawn_covariance(fit.model, Design.of(wv), wv.variance)
@@ -74,7 +76,7 @@ class Hypothesis:
         return cls(explored=explored, fit=fit, matrix=matrix, wavelet=wavelet, draws=draws, seed=seed)
 
     def absurd(self, rival: Fit) -> bool:
-        """Whether the loss exceeds that of the rival by far more than chance can do, without fitting either again."""
+        """Whether the loss exceeds that of the rival by far more than chance explains, without another fit."""
         from scipy.special import gammaincc
 
         losses = []
@@ -86,17 +88,17 @@ class Hypothesis:
         return bool(gammaincc(size / 2, max(losses[0] - losses[1], 0.0) / 6) < NEVER)
 
     def excess(self, rival: Fit) -> float:
-        """The candidate's criterion less that of a rival, both fitted under Ω."""
+        """The criterion of the candidate minus that of a rival, both fitted with Ω."""
         criteria = [fit.objective + optimism(fit, self.wavelet) for fit in (self.again, self._fitted(rival))]
         return criteria[0] - criteria[1]
 
     @cached_property
     def again(self) -> Fit:
-        """The candidate, fitted under its own Ω."""
+        """The candidate, fitted with its own Ω."""
         return self._fitted(self.fit)
 
     def closer(self) -> Hypothesis | None:
-        """The same with Ω and V of that fit."""
+        """The hypothesis with Ω and V of that fit."""
         return Hypothesis.of(self.explored, self.again, self.draws, self.seed)
 
     def _fitted(self, fit: Fit) -> Fit:
@@ -111,35 +113,35 @@ class Hypothesis:
 
     @cached_property
     def axes(self) -> Matrix:
-        """Directions in which the candidate's curve can follow the data."""
+        """Directions in which the curve of the candidate can change."""
         return axes_of(self.fit, self.root, Design.of(self.fit.wavelet_variance))
 
     @cached_property
     def errors(self) -> Matrix:
-        """Weighted errors (B, J) of the candidate's own records."""
+        """Weighted errors (B, J) of the records of the candidate."""
         return drawn_errors(self.fit.implied, self.wavelet, self.draws, self.seed) @ self.root.T
 
     @cached_property
     def _columns(self) -> tuple[Matrix, int]:
-        """Unit vectors (n, J) of all processes, and how many come first that have no search."""
+        """Unit vectors (n, J) of all processes, and the number of those without a search, which come first."""
         shapes, linear = relaxed_columns(self.explored)
         columns = shapes @ self.root.T
         return columns / np.linalg.norm(columns, axis=1, keepdims=True), linear
 
     @cached_property
     def losses(self) -> Vector:
-        """Losses (B,) of the candidate on its own records."""
+        """Losses (B,) of the candidate for its own records."""
         taken = self.errors @ self.axes
         return np.asarray(np.sum(self.errors**2, axis=1) - np.sum(taken**2, axis=1))
 
     @cached_property
     def single(self) -> Matrix:
-        """By how much (B, k) sums with one more term have the smaller criterion."""
+        """Reduction of the criterion (B, k) by one more term."""
         return self._single[0]
 
     @property
     def least(self) -> float:
-        """The least penalty of two parameters."""
+        """The smallest penalty of two parameters."""
         return self._single[1]
 
     @cached_property
@@ -153,12 +155,12 @@ class Hypothesis:
         spread = columns @ self.root @ factor_of(self.wavelet)
         penalty = 2 * np.sum(spread**2, axis=1) / np.maximum(square, SPARE)
         net = np.where(new, gain - penalty, 0.0)
-        # One parameter more is enough where the process takes the place of one that it becomes at an end of its domain.
+        # A process that replaces its own limit at an end of its domain needs only one more parameter.
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
     def several(self) -> Vector:
-        """By how much (B,) a sum with two or more further parameters has the smaller criterion, at most."""
+        """Upper bound of the reduction of the criterion (B,) by two or more parameters."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
@@ -169,7 +171,7 @@ class Hypothesis:
 def as_good(
     explored: Sequence[Explored], fits: Sequence[Fit], rivals: Sequence[Fit], size: float, draws: int, seed: int
 ) -> bool:
-    """Whether a candidate is as good as its rival, by its fits and those of the rival to each recording."""
+    """Whether a candidate is equivalent to its rival, from the fits of both to each recording."""
     pairs = enumerate(zip(explored, fits, strict=True))
     hypotheses = [Hypothesis.of(e, fit, draws, seed + r) for r, (e, fit) in pairs]
     for closer in range(1 + CLOSER):
@@ -184,9 +186,9 @@ def as_good(
 
 
 def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: float) -> bool:
-    """Whether a candidate's own records put its criterion so far above the least in more than a share `size` of cases.
+    """Whether a share of more than `size` of the candidate's own records show a difference as large as the data.
 
-    One hypothesis and one fit of the rival for each recording; criteria add up.
+    There is one hypothesis and one fit of the rival for each recording; their criteria are added.
     """
     difference = sum(h.excess(rival) for h, rival in zip(hypotheses, rivals, strict=True))
     if difference <= 0:
@@ -194,7 +196,7 @@ def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: flo
     single = np.max(np.sum([h.single for h in hypotheses], axis=0), axis=1)
     if np.mean(single >= difference) > size:
         return True
-    # What the best sum leaves of a loss is not negative: most candidates fail by the loss alone.
+    # The remaining loss of the best sum is at least zero, so the loss itself is a bound, which rejects most candidates.
     most = np.sum([h.losses - h.least for h in hypotheses], axis=0)
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
@@ -203,7 +205,7 @@ def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: flo
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
-    """Errors of ν̂² (B, J): each level chi-square about the curve, with the variances and correlations of V."""
+    """Draw errors of ν̂² (B, J): chi-square at each level, with the variances and correlations of V."""
     from scipy.special import chdtri, ndtr
 
     deviation = np.sqrt(np.diag(wavelet))
@@ -221,7 +223,7 @@ def factor_of(wavelet: Matrix) -> Matrix:
 
 
 def axes_of(fit: Fit, root: Matrix, design: Design) -> Matrix:
-    """Orthonormal directions (J, p) in which the fitted curve can follow the data."""
+    """Orthonormal directions (J, p) in which the fitted curve can change."""
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
     slopes = root @ relative_jacobian(fit.model, design, columns)
     length = np.linalg.norm(slopes, axis=0)

@@ -1,4 +1,4 @@
-"""Models in the order of their criterion, what the data cannot tell apart, and the one to use."""
+"""The result of model selection: models in the order of their criterion, and the recommended model."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.estimation.result import Fit
 from gmwm.inference.criterion import Criterion
 from gmwm.processes.model import Model, as_model
+from gmwm.remarks import Dialect, Remark, texts
 from gmwm.selection.structure import structure_of
 
 if TYPE_CHECKING:
@@ -28,11 +29,12 @@ if TYPE_CHECKING:
 
 WIDTH = 80
 SAME = 1e-6
-"""Criteria that differ by less (relative) are those of one curve."""
+"""Relative difference below which two criteria are equal (tests/selection/test_ranking.py)."""
 REJECTED = 0.01
-"""p of the fit below which a recommendation does not go without a word."""
+"""p-value of the goodness-of-fit test below which the ranking has the remark `recommended-rejected`. A convention:
+the usual level of 5 %, with room for several axes."""
 LISTED = 10
-"""So many candidates a table shows."""
+"""Number of candidates in a table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -42,23 +44,23 @@ class Candidate:
     Attributes
     ----------
     model : Model
-        Its structure, as it was asked for.
+        The model with its fixed values.
     fits : tuple of Fit
-        To each recording, under the Ω that all candidates have in common.
+        The fit to each recording, with the weighting matrix Ω of all candidates.
     wic : Criterion
-        Its criterion; of several recordings the mean.
+        Wavelet information criterion; for several recordings the mean.
     out_of_sample : float or None
-        Of several recordings, the mean loss of a fit to one on another.
+        For several recordings, the mean loss of a fit to one recording on another.
     difference : float
-        By how much its criterion exceeds the least: `out_of_sample` where there is one, else `wic`.
+        Difference to the smallest criterion, of `out_of_sample` if there is one, otherwise of `wic`.
     parameters : int
-        Parameters that the data determine: neither held, nor zero, nor at an end of their domain.
+        Number of parameters that the data determine: not fixed, not zero, and not at an end of their domain.
     equivalent : bool
-        Whether it is as good as the best within the uncertainty of the criterion, and none of its terms can be spared.
+        Whether it is as good as the best within the uncertainty of the criterion, and no smaller model within it is.
     recommended : bool
-        Whether it is the simplest of those.
+        Whether it is the simplest of the equivalent models.
     same_as : str or None
-        The smaller model that it comes down to, as the data show no more of its terms.
+        The smaller model with the same fit, if some of the estimates are zero or at an end of their domain.
     """
 
     model: Model
@@ -73,7 +75,7 @@ class Candidate:
 
     @property
     def structure(self) -> str:
-        """The model as text, with values only where they are held: "GM + WN"."""
+        """The model as text, with only its fixed values: "GM + WN"."""
         return str(self.model)
 
     @property
@@ -93,14 +95,14 @@ class Candidate:
 
     @cached_property
     def pvalue(self) -> float | None:
-        """p of the goodness of fit to the first recording; None where it cannot be tested."""
+        """p-value of the goodness-of-fit test for the first recording; None if there are too few levels."""
         try:
             return self.fit.goodness_of_fit().pvalue
         except GmwmError:
             return None
 
     def to_dict(self) -> dict[str, Any]:
-        """The candidate as plain numbers, lists and texts, ready for JSON."""
+        """The candidate as numbers, lists and strings, ready for JSON."""
         return {
             "model": self.structure,
             "wic": self.wic.to_dict(),
@@ -119,22 +121,22 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Ranking:
-    """Candidates, the best first; `ranking[0]`, `ranking["GM + WN"]`, or in a loop.
+    """The candidates, the best first: `ranking[0]`, `ranking["GM + WN"]`, or in a loop.
 
     Attributes
     ----------
     candidates : tuple of Candidate
-        By the criterion; models that come down to a smaller one follow it.
+        In the order of the criterion; a model with the same fit as a smaller one follows it.
     within : Model
-        The general model, as it was asked for.
+        The general model, with its fixed values.
     general : Fit
-        The largest candidate that the levels allow, whose Ω and V all candidates have.
+        The fit of the largest model that the number of levels allows; its Ω and V are used for all candidates.
     weighting : str
-        Which Ω: "optimal" or "diagonal".
+        "optimal" or "diagonal".
     weighting_matrix, wavelet : (J, J) arrays
-        Ω, and V, the covariance of ν̂²; of the first recording.
+        Ω, and the covariance V of ν̂², for the first recording.
     confidence : float
-        Share of cases in which the right model is among the equivalent ones.
+        Probability that the true model is among the equivalent ones.
     """
 
     candidates: tuple[Candidate, ...]
@@ -147,7 +149,7 @@ class Ranking:
 
     @property
     def best(self) -> Candidate:
-        """The candidate with the least criterion."""
+        """The candidate with the smallest criterion."""
         return self.candidates[0]
 
     @property
@@ -157,22 +159,22 @@ class Ranking:
 
     @property
     def equivalent(self) -> tuple[Candidate, ...]:
-        """The candidates that are as good as the best, and of which no term can be spared."""
+        """The candidates that are as good as the best and contain no smaller one that is."""
         return tuple(candidate for candidate in self.candidates if candidate.equivalent)
 
     @property
     def distinct(self) -> tuple[Candidate, ...]:
-        """The candidates without those that come down to a smaller one."""
+        """The candidates without those that have the same fit as a smaller one."""
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
-        """Candidates `first` and `second` side by side: the difference of their criteria, and its standard error."""
+        """Compare two candidates: the difference of their criteria, and its standard error."""
         from gmwm.selection.comparison import compared
 
         return compared(self, self[first], self[second])
 
     def to_dict(self) -> dict[str, Any]:
-        """The ranking as plain numbers, lists and texts, ready for JSON."""
+        """The ranking as numbers, lists and strings, ready for JSON."""
         return {
             "within": str(self.within),
             "general": self.general.model.structure,
@@ -181,12 +183,22 @@ class Ranking:
             "recordings": len(self.best.fits),
             "recommended": self.recommended.structure,
             "candidates": [candidate.to_dict() for candidate in self.candidates],
+            "remarks": [remark.to_dict() for remark in self.remarks],
         }
 
     def table(self, limit: int | None = LISTED) -> tuple[list[str], list[list[str]]]:
-        """Head and rows of the table: the first `limit` distinct candidates, and every equivalent one."""
+        """Header and rows of the table: the first `limit` distinct candidates, and every equivalent one."""
         several = self.best.out_of_sample is not None
-        head = ["", "model", "WIC", "loss", "out of sample" if several else "optimism", "difference", "p", "at an end"]
+        head = [
+            "",
+            "model",
+            "WIC",
+            "loss",
+            "out of sample" if several else "optimism",
+            "difference",
+            "p",
+            "zero or at an end",
+        ]
         shown = [c for k, c in enumerate(self.distinct) if limit is None or k < limit or c.equivalent]
         rows = []
         for c in shown:
@@ -198,28 +210,25 @@ class Ranking:
             rows.append([mark, c.structure.replace(" ", ""), *numbers, p, ends])
         return head, rows
 
-    def words(self) -> list[str]:
-        """What the ranking comes down to."""
-        chosen, others = self.recommended, [c.structure for c in self.equivalent if not c.recommended]
-        lines = [f"* recommended: {chosen.structure}"]
-        if others:
-            lines.append(f"= as good within the criterion's uncertainty: {'; '.join(others)}")
-        if chosen is not self.best:
-            more = [c for c in (self.best,) if not c.equivalent]
-            lines += [f"least criterion: {c.structure}, but the data do not call for so much" for c in more]
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """The recommended model, the models that are as good, and what limits the recommendation."""
+        return tuple(self._remarks())
+
+    def _remarks(self) -> Iterator[Remark]:
+        axis, chosen = self.best.fit.wavelet_variance.axis, self.recommended
+        yield Remark.of("recommended", axis, model=chosen.structure)
+        if others := tuple(c.structure for c in self.equivalent if not c.recommended):
+            yield Remark.of("as-good", axis, models=others)
+        if chosen is not self.best and not self.best.equivalent:
+            yield Remark.of("smallest-criterion", axis, model=self.best.structure)
         if chosen.pvalue is not None and chosen.pvalue < REJECTED:
-            lines.append(
-                "the test of the fit rejects even the recommended model: a larger general model may do better, or the "
-                "data hold what no such sum describes (look at the picture)"
-            )
-        same = len(self.candidates) - len(self.distinct)
-        if same:
-            come = f"{same} more candidates come" if same > 1 else "1 more candidate comes"
-            lines.append(f"{come} down to one of these: the data show no more of their terms")
-        return lines
+            yield Remark.of("recommended-rejected", axis, p=chosen.pvalue)
+        if reduced := len(self.candidates) - len(self.distinct):
+            yield Remark.of("candidates-reduced", axis, count=reduced)
 
     def summary(self, limit: int | None = LISTED) -> str:
-        """The table of the first `limit` candidates, and the recommendation in words."""
+        """The table of the first `limit` candidates, and the remarks."""
         wv = self.best.fit.wavelet_variance
         records = f"{len(self.best.fits)} recordings, the first of " if len(self.best.fits) > 1 else ""
         lines = [
@@ -229,18 +238,18 @@ class Ranking:
         ]
         head, rows = self.table(limit)
         lines += aligned([head, *rows], right=range(2, len(head) - 1), indent="")
-        left = len(self.distinct) - len(rows)
-        if left:
-            lines.append(f"… and {left} more")
-        words = [part for line in self.words() for part in wrap(line, WIDTH, subsequent_indent="  ")]
-        return "\n".join([*lines, "", *words])
+        if more := len(self.distinct) - len(rows):
+            lines.append(f"… and {more} more")
+        lines += ["* recommended, = as good as the best model", ""]
+        remarks = texts(remark.about("") for remark in self.remarks)
+        return "\n".join([*lines, *(part for text in remarks for part in wrap(text, WIDTH, subsequent_indent="  "))])
 
     def _repr_html_(self) -> str:
         head, rows = self.table()
         cells = "".join(f"<th>{escape(text)}</th>" for text in head)
         body = "".join(f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows)
-        words = "<br>".join(escape(line) for line in self.words())
-        return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table><p>{words}</p>"
+        remarks = "<br>".join(texts((remark.about("") for remark in self.remarks), Dialect.HTML))
+        return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table><p>{remarks}</p>"
 
     @overload
     def __getitem__(self, key: int | str | Model) -> Candidate: ...
@@ -254,8 +263,8 @@ class Ranking:
             if structure_of(candidate.model) == wanted:
                 return candidate
         raise OptionError(
-            f"{as_model(key)} is not among the {len(self)} candidates within {self.within}; "
-            "rank it beside them: rank([…], data)"
+            f"{as_model(key)} is not among the {counted(len(self), 'candidate')} within {self.within}",
+            advice="To compare it with them, pass all models to `gmwm.rank`.",
         )
 
     def __contains__(self, key: object) -> bool:
@@ -324,16 +333,16 @@ class Ranking:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Comparison(Summarised):
-    """Two candidates beside one another.
+    """The comparison of two candidates.
 
     Attributes
     ----------
     first, second : Candidate
     difference : float
-        Criterion of the first less that of the second: negative where the first is better. The criterion is the WIC,
-        of several recordings the mean.
+        Criterion (WIC) of the first minus that of the second; negative if the first is better. For several recordings
+        it is the mean.
     error : float
-        Standard error of the difference, from the scatter V of ν̂².
+        Standard error of the difference, from the covariance V of ν̂².
     """
 
     first: Candidate
@@ -341,17 +350,21 @@ class Comparison(Summarised):
     difference: float
     error: float
 
-    def summary(self) -> str:
-        """The comparison in words."""
+    @property
+    def remark(self) -> Remark:
+        """Which model has the smaller criterion, and whether the difference may be chance."""
         better, worse = (self.first, self.second) if self.difference <= 0 else (self.second, self.first)
         size = abs(self.difference)
         if size <= SAME * abs(self.first.wic.value):
-            return f"{self.first.structure} and {self.second.structure} have the same criterion"
-        clear = "by more than chance" if size > 2 * self.error else "no more than chance may do"
-        return (
-            f"{better.structure} has the smaller criterion: {better.wic.value:.2f} against {worse.wic.value:.2f} of "
-            f"{worse.structure}, a difference of {size:.2f} ± {self.error:.2f}, {clear}"
-        )
+            return Remark.of("criteria-equal", first=self.first.structure, second=self.second.structure)
+        return Remark.of(
+            "criteria-differ", better=better.structure, worse=worse.structure, least=better.wic.value,
+            other=worse.wic.value, difference=size, error=self.error, clear="yes" if size > 2 * self.error else "no",
+        )  # fmt: skip
+
+    def summary(self) -> str:
+        """The comparison as text."""
+        return self.remark.text()
 
     def plot(
         self, *, view: ViewName = "wavelet", units: UnitSystem = "si", path: str | os.PathLike[str] | None = None
@@ -388,5 +401,5 @@ class Comparison(Summarised):
 
 
 def _short(number: float) -> str:
-    """Two decimals, or five digits of what is large."""
+    """Two decimals, or five digits of a large number."""
     return f"{number:.2f}" if abs(number) < 1000 else f"{number:.5g}"

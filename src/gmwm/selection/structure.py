@@ -1,4 +1,4 @@
-"""Structures of models: which processes a sum has, how often, and which sums are parts of which."""
+"""Structures of models: the processes of a sum, and which sums are part of another one."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from gmwm.processes.model import Model
 from gmwm.processes.ordered import find_class
 
 MOST_CANDIDATES = 5000
+"""Number of candidates above which `select` refuses a general model (tests/selection/test_ranking.py)."""
 
 
 def without_values(model: Model) -> Model:
-    """The same sum with only the held values: a start of one candidate is nothing to another."""
+    """The same sum with only its fixed values, because candidates do not share starting values."""
     return Model(
         tuple(p.with_values(**{q.name: None for q in p.parameters if not p.is_fixed(q.name)}) for p in model.processes)
     )
 
 
 def nested(general: Model) -> list[Model]:
-    """Every sum of some of the terms of a general model, the largest first; held processes are in all of them.
+    """Return every sum of some of the terms of a general model, the largest first.
 
-    A process with an order is taken at every lower order too.
+    Processes whose values are all fixed are in every sum. A process with an order also occurs with every lower order.
 
     >>> from gmwm import Model
     >>> [model.structure for model in nested(Model.parse("2*GM + WN"))]
@@ -38,19 +39,22 @@ def nested(general: Model) -> list[Model]:
     Raises
     ------
     ModelError
-        If there is nothing to choose, or there are too many sums.
+        If no parameter is free, or there are too many sums.
     """
     bare = without_values(general)
     held = [p for p in bare.processes if p.is_complete]
     free = Counter(p for p in bare.processes if not p.is_complete)
     if not free:
-        raise ModelError(f"nothing to choose: every parameter of {general} is held; free one by leaving out fixed(…)")
+        raise ModelError(
+            f"there is no model to select: every parameter of {general} is fixed",
+            advice="Leave `fixed(…)` out for at least one process.",
+        )
     choices = [_choices(process, count) for process, count in free.items()]
     size = math.prod(map(len, choices))
     if size > MOST_CANDIDATES:
         raise ModelError(
-            f"{general.structure} has {size - 1} models in it, more than the {MOST_CANDIDATES} that are compared; "
-            "take a smaller one, or name the candidates: rank([…], data)"
+            f"{general.structure} contains {size - 1} models, more than the largest number of {MOST_CANDIDATES}",
+            advice="Use a smaller general model, or pass the candidates to `gmwm.rank`.",
         )
     chosen = ([process for part in parts for process in part] for parts in product(*choices))
     sums = [Model((*terms, *held)) for terms in chosen if terms]
@@ -58,7 +62,7 @@ def nested(general: Model) -> list[Model]:
 
 
 def _choices(process: Process, count: int) -> list[list[Process]]:
-    """What a sum may have of a term that is there so many times, most first."""
+    """The choices for a term that occurs `count` times: all of them first, none last."""
     every = [[process] * k for k in range(count, -1, -1)]
     if count > 1 or any(process.is_fixed(p.name) for p in process.parameters):
         return every
@@ -71,17 +75,17 @@ def freedom(model: Model) -> int:
 
 
 def terms_of(processes: Iterable[Process]) -> Counter[str]:
-    """What a structure is made of: names of its processes, with the values that are held."""
+    """The names of some processes with their fixed values, counted."""
     return Counter(str(process) for process in processes)
 
 
 def structure_of(model: Model) -> Counter[str]:
-    """The structure of a model, whatever values it has."""
+    """The structure of a model, without its free values."""
     return terms_of(without_values(model).processes)
 
 
 def shown_by(fit: Fit) -> Counter[str]:
-    """The structure that the data show of a fitted model: without terms that are zero; others as what they act as."""
+    """The structure of a fitted model without terms that are zero, and with terms as the processes that they act as."""
     bare = without_values(fit.model)
     shown, acted = Counter[str](), set[str]()
     for term, process in zip(bare.terms, bare.processes, strict=True):
@@ -89,12 +93,12 @@ def shown_by(fit: Fit) -> Counter[str]:
             acted.add(fit.diagnostics.acts_as[term])
         elif term not in fit.diagnostics.not_supported:
             shown[str(process)] += 1
-    # However many terms act as white noise, say: together they are one.
+    # Several terms that act as the same process, such as white noise, are one term.
     return shown | Counter(acted)
 
 
 def within(part: Counter[str], whole: Counter[str]) -> bool:
-    """Whether one structure is a case of another: its terms are there, or one that becomes it at an end of its domain.
+    """Whether one structure is a special case of another, also at the ends of the domains of its processes.
 
     >>> within(Counter({"WN": 1, "RW": 1}), Counter({"GM": 1, "WN": 1}))  # a slow GM is a random walk
     True
@@ -104,12 +108,12 @@ def within(part: Counter[str], whole: Counter[str]) -> bool:
 
 
 def of_lower_order(part: Counter[str], whole: Counter[str]) -> bool:
-    """Whether one structure has terms of the other alone, each of its own order or a lower one."""
+    """Whether each term of one structure is a term of the other, with the same or a lower order."""
     return _matched(list((part - whole).elements()), list((whole - part).elements()), limits=False)
 
 
 def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bool:
-    """Whether for each missing term there is a spare one of its own that is it for some values."""
+    """Whether each missing term is a special case of a different spare term."""
     if not missing:
         return True
     first, *rest = missing
@@ -121,7 +125,7 @@ def _matched(missing: list[str], spare: list[str], *, limits: bool = True) -> bo
 
 @lru_cache
 def _cases(name: str, limits: bool) -> frozenset[str]:
-    """Names of the processes that a process is for some values, and those it becomes at the ends of its domain."""
+    """Names of the special cases of a process, with those at the ends of its domain if `limits` is true."""
     kind = find_class(name)
     if kind is None:
         return frozenset()
@@ -131,11 +135,12 @@ def _cases(name: str, limits: bool) -> frozenset[str]:
 
 
 def largest_within(models: Sequence[Model], levels: int) -> Model:
-    """The first of the models, largest first, that has no more parameters than there are levels."""
+    """The largest of the models, given largest first, with at most as many parameters as levels."""
     for model in models:
         if freedom(model) <= levels:
             return model
     raise ModelError(
         f"the smallest candidate, {models[-1].structure}, has {freedom(models[-1])} parameters, but the wavelet "
-        f"variance has only {levels} levels; record longer"
+        f"variance has only {levels} levels",
+        advice="Record longer.",
     )

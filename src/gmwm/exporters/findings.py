@@ -1,0 +1,108 @@
+"""What a file leaves out, which of its numbers are upper limits, and how its terms are counted, as remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from gmwm.estimation.result import Fit
+from gmwm.exporters.reduction import NAMES, Number, Rule, counted_as, lines_of, replaced_terms
+from gmwm.likelihood.system import is_ramp
+from gmwm.remarks import Quantity, Remark
+from gmwm.units import SI_UNIT, noise_unit
+
+if TYPE_CHECKING:
+    from gmwm.calibration import Calibration
+    from gmwm.exporters.base import Noise
+
+NEAR = 3.0
+"""Ratio of a correlation time to the horizon, or its inverse, below which a file has the remark `near-horizon`.
+
+The value is a convention (tests/exporters/test_export.py)."""
+
+_TIME_POWER = {"N": 0.5, "K": -0.5, "B": 0.0}
+"""Power of time in the unit of each number, for `noise_unit`."""
+
+
+def remarks_of(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Everything to know about the two numbers of each sensor.
+
+    Parameters
+    ----------
+    noise : Noise
+    confidence : float
+        Level of the confidence intervals of the calibration.
+    """
+    yield from _upper_limits(noise, confidence)
+    rates = {sensor.quantity: Quantity(sensor.rate, "Hz") for sensor in noise.sensors}
+    if len({rate.value for rate in rates.values()}) > 1 and noise.options.rate is None:
+        yield Remark.of("rates-differ", gyro=rates["gyro"], accel=rates["accel"])
+    horizon = noise.options.horizon
+    for sensor in noise.sensors:
+        for one in sensor.axes:
+            if left := counted_as(one.fit, one.use)[""]:
+                yield Remark.of("terms-left-out", one.axis, terms=tuple(left))
+            yield from of_lines(one.axis, one.fit)
+            if terms := replaced_terms(one.fit, one.use):
+                yield _replaced(one.axis, terms, one.use.time, horizon)
+            times = [p.correlation_time(sensor.rate) or 0.0 for p in one.fit.model.processes if p.scale > 0]
+            if any(1 / NEAR < time / horizon < NEAR for time in times):
+                yield Remark.of("near-horizon", one.axis, factor=NEAR)
+
+
+def of_lines(axis: str, fit: Fit) -> Iterator[Remark]:
+    """The lines of an axis, which no number of the file contains."""
+    unit = fit.wavelet_variance.unit or "u"
+    for line in lines_of(fit):
+        frequency, amplitude = Quantity(line.frequency, "Hz"), Quantity(line.amplitude, unit)
+        yield Remark.of("line-left-out", axis, term=line.term, frequency=frequency, amplitude=amplitude)
+
+
+def of_ramps(calibration: Calibration) -> Iterator[Remark]:
+    """Rate ramps, which the matrices contain as known without error."""
+    for axis, fit in calibration.items():
+        for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+            if is_ramp(process, fit.wavelet_variance.rate):
+                yield Remark.of("ramp-in-matrices", axis, term=term)
+
+
+def _replaced(axis: str, terms: tuple[str, ...], time: float | None, horizon: float) -> Remark:
+    """At which averaging time the replacement of some terms has their Allan deviation."""
+    at = Quantity(horizon, "s")
+    if time is None:
+        # The Allan deviation of a random walk grows as √t: a factor of 100 in time is one of 10.
+        early, late = Quantity(horizon / 100, "s"), Quantity(100 * horizon, "s")
+        return Remark.of("counted-at-horizon", axis, terms=terms, horizon=at, early=early, late=late)
+    return Remark.of("counted-at-correlation-time", axis, terms=terms, horizon=at, time=Quantity(time, "s"))
+
+
+def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
+    """Which numbers of a file are upper limits instead of measured values."""
+    rule, level = noise.options.axes, Quantity(50 + 50 * confidence, "%")
+    for sensor in noise.sensors:
+        for symbol, power in _TIME_POWER.items():
+            if symbol == "B" and not sensor.axes[0].use.flicker:
+                continue
+            axes: dict[str, Number] = {one.axis: getattr(one, symbol) for one in sensor.axes}
+            limited = [axis for axis, number in axes.items() if number.upper]
+            if rule == "each":
+                if limited:
+                    yield Remark.of("upper-limit", f"{symbol} of {', '.join(limited)}", level=level)
+            elif getattr(sensor, symbol)[0].upper:
+                name = f"{symbol} of the {NAMES[sensor.quantity]}"
+                if len(limited) == len(axes):
+                    yield Remark.of("upper-limit", name, level=level)
+                else:
+                    unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
+                    yield from _limits_among(name, axes, unit, rule, level)
+
+
+def _limits_among(name: str, axes: Mapping[str, Number], unit: str, rule: Rule, level: Quantity) -> Iterator[Remark]:
+    """One remark for each axis of a number that is made of measured values and upper limits."""
+    for axis, number in axes.items():
+        # An axis without the noise, for example without flicker noise, has the value zero.
+        if number.value > 0:
+            yield Remark.of(
+                "upper-limit-among", axis, number=name, rule=rule, level=level,
+                kind="upper limit" if number.upper else "measured", value=Quantity(number.value, unit),
+            )  # fmt: skip

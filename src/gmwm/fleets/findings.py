@@ -1,0 +1,124 @@
+"""What the statistics of a fleet mean, as remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from gmwm.fleets.outlier_units import FEWEST
+from gmwm.remarks import Remark, sorted_remarks
+from gmwm.signals import sensor_of
+
+if TYPE_CHECKING:
+    from polars import DataFrame
+
+    from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
+
+LEAST = 3
+"""Units that a spread and the range of a further unit need: with two units, the 95 % confidence interval of the spread
+is 0.45 to 32 times its estimate."""
+MUCH = 0.5
+"""Share of estimation error in the variance above which it dominates: more than one half."""
+REJECTED = 0.05
+"""Level of the goodness-of-fit tests of all axes of a fleet together."""
+
+
+def remarks_of(found: FleetStatistics) -> list[Remark]:
+    """Everything to know about the statistics of a fleet, the gravest first."""
+    return sorted_remarks(_remarks(found))
+
+
+def of_units(table: DataFrame, units: int, failed: int) -> Iterator[Remark]:
+    """Failed units, rejected models and outliers in the samples, from the table of a fleet."""
+    if failed:
+        yield Remark.of("units-failed", failed=failed, units=units)
+    if "p_value" in table.columns:
+        tested = table["p_value"].drop_nulls()
+        if rejected := int((tested < REJECTED / max(len(tested), 1)).sum()):
+            yield Remark.of("fits-rejected", rejected=rejected, tested=len(tested))
+    if "contaminated" in table.columns:
+        tested = table["contaminated"].drop_nulls()
+        if contaminated := int(tested.sum()):
+            yield Remark.of("fleet-outliers", contaminated=contaminated, tested=len(tested))
+
+
+def _remarks(found: FleetStatistics) -> Iterator[Remark]:
+    single = [row for row in found.rows if _is_axis(row, found.rows)]
+    yield from _of_outliers(found, single)
+    if 1 < found.units <= LEAST:
+        yield Remark.of("small-fleet", units=found.units)
+    for count in range(1, LEAST):
+        few = [row for row in single if row.units == count]
+        yield from _each("few-units-compared", few, single, units=count, least=LEAST, fewest=FEWEST)
+    few = [row for row in single if not row.searched and row.units >= LEAST]
+    yield from _each("outliers-not-sought", few, single, fewest=FEWEST)
+    yield from _of_limits(single)
+    yield from _each("errors-dominate", [row for row in single if (row.error_share or 0) > MUCH], single)
+    for model, rows in _by_model(row for row in single if row.model is not None and row.left_out).items():
+        yield from _each("one-model-compared", rows, single, model=model)
+    unknown = [row for row in single if row.model is None and row.left_out]
+    yield from _each("units-without-interval", unknown, single)
+    for difference in found.differences:
+        if difference.differs:
+            yield Remark.of("axes-differ", f"{difference.symbol} of {difference.sensor}")
+    if any(row.predicted_high is not None for row in found.rows):
+        yield Remark.of("uncalibrated-unit")
+
+
+def _of_outliers(found: FleetStatistics, single: Sequence[FleetNumber]) -> Iterator[Remark]:
+    units = list(dict.fromkeys(one.unit for one in found.outliers))
+    for unit in units:
+        yield Remark.of("units-outlying", unit, count=len(units))
+    if not units and any(row.searched for row in single):
+        yield Remark.of("no-outlier-units", size=found.size)
+    # As many outliers as a tenth of the units: the search ended at its limit (outlier_units.SHARE).
+    many = [row for row in single if row.outliers and row.outliers >= max(2, 0.1 * row.units)]
+    yield from _each("many-outliers", many, single)
+
+
+def _of_limits(rows: Sequence[FleetNumber]) -> Iterator[Remark]:
+    for row in rows:
+        if row.shown_by:
+            yield Remark.of("shown-by-few", _name(row), shown=row.shown_by, limited=row.limited)
+    limited = [row for row in rows if row.limited and row.units and not row.signed and not row.shown_by]
+    yield from _each("limits-not-compared", limited, rows)
+    for row in rows:
+        if row.below:
+            yield Remark.of("limits-below", _name(row), units=row.below)
+
+
+def _each(code: str, rows: Iterable[FleetNumber], every: Iterable[FleetNumber], **facts: str | int) -> Iterator[Remark]:
+    """One remark for each group of numbers with the same axes."""
+    for subject in _groups(rows, every):
+        yield Remark.of(code, subject, **facts)
+
+
+def _is_axis(row: FleetNumber, rows: Iterable[FleetNumber]) -> bool:
+    return not any(sensor_of(other.axis) == row.axis for other in rows)
+
+
+def _name(row: FleetNumber) -> str:
+    return f"{row.axis} {row.symbol}"
+
+
+def _by_model(rows: Iterable[FleetNumber]) -> Mapping[str, list[FleetNumber]]:
+    models: dict[str, list[FleetNumber]] = {}
+    for row in rows:
+        models.setdefault(row.model or "", []).append(row)
+    return models
+
+
+def _groups(rows: Iterable[FleetNumber], every: Iterable[FleetNumber]) -> list[str]:
+    """Names of numbers, such as "Q, N of gyro" and "K of gyro_y"; a sensor means all its axes that have the number."""
+    axes: dict[str, list[str]] = {}
+    complete: dict[str, list[str]] = {}
+    for found, given in ((axes, rows), (complete, every)):
+        for row in given:
+            found.setdefault(row.symbol, []).append(row.axis)
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for symbol, names in axes.items():
+        missing = [axis for axis in complete[symbol] if axis not in names]
+        incomplete = {sensor_of(axis) for axis in missing} | {""}
+        short = dict.fromkeys(axis if sensor_of(axis) in incomplete else sensor_of(axis) for axis in names)
+        groups.setdefault(tuple(short), []).append(symbol)
+    return [f"{', '.join(symbols)} of {', '.join(names)}" for names, symbols in groups.items()]
