@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from gmwm._template import Dialect
-from gmwm.errors import OptionError, ReadError
+from gmwm.errors import DataError, ModelError, OptionError, ReadError
 
 
 def test_an_argument_is_named_as_an_option_in_the_shell():
@@ -30,3 +30,17 @@ def test_what_was_given_is_shown_short():
     with pytest.raises(OptionError) as caught:
         raise OptionError(argument="x", expected="short", got="a" * 10_000)
     assert len(str(caught.value)) < 250
+
+
+def test_an_error_names_its_subject_once():
+    error = DataError("the signal has gaps", advice="Pass {--gaps=longest}.").about("gyro_x").about("imu.csv")
+    assert (error.subject, str(error)) == ("gyro_x", "gyro_x: the signal has gaps. Pass gaps='longest'.")
+    assert DataError("gyro_x must be finite", argument="gyro_x").about("gyro_x").subject == ""
+
+
+def test_a_reason_leaves_out_subject_prefix_and_advice():
+    error = ModelError("no process has this name", advice="Use WN.").about("gyro_x")
+    error.prefix = "within"
+    assert error.reason == "no process has this name"
+    assert error.text(Dialect.SHELL) == "gyro_x: --within: no process has this name. Use WN."
+    assert OptionError(argument="rate", expected="positive", got=-1).reason == "rate must be positive; got -1"

@@ -12,8 +12,10 @@ import gmwm
 from gmwm.errors import OptionError
 from gmwm.inspection import inspect
 from gmwm.inspection.resolution import lsb
+from gmwm.remarks import Severity
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
+from tests.helpers import codes, only, raises
 
 RATE = 100.0
 
@@ -29,11 +31,11 @@ def look(values, **options):
     return inspect(Imu.from_arrays(values, RATE, **options))
 
 
-def test_a_still_sensor_gets_no_warning():
+def test_a_sensor_at_rest_gets_no_remark():
     for seed in range(5):
         found = look(still(seed=seed))
         assert found.static
-        assert (found.knocks, found.warnings) == ((), ())
+        assert (found.knocks, found.remarks) == ((), ())
         assert found.gravity == pytest.approx(9.81, abs=1e-3)
         assert found.axes["gyro_x"].noise == pytest.approx(1e-3, rel=0.03)
         assert found.axes["gyro_x"].lsb is None
@@ -55,8 +57,10 @@ def test_knocks_are_found_with_their_times_and_axes():
     found = look(values)
     assert [(k.time, k.axes) for k in found.knocks] == [(123.45, ("gyro_x", "accel_y")), (599.99, ("gyro_z",))]
     assert found.knocks[0].duration == pytest.approx(0.04, abs=1e-9)
-    assert found.static  # a knock is no motion
-    assert any("2 knocks (the first at 123.45 s)" in warning for warning in found.warnings)
+    assert found.static  # a knock is not motion
+    remark = only(found.remarks, "knocks")
+    assert (remark.severity, remark.facts["count"], remark.facts["handled"]) == (Severity.BIASED, 2, "no")
+    assert remark.facts["first"].value == pytest.approx(123.45)
 
 
 def test_motion_is_found():
@@ -64,7 +68,10 @@ def test_motion_is_found():
     values[30_000:33_000, 0] += np.sin(np.arange(3000) / 30) * 0.02
     found = look(values)
     assert not found.static
-    assert any("not static" in warning and "gyro_x" in warning for warning in found.warnings)
+    remark = only(found.remarks, "recording-moved", "gyro_x")
+    assert remark.severity is Severity.WRONG
+    assert 295 <= remark.facts["time"].value <= 330
+    assert remark.facts["ratio"] > 4
 
 
 def test_a_turn_of_gravity_is_found():
@@ -74,7 +81,10 @@ def test_a_turn_of_gravity_is_found():
         turned[30_000:, 3] += 9.81 * np.tan(np.radians(degrees))
         found = look(turned)
         assert found.static is static
-        assert any("turns by" in warning for warning in found.warnings) == (degrees > 0.1)
+        expected = {0.01: [], 0.5: ["recording-settles"], 5.0: ["recording-tilted"]}[degrees]
+        turns = [remark for remark in found.remarks if remark.code.startswith("recording-")]
+        assert codes(turns) == expected
+        assert [remark.facts["angle"].value for remark in turns] == [found.tilt] * len(turns)
 
 
 def test_a_random_walk_is_no_motion():
@@ -96,23 +106,29 @@ def test_no_step_where_there_is_none():
     assert lsb(np.repeat(rng.normal(size=500), 10)) is None
 
 
-def test_coarse_sensor_is_told():
+def test_a_coarse_output_gets_a_remark():
     values = np.round(np.random.default_rng(2).normal(0.3, 0.2, 20_000))
-    assert any("quantisation step" in warning for warning in look({"gyro_x": values}).warnings)
+    assert only(look({"gyro_x": values}).remarks, "coarse-output").subject == "gyro_x"
 
 
-def test_wrong_gravity_is_told():
-    assert any("is the unit right" in warning for warning in look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).warnings)
+def test_wrong_gravity_gets_a_remark():
+    remark = only(look(still() * [1, 1, 1, 0.1, 0.1, 0.1]).remarks, "gravity-wrong")
+    assert remark.severity is Severity.WRONG
+    assert remark.facts["norm"].value == pytest.approx(0.981, rel=1e-3)
+    off = only(look(still() * [1, 1, 1, 0.97, 0.97, 0.97]).remarks, "gravity-off")
+    assert off.severity is Severity.BIASED
+    assert off.facts["share"] == pytest.approx(-3, abs=0.1)
 
 
-def test_gaps_are_told_and_not_bridged():
+def test_gaps_get_a_remark_and_are_not_bridged():
     values = np.concatenate([np.zeros(5000), np.full(5000, 100.0)]) + np.random.default_rng(0).normal(size=10_000)
     signal = Signal(values, RATE, "rad/s", "gyro_x", segments=((0, 5000), (5000, 10_000)), starts=(0.0, 60.0))
     found = inspect(Imu({"gyro_x": signal}))
     assert found.axes["gyro_x"].noise == pytest.approx(1, rel=0.05)
     assert found.knocks == ()
-    assert "2 segments" in found.warnings[0]
-    assert "2 segments" in found.summary()
+    remark = only(found.remarks, "gaps")
+    assert (remark.facts["segments"], remark.facts["missing"].unit) == (2, "s")
+    assert "2 segments" in found.summary().splitlines()[0]
     assert found._repr_html_().startswith("<pre>recording: 10000 samples")
     assert "&lt;b&gt;: 10000 samples" in replace(found, source="<b>")._repr_html_()
 
@@ -138,15 +154,19 @@ def test_short_segments_do_not_inflate_wander_and_turn(length):
             assert found.axes[axis].wander == pytest.approx(whole.axes[axis].wander, rel=0.5)
 
 
-def test_a_unit_that_makes_a_gyroscope_too_noisy_is_told():
-    # 0.0057 deg/s/√Hz in rad/s; read as if the numbers were deg/s taken for rad/s it is 0.33.
-    assert not any("unit" in warning for warning in look(still()).warnings)
-    (warning,) = look(still() * [57.3, 57.3, 57.3, 1, 1, 1]).warnings
-    assert "gyro_x, gyro_y, gyro_z: a noise of 0.32" in warning
-    assert "is the unit right" in warning
+def test_a_unit_that_makes_a_gyroscope_too_noisy_gets_a_remark():
+    # The noise density is 0.0057 deg/s/√Hz. Numbers in deg/s that are read as rad/s give 0.33.
+    assert look(still()).remarks == ()
+    found = look(still() * [57.3, 57.3, 57.3, 1, 1, 1])
+    assert codes(found.remarks) == ["gyro-too-noisy"] * 3
+    assert [remark.subject for remark in found.remarks] == ["gyro_x", "gyro_y", "gyro_z"]
+    for remark in found.remarks:
+        assert remark.severity is Severity.WRONG
+        assert (remark.facts["density"].unit, remark.facts["limit"].value) == ("deg/s/√Hz", 0.1)
+        assert remark.facts["density"].value == pytest.approx(0.33, rel=0.03)
     knocked = still()
     knocked[300:320, 0] += 1e4
-    assert not any("is the unit right" in warning for warning in look(knocked).warnings)
+    assert codes(look(knocked).remarks) == ["knocks"]
 
 
 def test_one_of_something_is_singular():
@@ -154,33 +174,37 @@ def test_one_of_something_is_singular():
     values[333, 1] += 1
     found = look(values)
     assert "knock at 3.33 s of one sample" in found.summary()
-    assert found.warnings[0].startswith("1 knock (the first at 3.33 s), which raises the curve: ")
-    assert repr(found).endswith("static, 1 knock, 1 warning)")
+    (remark,) = found.remarks
+    assert (remark.code, remark.facts["count"]) == ("knocks", 1)
+    assert "1 knock," in remark.text()
+    assert repr(found).endswith("static, 1 knock, 1 caution)")
 
 
-def test_after_a_cut_gaps_of_the_rest_are_not_told():
+def test_after_a_cut_gaps_of_the_rest_are_not_reported():
     rows = np.arange(3000)
     base = TimeBase(RATE, True, 0.0, 0.0, ((1000, 5.0),), 0, 1)
     values, segments = 1e-3 * np.sin(rows), ((0, 1000), (1000, 3000))
     signal = Signal(values, RATE, "rad/s", "gyro_x", segments=segments, starts=(0.0, 15.0))
     imu = Imu({"gyro_x": signal}, time_base=base)
-    assert "2 segments" in inspect(imu).warnings[0]
+    before = inspect(imu).remarks
+    assert codes(before) == ["gaps", "stamps-backward"]
+    assert (before[0].facts["segments"], before[0].facts["missing"].value) == (2, pytest.approx(4.99))
     found = inspect(imu.longest())
     assert (found.time_base.gaps, found.time_base.backward, found.time_base.start) == ((), 0, 15.0)
-    assert found.warnings == ()
+    assert codes(found.remarks) == ["longest-segment"]
     assert "0 gaps" in found.summary()
 
 
 @pytest.mark.parametrize(
-    ("given", "way_out"),
+    ("given", "call"),
     [
-        ("file.csv", r"read it first: inspect\(read\('file.csv'\)\)"),
+        ("file.csv", "inspect(read('file.csv'))"),
         (np.ones((9, 6)), "Imu.from_arrays"),
-        (Signal(np.arange(9.0), RATE, axis="gyro_y"), r'Imu\(\{"gyro_y": signal\}\)'),
+        (Signal(np.arange(9.0), RATE, axis="gyro_y"), 'Imu({"gyro_y": signal})'),
     ],
 )
-def test_what_is_no_imu_is_told_the_way(given, way_out):
-    with pytest.raises(OptionError, match=way_out):
+def test_what_is_not_a_recording_gets_advice(given, call):
+    with raises(OptionError, type(given).__name__, argument="recording", advises=[call]):
         inspect(given)
 
 
@@ -216,8 +240,9 @@ def test_a_step_is_found_with_its_time_axis_and_size(scale):
     assert step.time == pytest.approx(234.56, abs=0.5)
     assert step.size == pytest.approx(1.5e-3 * scale, rel=0.3)
     assert found.knocks == ()
-    assert "step of gyro_y at 23" in found.summary()
-    assert any("1 step of level in gyro_y" in warning for warning in found.warnings)
+    assert "jump of gyro_y at 23" in found.summary()
+    remark = only(found.remarks, "level-steps", "gyro_y")
+    assert (remark.facts["count"], remark.facts["first"].value) == (1, step.time)
     assert json.loads(json.dumps(found.to_dict()))["steps"][0]["axis"] == "gyro_y"
 
 

@@ -1,15 +1,15 @@
-"""Whether a level that settles is told, and a level that wanders is not."""
+"""A level that settles is reported as a warm-up, and a level that wanders is not."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
 
 import gmwm
 from gmwm.inspection import inspect
+from gmwm.remarks import Severity
 from gmwm.signals import Imu, Signal
+from tests.helpers import only
 
 RATE = 20.0
 NOISE = "WN(sigma2=1e-6) + GM(beta=0.01, sigma2=1e-9) + RW(gamma2=1e-14)"
@@ -58,21 +58,25 @@ def test_a_step_is_no_warm_up():
             assert inspect(made(NOISE, samples, seed, 3e-3 * (np.arange(samples) > place))).warm_ups == ()
 
 
-def test_the_words_say_which_axis_how_long_and_what_to_do():
+def test_the_remark_has_the_axis_the_duration_and_what_to_leave_out():
     samples = 144_000
     found = inspect(made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)))
-    (warning,) = found.warnings
-    assert warning.startswith("gyro_x: the level settles over the first 1")
-    start = float(re.search(r"\(start=([0-9]+)\)", warning)[1])
+    (remark,) = found.remarks
+    assert (remark.code, remark.subject, remark.severity) == ("warm-up", "gyro_x", Severity.BIASED)
+    assert remark.facts["duration"].value == found.warm_ups[0].duration
+    assert remark.facts["cut"] == "no"
+    start = remark.facts["first"].value
     assert start >= found.warm_ups[0].duration
+    assert f"start={start:g}" in remark.text()
     assert "warm-up of gyro_x over the first 1" in found.summary()
     assert found.to_dict()["warm_ups"][0]["axis"] == "gyro_x"
-    # What it says to do is enough.
+    # Leaving out this beginning is enough.
     kept = made(NOISE, samples, 1, settling(samples, 3e-3, 200.0)).between(start)
     assert inspect(kept).warm_ups == ()
-    # What is left of it after a cut that is too short is told from there on.
-    (again,) = inspect(made(NOISE, samples, 1, settling(samples, 9e-3, 200.0)).between(200.0)).warnings
-    assert "leave another 1" in again
+    # After a cut that is too short, the remark counts from the new beginning.
+    again = only(inspect(made(NOISE, samples, 1, settling(samples, 9e-3, 200.0)).between(200.0)).remarks, "warm-up")
+    assert (again.facts["cut"], again.facts["first"].unit) == ("yes", "s")
+    assert again.facts["first"].value == pytest.approx(900, rel=0.15)
 
 
 def test_gaps():
@@ -92,7 +96,8 @@ def test_a_stream_says_the_same(tmp_path):
     whole, chunked = inspect(gmwm.read(path)), inspect(gmwm.stream(path, chunk=997))
     assert len(whole.warm_ups) == 1
     assert whole.warm_ups == chunked.warm_ups
-    assert whole.warnings == chunked.warnings
+    assert whole.remarks == chunked.remarks
+    assert whole.remarks
 
 
 @pytest.mark.parametrize("values", [np.full(20_000, 0.3), np.round(np.linspace(0, 3, 20_000))])

@@ -6,35 +6,38 @@ import gmwm
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import OptionError, UnitError
 from gmwm.options import ReadOptions, as_confidence
+from tests.helpers import raises
 
 WRONG_READING = [
-    ({"rate": -1}, OptionError, "rate must be positive"),
-    ({"gaps": "glue"}, OptionError, "gaps must be 'keep' or 'longest', got 'glue'"),
-    ({"units": {"gyro": "furlong"}}, UnitError, "furlong"),
-    ({"units": {"time": "fortnight"}}, UnitError, "the time unit must be one of s, ms"),
-    ({"units": "deg/s"}, OptionError, "units must map"),
-    ({"columns": {"gyro_w": 1}}, OptionError, "columns= must name gyro_x"),
-    ({"columns": ["gyro_x", "gyro_x"]}, OptionError, "columns= names 'gyro_x' twice"),
-    ({"columns": "gyro_x"}, OptionError, "columns= must map"),
-    ({"start": -1.0}, OptionError, "start must be a time in seconds"),
-    ({"start": 5.0, "stop": 2.0}, OptionError, "stop must come after"),
-    ({"skip": [(3.0, 1.0)]}, OptionError, "skip must hold pairs with the earlier time first"),
-    ({"scale": {"gyro": 0}}, OptionError, "the scale of gyro must be a finite number"),
-    ({"increments": ["gyro_w"]}, OptionError, "increments must name gyro, accel"),
-    ({"topic": 3}, OptionError, "topic must be the name of a recording"),
+    ({"rate": -1}, OptionError, "rate", -1),
+    ({"gaps": "glue"}, OptionError, "gaps", "glue"),
+    ({"units": {"gyro": "furlong"}}, UnitError, None, "furlong"),
+    ({"units": {"time": "fortnight"}}, UnitError, "units", "fortnight"),
+    ({"units": "deg/s"}, OptionError, "units", "deg/s"),
+    ({"columns": {"gyro_w": 1}}, OptionError, "columns", "gyro_w"),
+    ({"columns": ["gyro_x", "gyro_x"]}, OptionError, "columns", ["gyro_x", "gyro_x"]),
+    ({"columns": "gyro_x"}, OptionError, "columns", "gyro_x"),
+    ({"start": -1.0}, OptionError, "start", -1.0),
+    ({"start": 5.0, "stop": 2.0}, OptionError, "stop", 2.0),
+    ({"skip": [(3.0, 1.0)]}, OptionError, "skip", (3.0, 1.0)),
+    ({"scale": {"gyro": 0}}, OptionError, "scale", 0),
+    ({"increments": ["gyro_w"]}, OptionError, "increments", "gyro_w"),
+    ({"topic": 3}, OptionError, "topic", 3),
 ]
 
 
-@pytest.mark.parametrize(("options", "kind", "words"), WRONG_READING)
-def test_a_wrong_option_is_refused_before_the_file_is_opened(options, kind, words):
-    with pytest.raises(kind, match=words):
+@pytest.mark.parametrize(("options", "kind", "argument", "got"), WRONG_READING)
+def test_a_wrong_option_is_refused_before_the_file_is_opened(options, kind, argument, got):
+    facts = [got] if kind is UnitError else []
+    expected = {} if argument is None else {"argument": argument, "got": got}
+    with raises(kind, *facts, **expected):
         ReadOptions(**options)
-    with pytest.raises(kind, match=words):
+    with raises(kind, *facts, **expected):
         gmwm.read("no such file.csv", **options)
-    with pytest.raises(kind, match=words):
+    with raises(kind, *facts, **expected):
         gmwm.fleet(["no such file.csv"], "out", reading=options)
     if "gaps" not in options:
-        with pytest.raises(kind, match=words):
+        with raises(kind, *facts, **expected):
             gmwm.stream("no such file.csv", **options)
 
 
@@ -54,7 +57,6 @@ def test_read_options_have_one_form():
 
 @pytest.mark.parametrize("confidence", [0.3, 0.0, 1.0, 95, float("nan"), "high", True, None])
 def test_one_rule_for_confidence_before_anything_is_measured(confidence):
-    words = "must be at least 0.5 and less than 1, got"
     for refused in (
         lambda: as_confidence(confidence),
         lambda: CalibrationOptions(confidence=confidence),
@@ -63,20 +65,21 @@ def test_one_rule_for_confidence_before_anything_is_measured(confidence):
         lambda: gmwm.rank(["WN", "RW"], Unmeasurable(), confidence=confidence),
         lambda: gmwm.fleet(["no such file.csv"], "out", confidence=confidence),
     ):
-        with pytest.raises(OptionError, match=words):
+        with raises(OptionError, argument="confidence", advises=["95 % as 0.95"]) as caught:
             refused()
+        assert caught.value.got == pytest.approx(confidence, nan_ok=True)
 
 
 @pytest.mark.parametrize("confidence", [0.3, 1.0, 95])
 def test_intervals_and_limits_have_the_rule_of_calibrations(confidence):
     signal = gmwm.simulate_signal("WN(sigma2=4.0)", rate=100.0, samples=4096, rng=1).signal
     found = gmwm.fit("WN", signal)
-    for refused in (
-        lambda: gmwm.wavelet_variance(signal, confidence=confidence),
-        lambda: found.confidence_intervals(confidence),
-        lambda: found.datasheet(confidence),
+    for argument, refused in (
+        ("confidence", lambda: gmwm.wavelet_variance(signal, confidence=confidence)),
+        ("level", lambda: found.confidence_intervals(confidence)),
+        ("level", lambda: found.datasheet(confidence)),
     ):
-        with pytest.raises(OptionError, match=r"must be at least 0\.5 and less than 1, got"):
+        with raises(OptionError, argument=argument, got=confidence):
             refused()
 
 

@@ -1,4 +1,4 @@
-"""Work on several things at once can be broken off."""
+"""Parallel work in threads: interrupts and errors."""
 
 import os
 import signal
@@ -8,7 +8,11 @@ import time
 
 import pytest
 
-# As a library does that has its own handler: what waits for a lock is not woken by the signal.
+from gmwm._threads import in_threads
+from gmwm.errors import DataError, OptionError
+from tests.helpers import raises
+
+# With siginterrupt off, as libraries with a handler of their own set it, the signal does not end a wait for a lock.
 WORK = """
 import os, signal, time
 from gmwm._threads import in_threads
@@ -37,3 +41,20 @@ def test_an_interrupt_does_not_wait_for_the_work():
     finally:
         process.kill()
     assert (process.returncode, out) == (0, "broken off\n")
+
+
+def test_the_error_of_the_first_item_is_raised_with_its_name():
+    def work(name, seconds):
+        time.sleep(seconds)
+        raise DataError(f"fails after {seconds} s", got=seconds)
+
+    with raises(DataError, 0.2, got=0.2, subject="slow"):
+        in_threads(work, {"slow": 0.2, "fast": 0.0}, threads=2)
+
+
+def test_an_error_of_an_option_has_no_name():
+    def work(name, value):
+        raise OptionError(argument="rate", expected="positive", got=value)
+
+    with raises(OptionError, argument="rate", got=-1, subject=""):
+        in_threads(work, {"gyro_x": -1})

@@ -1,4 +1,4 @@
-"""`python -m gmwm` is `gmwm`."""
+"""Run the command line with `python -m gmwm`."""
 
 from gmwm.cli.main import run
 

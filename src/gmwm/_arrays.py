@@ -1,4 +1,4 @@
-"""The one door for array-likes: contiguous float64, finite, or an error that says what came."""
+"""Convert array-likes to contiguous, finite float64 arrays, and check rates and levels."""
 
 from __future__ import annotations
 
@@ -17,25 +17,41 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 """A two-dimensional float64 array."""
 
-AS_GAPS = (
-    "missing samples are gaps, and gmwm.Signal.from_missing(x, rate) makes them of NaN and masked values; to cut them "
-    "out would glue what is left"
-)
-"""What to do about samples that are not there."""
+MISSING_SAMPLES = "Mark missing samples as gaps with `gmwm.Signal.from_missing(x, rate)`; do not cut them out."
+"""Advice for NaN and masked values. Cutting them out would join samples that are not neighbours in time."""
 
 
 def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool = True) -> Vector:
-    """`values` as a contiguous one-dimensional float64 array, all finite (unless the caller checks that itself).
+    """Convert to a contiguous one-dimensional float64 array.
+
+    Parameters
+    ----------
+    values : array-like
+    name : str
+        Name of the argument, for errors.
+    at_least : int
+        Least number of values.
+    finite : bool
+        Whether NaN and infinities are refused; False if the caller checks this.
 
     Raises
     ------
     DataError
-        If it is not numeric, not one-dimensional, shorter than `at_least`, or holds NaN or infinities.
+        If it is not numeric, not one-dimensional, shorter than `at_least`, or has masked, NaN or infinite values.
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise DataError(f"{name} has {int(np.ma.getmaskarray(values).sum())} masked values; {AS_GAPS}")
+        masked = int(np.ma.getmaskarray(values).sum())
+        raise DataError(
+            f"{name} has {counted(masked, 'masked value')}", argument=name, got=values, advice=MISSING_SAMPLES
+        )
     if isinstance(values, Mapping):
-        raise DataError(f"{name} must be one axis, got a {type(values).__name__}; pick one of {', '.join(values)}")
+        raise DataError(
+            f"{name} must be one axis; got a {type(values).__name__} of {', '.join(values)}",
+            argument=name,
+            got=values,
+            advice="Pass one of its axes, for example `data[{axis}]`.",
+            axis=repr(next(iter(values), "gyro_x")),
+        )
     _require_samples(values, name)
     try:
         array: NDArray[Any] = np.asarray(values)
@@ -43,20 +59,23 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
             raise TypeError(f"dtype {array.dtype}")
         vector = np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{name} must be real numbers, got {type(values).__name__} ({error})") from error
+        message = f"{name} must be real numbers; got {type(values).__name__} ({error})"
+        raise DataError(message, argument=name, got=values) from error
     if array.ndim != 1:
-        hint = "; pass one axis at a time, as data[:, k]" if array.ndim == 2 else ""
-        raise DataError(f"{name} must be one-dimensional, got shape {array.shape}{hint}")
+        advice = "Pass one axis at a time, for example `data[:, 0]`." if array.ndim == 2 else ""
+        message = f"{name} must be one-dimensional; got shape {array.shape}"
+        raise DataError(message, argument=name, got=values, advice=advice)
     if vector.size < at_least:
-        raise DataError(f"{name} must have at least {counted(at_least, 'value')}, got {vector.size}")
+        message = f"{name} must have at least {counted(at_least, 'value')}; got {vector.size}"
+        raise DataError(message, argument=name, got=values)
     if finite:
         require_finite(vector, name)
     return vector
 
 
 def require_finite(vector: Vector, name: str) -> None:
-    """Raise a DataError that says how many values are not finite, and where the first one is."""
-    # A sum is finite unless a value is not (or it overflows): one fast pass decides the usual case.
+    """Raise a DataError with the number of values that are not finite and the index of the first one."""
+    # The sum is finite unless a value is not finite or the sum overflows: one fast pass is enough for most data.
     with np.errstate(over="ignore", invalid="ignore"):
         total = float(np.sum(vector))
     if np.isfinite(total):
@@ -65,55 +84,87 @@ def require_finite(vector: Vector, name: str) -> None:
     count = int(np.count_nonzero(bad))
     if count:
         raise DataError(
-            f"{name} must be finite, got {count} NaN or infinite values of {vector.size} "
-            f"(the first at index {int(np.argmax(bad))}); {AS_GAPS}"
+            f"{name} must be finite; {count} of {vector.size} values are NaN or infinite, the first at index "
+            f"{int(np.argmax(bad))}",
+            argument=name,
+            got=vector,
+            advice=MISSING_SAMPLES,
+            count=count,
+            index=int(np.argmax(bad)),
         )
 
 
 def _require_samples(values: object, name: str) -> None:
-    """Raise where `values` are no samples but what holds them: a file's path, a recording, a simulation."""
+    """Raise a DataError if `values` contain samples but are none: the path of a file, a recording, a simulation."""
     if isinstance(values, str | bytes | os.PathLike):
         raise DataError(
-            f"{name} must be a signal or its samples, got {values!r}; a file is read first: gmwm.read(path), and then "
-            "an axis of it"
+            f"{name} must be a signal or its samples; got {values!r}",
+            argument=name,
+            got=values,
+            advice="Read the file with `gmwm.read(path)`, and pass one of its axes.",
         )
-    # An Imu, a SimulatedImu and a SimulatedSignal, which are in higher layers.
-    for attribute, way in (("signals", "[{!r}]"), ("axes", ".imu[{!r}]"), ("components", ".signal")):
+    # An Imu, a SimulatedImu and a SimulatedSignal. This module cannot import them, because their layers are higher.
+    for attribute, access in (("signals", "[{!r}]"), ("axes", ".imu[{!r}]"), ("components", ".signal")):
         held = getattr(values, attribute, None)
         if isinstance(held, Mapping) and (attribute != "axes" or hasattr(values, "imu")):
             raise DataError(
-                f"{name} must be one signal, got a whole {type(values).__name__} of {', '.join(held)}; pass "
-                f"{name}{way.format(next(iter(held)))}"
+                f"{name} must be one signal; got a {type(values).__name__} of {', '.join(held)}",
+                argument=name,
+                got=values,
+                advice="Pass `{one}`.",
+                one=name + access.format(next(iter(held))),
             )
 
 
 def as_rate(rate: float | None, name: str = "rate") -> float:
-    """A sampling rate in Hz: positive and finite."""
+    """Check a sampling rate: a positive, finite number (Hz).
+
+    Raises
+    ------
+    OptionError
+        If it is missing, not a number, or not positive and finite.
+    """
     if rate is None:
-        raise OptionError(f"{name} (Hz) is missing: pass {name}=, samples per second")
+        raise OptionError(
+            "the sampling rate is missing", argument=name, advice=f"Pass the samples per second with {{--{name}}}."
+        )
     if isinstance(rate, bool | np.bool_ | str | bytes):
-        raise OptionError(f"{name} must be a number (Hz), got {rate!r}; pass it as 100.0, samples per second")
+        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate)
     try:
         value = float(rate)
     except (TypeError, ValueError) as error:
-        raise OptionError(f"{name} must be a number (Hz), got {rate!r}") from error
+        raise OptionError(argument=name, expected="a positive number (Hz)", got=rate) from error
     if not (np.isfinite(value) and value > 0):
-        raise OptionError(f"{name} must be positive and finite (Hz), got {rate!r}; did you pass the sampling interval?")
+        raise OptionError(
+            argument=name,
+            expected="a positive, finite number (Hz)",
+            got=rate,
+            advice="Pass the sampling rate, not the sampling interval.",
+        )
     return value
 
 
 def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
-    """Wavelet levels: a number J stands for 1 … J; otherwise integers from 1 to 62, ascending."""
+    """Check wavelet levels: ascending integers from 1 to 62, or one number J that stands for 1, …, J.
+
+    62 is the largest level whose scale, 2^62 samples, is a 64-bit integer.
+
+    Raises
+    ------
+    OptionError
+        If they are anything else.
+    """
+    expected = "ascending integers from 1 to 62, or the number of levels"
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":
-        raise OptionError(f"levels must be integers, got {levels!r}")
+        raise OptionError(argument="levels", expected=expected, got=levels)
     result = np.arange(1, int(array) + 1) if array.ndim == 0 else array.astype(np.int64)
     if result.ndim != 1 or result.size == 0 or result[0] < 1 or result[-1] > 62 or np.any(np.diff(result) <= 0):
-        raise OptionError(f"levels must be ascending integers from 1 to 62, or their number J, got {levels!r}")
+        raise OptionError(argument="levels", expected=expected, got=levels)
     return result.astype(np.int64)
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, read-only."""
+    """Make an array read-only, and return it."""
     array.flags.writeable = False
     return array

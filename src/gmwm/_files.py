@@ -1,4 +1,4 @@
-"""Files are written whole or not at all."""
+"""Write files atomically: completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,9 +12,14 @@ from pathlib import Path
 
 @contextmanager
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; it takes the name `path` only if the block ends without an error.
+    """Yield a temporary path in the folder of `path`, and rename it to `path` if the block ends without an error.
 
-    The temporary file keeps the suffix of `path`, since writers choose a format by it.
+    The temporary file has the suffix of `path`, because writers choose the format by the suffix.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written. The error names `path`, not the temporary file.
     """
     target = Path(path)
     try:
@@ -32,34 +37,39 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.errno is not None and error.filename in (None, name):
-            # As of a disk that is full: the name is that of the file that was wanted.
+            # For example, the disk is full. The user knows `path`, not the temporary name.
             raise OSError(error.errno, error.strerror, str(target)) from error
         raise
 
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """Yield a folder for files that belong together; they go to `folder` if the block ends without an error.
+    """Yield a temporary folder, and move its files to `folder` if the block ends without an error.
 
-    So no file of this run stands beside those of an earlier one where it was interrupted.
+    If the run is interrupted, `folder` does not mix files of this run with files of an earlier one.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written. The error names the file in `folder`.
     """
-    room = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    temporary = Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
     try:
-        yield room
-        for file in sorted(room.iterdir()):
+        yield temporary
+        for file in sorted(temporary.iterdir()):
             try:
                 file.replace(folder / file.name)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(folder / file.name)) from error
     except OSError as error:
-        if error.errno is not None and error.filename and Path(error.filename).parent == room:
+        if error.errno is not None and error.filename and Path(error.filename).parent == temporary:
             raise OSError(error.errno, error.strerror, str(folder / Path(error.filename).name)) from error
         raise
     finally:
-        shutil.rmtree(room, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` to `path` in UTF-8, whole or not at all."""
+    """Write `text` to `path` in UTF-8, completely or not at all."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

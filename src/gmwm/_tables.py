@@ -1,4 +1,4 @@
-"""Tables of text in columns, as summaries and commands print them."""
+"""Format tables of text in columns, for summaries and commands."""
 
 from __future__ import annotations
 
@@ -6,8 +6,18 @@ from collections.abc import Collection, Sequence
 
 
 def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> list[str]:
-    """The lines of a table, columns two blanks apart: flush left, but for the columns with numbers `right`.
+    """Format the rows of a table with aligned columns, two blanks apart.
 
+    Parameters
+    ----------
+    rows : sequence of rows, each a sequence of texts
+    right : collection of int
+        Indices of the columns that are aligned to the right; the others are aligned to the left.
+    indent : str
+        Text before each line.
+
+    Examples
+    --------
     >>> for line in aligned([["parameter", "value"], ["N", "0.21"]], right={1}):
     ...     print(repr(line))
     '  parameter  value'
@@ -25,7 +35,7 @@ def aligned(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: 
 
 
 def headed(rows: Sequence[Sequence[str]]) -> list[str]:
-    """The lines of a table of numbers: a rule below its first row, and the first column flush left.
+    """Format a table of numbers with a rule below its first row. The first column is aligned to the left.
 
     >>> print("\\n".join(headed([["axis", "N"], ["gyro_x", "0.21"]])))
       axis       N

@@ -1,4 +1,4 @@
-"""Words in messages: numbers with their nouns."""
+"""Numbers, durations and lists of names as text."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun, in the plural where it is not one.
+    """Format a number with its noun, in the plural unless the number is 1.
 
     >>> counted(1, "knock"), counted(3, "sample")
     ('1 knock', '3 samples')
@@ -20,7 +20,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def rounded(value: float, digits: int = 2) -> str:
-    """A number of few digits, below a million without an exponent.
+    """Format a number with few significant digits, without an exponent below a million.
 
     >>> rounded(744.7), rounded(-0.01234), rounded(2.34e6), rounded(2.0)
     ('740', '-0.012', '2.3e+06', '2')
@@ -30,11 +30,11 @@ def rounded(value: float, digits: int = 2) -> str:
 
 _DURATIONS = (("years", 365.25 * 86400.0, 730.5 * 86400.0), ("d", 86400.0, 172800.0), ("h", 3600.0, 7200.0),
               ("min", 60.0, 120.0), ("s", 1.0, 0.0))  # fmt: skip
-"""Unit, its length (s), and the shortest duration written in it (s)."""
+"""Unit, its length (s), and the shortest duration (s) that is written in this unit."""
 
 
 def duration_text(seconds: float, digits: int = 2) -> str:
-    """A length of time in a readable unit.
+    """Format a duration in seconds with a readable unit.
 
     >>> duration_text(0.05), duration_text(53.2), duration_text(11520.0, 3), duration_text(5e5), duration_text(1e9)
     ('0.05 s', '53 s', '3.2 h', '5.8 d', '32 years')
@@ -44,7 +44,7 @@ def duration_text(seconds: float, digits: int = 2) -> str:
 
 
 def moment(seconds: float) -> str:
-    """A time in seconds, to the millisecond, as options take it: never with an exponent.
+    """Format a time in seconds to the millisecond, without an exponent, as options of commands read it.
 
     >>> moment(600.01), moment(43200.2504), moment(1718000000.0)
     ('600.01 s', '43200.25 s', '1718000000 s')
@@ -53,7 +53,7 @@ def moment(seconds: float) -> str:
 
 
 def listed(names: Sequence[str], most: int = 6) -> str:
-    """Names in a row; of many the first ones, and how many others there are.
+    """Format a list of names; of a long list, the first names and the number of the others.
 
     >>> listed("abcdefgh"), listed(["time", "pressure"])
     ('a, b, c, d, e, f and 2 others', 'time, pressure')
@@ -63,29 +63,39 @@ def listed(names: Sequence[str], most: int = 6) -> str:
 
 
 class Summarised(ABC):
-    """Something that notebooks show by its `summary()`."""
+    """Base of results whose notebook representation is their `summary()`."""
 
     @abstractmethod
     def summary(self) -> str:
-        """The result in words."""
+        """The result as text."""
 
     def _repr_html_(self) -> str:
         return f"<pre>{escape(self.summary())}</pre>"
 
 
 def is_own(kind: type) -> bool:
-    """Whether a class is one of gmwm's."""
+    """Whether a class belongs to gmwm."""
     return kind.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def defined_anew(kind: type, older: type) -> bool:
-    """Whether a class is an older one of the user's in a new version, as of a cell of a notebook that runs again."""
+    """Whether a class is a new version of a user's class, for example after a notebook cell was run again."""
     return not is_own(older) and (kind.__module__, kind.__qualname__) == (older.__module__, older.__qualname__)
 
 
 class Named(dict[str, T]):
-    """A dict whose KeyError says what there is; and, of names that one might look for, why they are not there.
+    """A dict whose KeyError lists the known names, or explains why a name is missing.
 
+    Parameters
+    ----------
+    values : mapping or pairs
+    noun : str
+        What the keys name, for the message.
+    why : mapping of name to str, optional
+        Messages for names that users may expect.
+
+    Examples
+    --------
     >>> Named({"WN.sigma2": 1.0}, "parameter")["foo"]
     Traceback (most recent call last):
         ...

@@ -1,4 +1,4 @@
-"""The same work on several things at once: the kernels leave Python's lock, so that threads suffice."""
+"""Parallel work in threads. Threads are enough, because the kernels release Python's global interpreter lock."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from gmwm.errors import GmwmError, OptionError
 T = TypeVar("T")
 Item = TypeVar("Item")
 
-BREATH = 0.1
-"""Seconds after which a wait looks up for Ctrl-C."""
+INTERRUPT_CHECK = 0.1
+"""Longest time (s) until Ctrl-C is noticed (tests/test_threads.py)."""
 
 
 def in_threads(
@@ -23,11 +23,33 @@ def in_threads(
     threads: int | None = None,
     done: Callable[[str], None] | None = None,
 ) -> dict[str, T]:
-    """`work` done on every name and item, by name in their order; as many at once as there are processors.
+    """Call a function for each item, in parallel threads.
 
-    An error names what it is about; of several that of the first item is raised, whichever thread was faster. After
-    Ctrl-C nothing new is begun. `done` is called with each name as its work ends, in the calling thread.
+    Parameters
+    ----------
+    work : callable
+        Called with the name and the item.
+    items : mapping of name to item
+    threads : int, optional
+        Number of threads. Default: the number of processors.
+    done : callable, optional
+        Called in the calling thread with each name when its work has ended.
 
+    Returns
+    -------
+    dict of name to result
+        In the order of the items.
+
+    Raises
+    ------
+    GmwmError
+        The error of the first item that failed, in the order of the items, with the item's name as its subject. An
+        OptionError is raised as it is, because options are the same for all items.
+    KeyboardInterrupt
+        After Ctrl-C. No further item is started.
+
+    Examples
+    --------
     >>> in_threads(lambda name, number: number**2, {"two": 2, "three": 3})
     {'two': 4, 'three': 9}
     """
@@ -36,8 +58,8 @@ def in_threads(
         futures = {pool.submit(_named, work, name, item): name for name, item in items.items()}
         pending = set(futures)
         while pending:
-            # Polars has its own handler of Ctrl-C, after which a wait without an end goes on until something ends.
-            ended, pending = wait(pending, timeout=BREATH, return_when=FIRST_COMPLETED)
+            # After Polars has installed its handler of Ctrl-C, a wait without a timeout ignores Ctrl-C.
+            ended, pending = wait(pending, timeout=INTERRUPT_CHECK, return_when=FIRST_COMPLETED)
             if done is not None:
                 for future in ended:
                     done(futures[future])
@@ -47,7 +69,7 @@ def in_threads(
 
 
 def processors() -> int:
-    """How many processors this process may use."""
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -57,8 +79,7 @@ def _named(work: Callable[[str, Item], T], name: str, item: Item) -> T:
     try:
         return work(name, item)
     except OptionError:
-        raise  # an option is that of all items
+        raise  # options are the same for all items
     except GmwmError as error:
-        if name in str(error):
-            raise
-        raise type(error)(f"{name}: {error}") from None
+        error.about(name)
+        raise

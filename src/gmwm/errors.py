@@ -7,7 +7,7 @@ is made once for Python users, with arguments as `rate=`, and once for the shell
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from gmwm._template import Dialect, Fact, render, shell_option
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from gmwm.remarks import Remark
 
 _NOT_GIVEN: Any = object()
+Error = TypeVar("Error", bound="GmwmError")
 
 
 class GmwmError(Exception):
@@ -37,7 +38,9 @@ class GmwmError(Exception):
     option : str or None
         The shell's option for the argument, if it has another name.
     prefix : str
-        The argument whose value holds what the message is about, as a model in a text.
+        The argument whose value holds the error. For example, a process in the text of `within`.
+    subject : str
+        The axis, unit or file that the message is about; see `about`.
 
     Examples
     --------
@@ -64,19 +67,39 @@ class GmwmError(Exception):
         self.advice, self.facts = advice, facts
         self.option: str | None = None
         self.prefix = ""
+        self.subject = ""
+
+    @property
+    def reason(self) -> str:
+        """What happened, without the subject and the advice, for a remark that gives the error as its reason."""
+        return self._what(Dialect.PYTHON)
+
+    def about(self: Error, subject: str) -> Error:
+        """The same error with the axis, unit or file that it is about, unless it names one already.
+
+        >>> str(DataError("the signal is constant").about("gyro_x"))
+        'gyro_x: the signal is constant'
+        """
+        if subject not in (self.subject, self.argument):
+            self.subject = self.subject or subject
+        return self
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """The error as text, for one kind of reader."""
-        message = self.message
-        if not message:
-            name = self.argument or "the value"
-            message = f"{self._named(name, dialect)} must be {self.expected}"
-            if self.given:
-                message += f"; got {_shown(self.got)}"
+        message = self._what(dialect)
         if self.prefix:
             message = f"{self._named(self.prefix, dialect)}: {message}"
+        if self.subject:
+            message = f"{self.subject}: {message}"
         advice = render(self.advice, self.facts, dialect)
         return f"{message}. {advice}" if advice else message
+
+    def _what(self, dialect: Dialect) -> str:
+        """What happened, without subject and advice."""
+        if self.message:
+            return self.message
+        message = f"{self._named(self.argument or 'the value', dialect)} must be {self.expected}"
+        return f"{message}; got {_shown(self.got)}" if self.given else message
 
     def _named(self, argument: str, dialect: Dialect) -> str:
         """The argument, or its option in the shell."""

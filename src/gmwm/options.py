@@ -1,4 +1,4 @@
-"""Options of a recording, and the rules for values that several functions take: checked before any work begins."""
+"""Options for reading recordings, and checks of arguments that several functions share."""
 
 from __future__ import annotations
 
@@ -19,21 +19,23 @@ Gaps = Literal["keep", "longest"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """Axis to column name or index, or the axes in the order of the columns."""
 ROLES = (*AXES, "time", "temperature")
-"""What a column can be."""
+"""What a column of a file may hold."""
 TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """Options for reading a recording; `gmwm.read` describes each.
+    """Options for reading a recording. `gmwm.read` describes each of them.
 
-    Every value is checked here, before the file is opened, and kept in one form: numbers as float, sequences as tuples,
-    units of time in short.
+    All values are checked before the file is opened. They are stored in one form: numbers as float, sequences as
+    tuples, units of time by their symbols.
 
     Raises
     ------
-    OptionError, UnitError
-        If a value is not one of those it may be.
+    OptionError
+        If a value is not allowed.
+    UnitError
+        If a unit is not known.
 
     Examples
     --------
@@ -73,51 +75,76 @@ class ReadOptions:
 
     @property
     def ranges(self) -> list[tuple[float, float]] | None:
-        """The ranges of time (s) that start, stop and skip keep; None if all three have their defaults."""
+        """The time ranges (s) that start, stop and skip keep; None if all three have their defaults."""
         if self.start is None and self.stop is None and not self.skip:
             return None
         return kept_ranges(self.start, self.stop, self.skip)
 
     @property
     def integrals(self) -> tuple[str, ...]:
-        """The sensors and axes whose numbers are integrals over a sample."""
+        """The sensors and axes whose numbers are integrals over one sampling interval."""
         return _checked_increments(self.increments)
 
     def to_dict(self) -> dict[str, Any]:
-        """The values that are not the defaults, as plain numbers, texts, lists and mappings."""
+        """The values that differ from the defaults, as plain numbers, texts, lists and mappings."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
         return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", (), {})}
 
 
-# --- rules that several functions share -----------------------------------------------------------------
+# --- checks that several functions share ----------------------------------------------------------------
 
 
 def one_of(value: object, name: str, allowed: Sequence[str]) -> None:
-    """Raise an OptionError if `value` is none of the `allowed` texts."""
+    """Check that a value is one of the allowed texts.
+
+    Raises
+    ------
+    OptionError
+        If it is not.
+    """
     if not isinstance(value, str) or value not in allowed:
         *others, last = map(repr, allowed)
         raise OptionError(argument=name, expected=f"{', '.join(others)} or {last}", got=value)
 
 
 def as_confidence(value: object, name: str = "confidence") -> float:
-    """A confidence level: a number from 0.5 to below 1, the same for intervals, limits and the choice of models.
+    """Check a confidence level: a number of at least 0.5 and less than 1.
 
-    Below 0.5 an interval more often misses the true value than it contains it.
+    Below 0.5 an interval more often misses the true value than it contains it (tests/test_options.py).
 
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+
+    Examples
+    --------
     >>> as_confidence(0.95)
     0.95
     """
     known = isinstance(value, float | int | np.floating | np.integer) and not isinstance(value, bool)
     number = float(value) if known else math.nan  # type: ignore[arg-type]
     if not 0.5 <= number < 1:
-        hint = f"{number:g} % is {number / 100:g}" if 50 <= number < 100 else "95 % is 0.95"
-        came = repr(value) if math.isnan(number) else f"{number:g}"
-        raise OptionError(f"{name} must be at least 0.5 and less than 1, got {came}; {hint}")
+        percent = number if 50 <= number < 100 else 95.0
+        raise OptionError(
+            argument=name,
+            expected="at least 0.5 and less than 1",
+            got=number if known else value,
+            advice="Write {percent:g} % as {share:g}.",
+            percent=percent,
+            share=percent / 100,
+        )
     return number
 
 
 def as_whole_number(value: int, name: str, least: int) -> int:
-    """A whole number of at least `least`."""
+    """Check a whole number of at least `least`.
+
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+    """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise OptionError(argument=name, expected=f"a whole number of at least {least}", got=value)
     return int(value)
@@ -151,7 +178,7 @@ def _checked_columns(columns: Columns | None) -> Columns | None:
 
 
 def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
-    """The units with each key and value known, units of time in short."""
+    """Check the keys and values of the units; units of time become symbols."""
     if not isinstance(units, Mapping):
         raise OptionError(argument="units", expected=f"a mapping such as {_UNITS}", got=units)
     given = dict(units)
@@ -163,14 +190,17 @@ def _checked_units(units: Mapping[str, str]) -> dict[str, str]:
         if quantity == "time":
             given[quantity] = find_time_unit(text)
             if not given[quantity]:
-                raise UnitError(f"{text!r} is not a unit of time; the units are {TIME_NAMES}")
+                raise UnitError(
+                    f"{text!r} is not a unit of time", argument="units", got=text, advice="Use one of {known}.",
+                    known=TIME_NAMES,
+                )  # fmt: skip
         else:
             parse_unit(text, quantity)  # type: ignore[arg-type]
     return given
 
 
 def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
-    """The factors with each key an axis or a sensor, and each factor a finite number other than 0."""
+    """Check the factors: the keys are axes or sensors, the factors finite numbers other than 0."""
     if not isinstance(scale, Mapping):
         raise OptionError(argument="scale", expected='a mapping such as {"gyro": 1 / 131}', got=scale)
     factors = {}
@@ -188,7 +218,7 @@ def _checked_scale(scale: Mapping[str, float]) -> dict[str, float]:
 
 
 def _checked_increments(increments: bool | Sequence[str]) -> tuple[str, ...]:
-    """The increments as names of sensors and axes; all sensors for True."""
+    """Check the increments, as names of sensors and axes. True stands for all sensors."""
     if isinstance(increments, bool):
         return tuple(SI_UNIT) if increments else ()
     if isinstance(increments, str) or not isinstance(increments, Sequence):

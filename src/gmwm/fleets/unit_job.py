@@ -39,8 +39,8 @@ class UnitOptions:
 
     def to_dict(self) -> dict[str, Any]:
         """The options as numbers, lists and strings, after a round trip through JSON."""
-        axes = None if self.options.wanted is None else list(self.options.wanted)
-        return {"settings": self.options.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
+        axes = None if self.calibration.wanted is None else list(self.calibration.wanted)
+        return {"settings": self.calibration.to_dict(), "axes": axes, "reading": self.reading.to_dict()}
 
 
 @dataclass(frozen=True)

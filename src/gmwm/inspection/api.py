@@ -1,4 +1,4 @@
-"""`inspect`: properties of a recording as a whole, in memory or in chunks."""
+"""Inspect a recording before it is used: its time base, its units, and whether the sensor was at rest."""
 
 from __future__ import annotations
 
@@ -24,32 +24,37 @@ from gmwm.signals import Imu, Signal, axis_quantity
 from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
-_RESTLESS = 4.0  # spread of a window over the median spread that means motion
-_TURN = 0.1  # degrees that deserve a word: the sensor settles, or its biases wander
+_RESTLESS = 4.0
+"""Standard deviation of a window over the median of all windows that means motion (tests/test_inspection.py)."""
+_TURN = 0.1
+"""Turn of gravity (degrees) that gets a remark (tests/test_inspection.py): the effect of a bias of 1.7 mg."""
+_UNEXPLAINED = 5.0
+"""Standard errors of the turn of gravity that noise does not reach (tests/test_inspection.py)."""
 
 Values = Callable[[str, int, int], Vector]
-"""The samples of an axis from a first to before a last one."""
+"""Function of axis, first and last index that returns the samples of a half-open range."""
 
 
 def inspect(recording: Imu | Stream) -> Inspection:
-    """What a recording statistics like, and whether it was really static.
+    """Check a recording of a sensor at rest: time base, units, quantization, motion, knocks, jumps and warm-up.
 
     Parameters
     ----------
     recording : Imu or Stream
-        All segments are looked at. A stream is read twice, in bounded memory; its temperature is not looked at.
+        A recording in memory, or one in chunks, which is read twice in bounded memory. The temperature of a stream is
+        not checked.
 
     Returns
     -------
     Inspection
-        The same for the same recording: nothing in it is random.
+        Statistics of every axis, and remarks on what affects a calibration. The result is deterministic.
 
     Raises
     ------
     OptionError
-        If it is neither.
+        If `recording` is neither an Imu nor a Stream.
     ReadError, DataError
-        What reading a stream raises.
+        If the stream cannot be read.
 
     Examples
     --------
@@ -70,9 +75,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
             statistics.update(chunk)
         return statistics.result()
     if not isinstance(recording, Imu):
-        raise OptionError(
-            f"recording must be an Imu or a Stream, got {type(recording).__name__}; {_way_to_an_imu(recording)}"
-        )
+        raise _not_a_recording(recording)
     first = recording[recording.axes[0]]
     base = recording.time_base or TimeBase(recording.rate, start=first.start)
     statistics = RecordingStatistics(
@@ -88,22 +91,26 @@ def inspect(recording: Imu | Stream) -> Inspection:
     return statistics.result(recording.temperature)
 
 
-def _way_to_an_imu(given: object) -> str:
-    """What to pass in place of something that is no Imu."""
+def _not_a_recording(given: object) -> OptionError:
+    """Return the error for an argument that is neither an Imu nor a Stream."""
+    advice, facts = "Make one from arrays: `inspect(Imu.from_arrays(arrays, rate=100.0))`.", {}
     if isinstance(given, str | os.PathLike):
-        return f"read it first: inspect(read({os.fspath(given)!r}))"
-    if isinstance(given, Signal):
-        return f'wrap it: inspect(Imu({{"{given.axis or "gyro_x"}": signal}}))'
-    return "make one of arrays: inspect(Imu.from_arrays(arrays, rate=...))"
+        advice, facts = "Read the file first: `inspect(read({path}))`.", {"path": repr(os.fspath(given))}
+    elif isinstance(given, Signal):
+        advice, facts = 'Wrap the signal: `inspect(Imu({{"{axis}": signal}}))`.', {"axis": given.axis or "gyro_x"}
+    name = type(given).__name__
+    return OptionError(
+        f"recording must be an Imu or a Stream; got {name}", argument="recording", advice=advice, **facts
+    )
 
 
 class FirstPass:
-    """The first of two passes over a stream: where its samples are, and the steps of their numbers.
+    """The first of two passes over a stream: finds the segments and the quantization step of each axis.
 
     Parameters
     ----------
     stream : Stream
-        Its chunks then come by `update`.
+        The recording; its chunks are passed to `update` in order.
     """
 
     def __init__(self, stream: Stream) -> None:
@@ -114,7 +121,7 @@ class FirstPass:
         self._stop = 0
 
     def update(self, chunk: Chunk) -> None:
-        """The chunk that follows."""
+        """Add the next chunk."""
         if chunk.segment == len(self._firsts):
             self._firsts.append(chunk.first)
             self._starts.append(chunk.start)
@@ -123,7 +130,7 @@ class FirstPass:
             sample.update(chunk[axis])
 
     def second_pass(self) -> RecordingStatistics:
-        """The statistics to which the second pass gives the chunks."""
+        """Return the statistics, without data; the second pass adds the chunks."""
         stream, stops = self._stream, [*self._firsts[1:], self._stop]
         segments = list(zip(self._firsts, stops, strict=True))
         extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
@@ -138,7 +145,7 @@ class FirstPass:
         )
 
     def _values(self, axis: str, first: int, last: int) -> Vector:
-        """Some samples, read anew: only where a level has changed for good."""
+        """Read a range of samples again; needed only around a lasting change of the mean."""
         parts = []
         for chunk in self._stream:
             if chunk.first >= last:
@@ -153,15 +160,20 @@ class RecordingStatistics:
 
     Parameters
     ----------
-    source, remarks, base : str, sequence of Remark, TimeBase
-        What is known of the recording.
+    source : str
+        Name of the recording.
+    remarks : sequence of Remark
+        How the recording was read.
+    base : TimeBase
+        Jitter, gaps and duplicates of the time stamps.
     extent : Extent
-        Where its samples are.
+        Segments and their times.
     units : mapping of axis to str
+        Unit of each axis.
     resolutions : mapping of axis to float or None
-        Their quantisation steps.
+        Quantization step of each axis; None if none is visible.
     values : callable
-        Samples once more, as `values(axis, first, last)`.
+        Function `values(axis, first, last)` that returns a range of samples.
     """
 
     def __init__(
@@ -174,17 +186,17 @@ class RecordingStatistics:
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples of each axis."""
         return self._extent.samples
 
     def update(self, chunk: Chunk) -> None:
-        """The samples that follow, of all axes; rows that the file got since the first pass are left out."""
+        """Add the next samples of all axes; rows that were appended to the file since the first pass are ignored."""
         room = self._extent.samples - chunk.first
         if room > 0:
             in_threads(lambda axis, one: one.update(chunk[axis][:room]), self._axes)
 
     def result(self, temperature: Vector | None = None) -> Inspection:
-        """The inspection, once all samples came."""
+        """Return the inspection after the last chunk."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -204,7 +216,7 @@ class RecordingStatistics:
                     for axis, one in statistics.items())  # fmt: skip
         warm_ups = tuple(found for found in settling if found is not None)
         restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
-        turned = tilt is not None and tilt > max(_TURN, 5 * tilt_noise)
+        turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
         remarks = (
             *of_time(len(extent.segments), self._base),
@@ -243,7 +255,7 @@ class RecordingStatistics:
         )
 
     def _densities(self) -> dict[str, float]:
-        """Noise densities of the gyroscopes (rad/s/√Hz): the median over the windows, which knocks do not move."""
+        """Noise densities of the gyroscopes (rad/s/√Hz): medians over the windows, which knocks do not affect."""
         found = {}
         for axis, one in self._axes.items():
             some = one.steps.counts > 0
@@ -255,7 +267,7 @@ class RecordingStatistics:
 def _gravity(
     statistics: Mapping[str, AxisStatistics], axes: Mapping[str, AxisInspection], samples: int
 ) -> tuple[float | None, float | None, float]:
-    """Norm of the mean specific force, its largest turn between windows, and the turn that noise explains (°)."""
+    """Norm of the mean specific force (m/s²), its largest turn between windows and the turn that noise causes (°)."""
     names = ("accel_x", "accel_y", "accel_z")
     if any(axis not in statistics for axis in names):
         return None, None, 0.0
@@ -272,7 +284,7 @@ def _gravity(
 
 
 def _restless(one: AxisStatistics, extent: Extent) -> tuple[float, float] | None:
-    """When the spread of an axis was far more than its usual one, and by how much; knocks are told as such."""
+    """Time (s) and ratio of the largest standard deviation among windows without knocks; None if none is unusual."""
     spreads = np.sqrt(one.calm.variances())
     usual, worst = float(np.median(spreads)), int(np.argmax(spreads))
     if usual > 0 and spreads[worst] > _RESTLESS * usual:

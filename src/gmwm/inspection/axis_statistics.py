@@ -8,7 +8,7 @@ from gmwm._arrays import Vector
 from gmwm.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
 from gmwm.inspection.time_grid import Extent
 
-_SLAB = 256 * BLOCK  # samples that are worked on together
+_SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
 class AxisStatistics:
@@ -17,9 +17,9 @@ class AxisStatistics:
     Parameters
     ----------
     extent : Extent
-        Of the recording, whose samples then come in order by `update`.
+        Segments and times of the recording; its samples are passed to `update` in order.
     resolution : float
-        Quantisation step, 0 where none shows.
+        Quantization step; 0 if none is visible.
     """
 
     def __init__(self, extent: Extent, resolution: float) -> None:
@@ -27,17 +27,18 @@ class AxisStatistics:
         self._ranges = extent.windows()
         self.all = Moments(1)
         self.differences = Moments(1)
-        # Of the windows: of all samples, of all but the outliers, and of the steps from one to the next.
+        # For each window: moments of all samples, of the samples without outliers, and of the first differences.
         self.windows, self.calm, self.steps = (Moments(len(self._ranges)) for _ in range(3))
         self._outliers: list[Outliers] = [(np.empty(0, dtype=np.int64), np.empty(0))]
         self._length = level_length(extent.samples)
         self._levels: list[tuple[int, list[Vector]]] = []
-        self._segment = self._row = 0  # where what is taken next goes
-        self._waiting, self._tail = np.empty(0), np.empty(0)  # not yet worked on; the last that were, of this segment
+        self._segment = self._row = 0  # segment and index of the next sample
+        self._waiting = np.empty(0)  # samples that are not yet processed
+        self._tail = np.empty(0)  # the last processed samples of this segment
         self._unlevelled = np.empty(0)
 
     def update(self, values: Vector) -> None:
-        """The samples that follow, across gaps or not."""
+        """Add the next samples, which may span several segments."""
         while values.size:
             _, last = self._extent.segments[self._segment]
             rest = last - self._row - self._waiting.size
@@ -45,12 +46,12 @@ class AxisStatistics:
             self._gather(part, part.size == rest)
 
     def outliers(self) -> Outliers:
-        """All of them, so far."""
+        """Indices and sizes of all outliers so far."""
         index, size = zip(*self._outliers, strict=True)
         return np.concatenate(index), np.concatenate(size)
 
     def levels(self) -> list[tuple[int, Vector]]:
-        """The medians of the blocks of each segment that is long enough, by its first sample."""
+        """First sample and block medians of each segment that has at least five blocks."""
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
     def _gather(self, part: Vector, ends: bool) -> None:
@@ -68,7 +69,7 @@ class AxisStatistics:
             self._segment, self._tail, self._unlevelled = self._segment + 1, np.empty(0), np.empty(0)
 
     def _work(self, slab: Vector, first: int, last: int) -> None:
-        """A number of whole blocks, or the end of a segment."""
+        """Process a number of whole blocks, or the end of a segment."""
         index, size = self._unusual(slab, first, last)
         self._outliers.append((index, size))
         self._count(slab, index - self._row, first)
@@ -86,7 +87,7 @@ class AxisStatistics:
                 at, size = outliers_of(slab[:whole].reshape(-1, length), self._resolution)
                 found.append((self._row + at, size))
             if whole < slab.size:
-                # The remainder of a segment is seen in a block that ends with it.
+                # The remainder of a segment is tested in a block that ends with the segment.
                 block = np.concatenate([self._tail, slab])[-length:]
                 at, size = outliers_of(block.reshape(1, -1), self._resolution)
                 begin = self._row + slab.size - length
@@ -96,11 +97,11 @@ class AxisStatistics:
         return np.concatenate(index), np.concatenate(sizes)
 
     def _count(self, slab: Vector, outliers: Indices, first: int) -> None:
-        """Means and spreads, of all and of the windows."""
+        """Add to the moments of the axis and of its windows."""
         begin = self._row
         carried = begin > first
         steps = np.diff(slab, prepend=self._tail[-1:]) if carried else np.diff(slab)
-        shift = 0 if carried else 1  # the step before a sample has its number, less this
+        shift = 0 if carried else 1  # index of a sample minus index of the difference that ends at it
         self.all.add(0, slab)
         self.differences.add_squares(0, steps)
         for k, (a, b) in enumerate(self._ranges):
@@ -111,7 +112,7 @@ class AxisStatistics:
             self.windows.add(k, part)
             inside = outliers[(outliers >= low) & (outliers < high)] - low
             self.calm.add(k, np.delete(part, inside) if inside.size else part)
-            # The step to the first sample of a window is none of its own.
+            # The difference that ends at the first sample of a window belongs to no window.
             own = max(low, a - begin + 1)
             self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
 
@@ -126,24 +127,24 @@ class AxisStatistics:
 
 
 class Moments:
-    """Means and variances of several groups of values that come in parts."""
+    """Means and variances of several groups of values, accumulated in parts."""
 
     def __init__(self, groups: int) -> None:
         self.counts, self.means, self._squares = (np.zeros(groups) for _ in range(3))
 
     def add(self, group: int, values: Vector) -> None:
-        """More values of a group."""
+        """Add values to a group."""
         if values.size:
             mean = float(np.mean(values))
             self._join(group, values.size, mean, float(np.sum((values - mean) ** 2)))
 
     def add_squares(self, group: int, values: Vector) -> None:
-        """More values of a group of which only the mean square counts: it is kept as the mean."""
+        """Add values to a group for which only the mean square is needed; it is stored as the mean."""
         if values.size:
             self._join(group, values.size, float(np.mean(values**2)), 0.0)
 
     def variances(self) -> Vector:
-        """Σ (x − mean)² / n of each group; 0 of an empty one."""
+        """Σ (x − mean)² / n of each group; 0 for an empty group."""
         return np.divide(self._squares, self.counts, out=np.zeros_like(self.means), where=self.counts > 0)
 
     def _join(self, group: int, count: int, mean: float, squares: float) -> None:

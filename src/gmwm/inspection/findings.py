@@ -1,4 +1,4 @@
-"""What an inspection means for the results, as remarks."""
+"""Remarks on a recording, from the results of its inspection."""
 
 from __future__ import annotations
 
@@ -18,14 +18,20 @@ if TYPE_CHECKING:
 MOVED = 1.0
 """Turn of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same effect."""
 
-_NOISY = 0.1  # deg/s/√Hz: ten times the noise density of the noisiest consumer gyroscopes (docs/howto/units.md)
-_OFF, _WRONG = 0.02, 0.05  # relative error of gravity: beyond the bias of a good accelerometer, and of any
-_JITTER = 0.1  # of the sampling interval: below it, the effect on the first level is less than 1 %
-_COARSE = 0.5  # quantization steps: below, the rounding error is not white (docs/howto/contaminated.md)
+_NOISY = 0.1
+"""Noise density (deg/s/√Hz) at the upper end of low-cost gyroscopes (docs/howto/units.md)."""
+_OFF = 0.02
+"""Relative error of gravity beyond the bias of a good accelerometer (tests/test_inspection.py)."""
+_WRONG = 0.05
+"""Relative error of gravity that no bias explains, so that the unit is doubtful (tests/test_inspection.py)."""
+_JITTER = 0.1
+"""Jitter of the time stamps, as a share of the sampling interval, that gets a remark (tests/test_inspection.py)."""
+_COARSE = 0.5
+"""Noise in quantization steps below which the rounding error is not white (docs/howto/contaminated.md)."""
 
 
 def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
-    """What the gaps and the time stamps mean."""
+    """Remarks on gaps and time stamps."""
     if segments > 1:
         missing = sum(duration - 1 / base.rate for _, duration in base.gaps)
         yield Remark.of("gaps", segments=segments, missing=Quantity(float(missing), "s"))
@@ -40,15 +46,16 @@ def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
 def of_motion(
     restless: Mapping[str, tuple[float, float]], tilt: float | None, knocks: tuple[Knock, ...]
 ) -> Iterator[Remark]:
-    """What motion means.
+    """Remarks on motion and knocks.
 
     Parameters
     ----------
     restless : mapping of axis to (time, ratio)
-        When the standard deviation was far above its usual value (s), and by which factor.
+        Time (s) and factor by which the standard deviation exceeded its usual value, for axes where it did.
     tilt : float or None
         Turn of gravity that the noise does not explain (degrees).
     knocks : tuple of Knock
+        Bursts of outliers.
     """
     if restless:
         axis = max(restless, key=lambda name: restless[name][1])
@@ -61,14 +68,22 @@ def of_motion(
 
 
 def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
-    """What jumps of the mean mean."""
+    """Remarks on lasting jumps of the mean, one for each axis."""
     for axis in dict.fromkeys(step.axis for step in steps):
         own = [step for step in steps if step.axis == axis]
         yield Remark.of("level-steps", axis, count=len(own), first=Quantity(own[0].time, "s"))
 
 
 def of_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> Iterator[Remark]:
-    """What a warm-up means; `cut` says that the beginning is left out already, so that times count from elsewhere."""
+    """Remarks on warm-up, one for each axis.
+
+    Parameters
+    ----------
+    warm_ups : tuple of WarmUp
+        The warm-ups.
+    cut : bool
+        Whether the beginning of the file is already left out, so that times count from a later sample.
+    """
     if not warm_ups:
         return
     longest = max(found.duration for found in warm_ups)
@@ -78,7 +93,7 @@ def of_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> Iterator[Remark]:
 
 
 def round_up(seconds: float) -> float:
-    """The next length of time that people would type, at most 20 of a step.
+    """Round a length of time (s) up to a multiple of 1 s, 10 s, 1 min, 5 min, 30 min or 1 h, at most 20 of them.
 
     >>> [round_up(x) for x in (0.3, 47.0, 233.0, 1500.0, 9000.0)]
     [1.0, 50.0, 240.0, 1500.0, 9000.0]
@@ -88,7 +103,7 @@ def round_up(seconds: float) -> float:
 
 
 def of_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> Iterator[Remark]:
-    """What the size of gravity and the quantization mean."""
+    """Remarks on the size of gravity and on quantization."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
     if gravity is not None and abs(error) > _OFF:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
@@ -102,7 +117,7 @@ def of_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> Iter
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:
-    """Gyroscopes so noisy that their unit is doubtful: deg/s read as rad/s makes 57 times the noise.
+    """Remarks on gyroscopes whose noise makes the unit doubtful: deg/s read as rad/s is 57 times the noise.
 
     Parameters
     ----------

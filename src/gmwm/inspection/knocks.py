@@ -1,4 +1,4 @@
-"""Knocks, bursts of samples far from what a sensor at rest shows, and steps, after which its level is another."""
+"""Knocks (bursts of outliers) and lasting jumps of the mean in a recording of a sensor at rest."""
 
 from __future__ import annotations
 
@@ -12,20 +12,27 @@ from gmwm._arrays import Vector
 from gmwm.inspection.time_grid import Extent
 
 BLOCK = 1000
-"""Samples over which a local median is taken: knocks are shorter, drift is slower."""
+"""Samples of a local median: longer than a knock, shorter than a drift (tests/test_inspection.py)."""
 FEWEST = 64
-"""Samples without a gap that tell what is usual."""
-_KNOCK = 8.0  # local standard deviations; Gaussian noise reaches them once in 10^15 samples
-_BURST = 1.0  # seconds between outliers of the same knock
-_LEVELS = 256  # medians of as many blocks of a recording are compared for steps
-_SHORTEST = 100  # samples in such a block
-_DIFFERENCES = 32  # that show what is usual among them
-_STEP = 8.0  # standard deviations of these differences
-_ISOLATED = 4.0  # a ramp changes twice as much over two blocks as over one beside them; a step changes there alone
+"""Samples that a segment needs for a local standard deviation: its relative error is then 1/√128, or 9 %."""
+_KNOCK = 8.0
+"""Local standard deviations of an outlier: Gaussian noise exceeds them once in 10¹⁵ samples."""
+_BURST = 1.0
+"""Longest time (s) between outliers of the same knock (tests/test_inspection.py)."""
+_LEVELS = 256
+"""Number of blocks whose medians are compared for jumps (tests/test_inspection.py, as the next four)."""
+_SHORTEST = 100
+"""Fewest samples of such a block."""
+_DIFFERENCES = 32
+"""Fewest differences between block medians from which their usual size is estimated."""
+_STEP = 8.0
+"""Standard deviations of these differences that a jump exceeds."""
+_ISOLATED = 4.0
+"""Ratio of a jump and the changes beside it. For a ramp, the change over two blocks is twice the change over one."""
 
 Indices = NDArray[np.int64]
 Outliers = tuple[Indices, Vector]
-"""Their numbers in the recording, and how far out they lie, in local standard deviations."""
+"""Indices of the outliers in the recording, and their distances from the median in local standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +42,13 @@ class Knock:
     Parameters
     ----------
     time : float
-        When it began, in seconds from the first sample of the recording before anything was cut off: what `skip` of
-        `read` takes.
+        Time of the first outlier (s), counted from the first sample of the file, as `skip` of `read` counts.
     duration : float
-        How long it lasted (s).
+        Time from the first to the last outlier (s).
     axes : tuple of str
-        The axes that show it.
+        Axes with outliers.
     peak : float
-        The largest deviation, in local standard deviations.
+        Largest deviation, in local standard deviations.
     """
 
     time: float
@@ -53,18 +59,18 @@ class Knock:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A lasting change of the level of an axis.
+    """A lasting jump of the mean of an axis.
 
     Parameters
     ----------
     time : float
-        When, in seconds from the first sample of the recording before anything was cut off.
+        Time of the jump (s), counted from the first sample of the file.
     axis : str
-        The axis that shows it.
+        The axis.
     size : float
-        Level after less level before, in the axis' unit.
+        Mean after the jump minus mean before it, in the unit of the axis.
     times : float
-        Its size in standard deviations of what the level usually changes by.
+        Size in standard deviations of the usual changes of the mean.
     """
 
     time: float
@@ -74,7 +80,7 @@ class Step:
 
 
 def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, ...]:
-    """Bursts of the outliers of all axes together."""
+    """Group the outliers of all axes into knocks."""
     axes = tuple(outliers)
     index, deviation = (np.concatenate(column) for column in zip(*outliers.values(), strict=True))
     axis_number = np.repeat(np.arange(len(axes)), [found.size for found, _ in outliers.values()])
@@ -100,14 +106,14 @@ def knocks_of(outliers: Mapping[str, Outliers], extent: Extent) -> tuple[Knock, 
 
 
 def outliers_of(blocks: Vector, resolution: float) -> Outliers:
-    """Numbers, in the flat array, and sizes of the samples far from the median of their block.
+    """Find the samples far from the median of their block: indices in the flat array, and distances.
 
     Parameters
     ----------
     blocks : (k, n) array
-        Blocks of samples in a row.
+        Consecutive blocks of samples.
     resolution : float
-        Quantisation step: the axis is not taken to be quieter than half of it.
+        Quantization step; half of it is the smallest standard deviation that is used.
     """
     distance = np.abs(blocks - np.median(blocks, axis=1, keepdims=True))
     spread = _usual_spread(blocks, distance, resolution)
@@ -116,10 +122,11 @@ def outliers_of(blocks: Vector, resolution: float) -> Outliers:
 
 
 def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
-    """The standard deviation of each block as it would be without knocks.
+    """Estimate the standard deviation of each block without its knocks.
 
-    A knock raises the standard deviation, so the median distance bounds it. That of coarsely quantised
-    values is one step or nothing: it is trusted to a step only, and no spread is below half a step.
+    A knock raises the standard deviation, so the median distance is used as an upper bound. For coarsely quantized
+    values the median distance is accurate to one step only, so one step is added, and the result is at least half a
+    step.
     """
     bound = np.median(distance, axis=1, keepdims=True) / 0.67449 + step
     spread = np.minimum(np.std(blocks, axis=1, keepdims=True), bound)
@@ -127,7 +134,7 @@ def _usual_spread(blocks: Vector, distance: Vector, step: float) -> Vector:
 
 
 def level_length(samples: int) -> int:
-    """Samples in the blocks whose levels are compared for steps."""
+    """Number of samples in the blocks whose medians are compared."""
     return max(samples // _LEVELS, _SHORTEST)
 
 
@@ -138,25 +145,27 @@ def steps_of(
     resolution: float,
     values: Callable[[int, int], Vector],
 ) -> list[Step]:
-    """Abrupt changes of level within segments, in the order of time.
+    """Find lasting jumps of the mean within segments, ordered by time.
 
-    The medians m_i of blocks, 256 of them, 100 samples each at least, show the level and no knock. m_{i+2} − m_i has
-    all of a step that lies in block i + 1. It is one where this is 8 times the standard deviation of all such
-    differences, found from their median, which takes in random walks, and 4 times what the level changes by next to
-    it, which leaves out warm-up; the first and the last three blocks of a segment are not looked at. Of 8680 simulated
-    recordings of seven models, from 3400 to 100 000 samples, none had one.
+    The medians m_i of 256 blocks, with at least 100 samples each, follow the mean and are not affected by knocks. The
+    difference m_{i+2} − m_i contains the whole of a jump in block i + 1. It is a jump if it exceeds two limits. The
+    first is 8 standard deviations of all such differences, estimated from their median absolute deviation, so that a
+    random walk is not a jump. The second is 4 times the changes beside it, so that a warm-up is not a jump. The first
+    and the last three blocks of a segment are excluded. No jump was found in 8680 simulated recordings of seven models
+    with 3400 to 100 000 samples; tests/test_inspection.py repeats a part of them.
 
     Parameters
     ----------
     axis : str
+        Name of the axis.
     levels : sequence of (first, (m,) array)
-        Of each segment of five blocks or more, its first sample and the medians m_i.
+        First sample and medians m_i of each segment with at least five blocks.
     extent : Extent
-        Of the recording; one of fewer than 3400 samples has too few blocks.
+        Segments and times of the recording. Recordings with fewer than 3400 samples have too few blocks.
     resolution : float
-        Quantisation step: half of it is the least that a level is taken to change by.
+        Quantization step; half of it is the smallest standard deviation that is used.
     values : callable
-        The samples from a first to before a last one, to tell when just it was.
+        Function of first and last index that returns a half-open range of samples, to locate the jump.
     """
     length = level_length(extent.samples)
     changes = [level[2:] - level[:-2] for _, level in levels]
@@ -168,12 +177,12 @@ def steps_of(
     found = []
     for (first, level), change in zip(levels, changes, strict=True):
         beside = np.abs(np.diff(level))
-        # Just before the change over two blocks and just behind; at the ends of a segment warm-up looks like a step.
+        # Changes just before and just after the two blocks. At the ends of a segment a warm-up looks like a jump.
         before, behind = np.append(np.inf, beside[:-2]), np.append(beside[2:], np.inf)
         size = np.abs(change - usual)
         least = np.maximum(_STEP * spread, _ISOLATED * np.maximum(before, behind))
         at = np.flatnonzero((size > least) & (spread > 0))
-        # Neighbouring blocks show one and the same step.
+        # Neighbouring blocks show the same jump.
         for group in np.split(at, np.flatnonzero(np.diff(at) > 2) + 1) if at.size else []:
             i = int(group[np.argmax(size[group])])
             begin = first + i * length
@@ -184,6 +193,6 @@ def steps_of(
 
 
 def _corner(values: Vector, before: float, after: float) -> int:
-    """The first sample at the new level: each sample votes for the level it is nearer to."""
+    """Index of the first sample after the jump; each sample votes for the mean that it is nearer to."""
     votes = np.where(np.abs(values - before) < np.abs(values - after), 1, -1)
     return min(int(np.argmax(np.concatenate([[0], np.cumsum(votes)]))), values.size - 1)

@@ -17,20 +17,20 @@ from gmwm.time_base import TimeBase
 
 @dataclass(frozen=True, kw_only=True)
 class AxisInspection:
-    """One axis of a recording, in `unit`.
+    """Statistics of one axis of a recording.
 
     Parameters
     ----------
     unit : str
-        Unit of the numbers here.
+        Unit of all numbers.
     mean, sd : float
         Mean and standard deviation.
     noise : float
-        Standard deviation from first differences, blind to offset and slow drift.
+        Standard deviation from first differences, which an offset and a slow drift do not affect.
     lsb : float or None
-        Quantisation step; None where none shows.
+        Quantization step; None if none is visible.
     wander : float
-        Largest difference between the means of equal windows of the recording, a 64th each.
+        Largest difference between the means of 64 equal windows of the recording.
     """
 
     unit: str
@@ -43,38 +43,38 @@ class AxisInspection:
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection(Summarised):
-    """What a recording looks like; `remarks` says what to know before it is used.
+    """Statistics of a recording, and remarks on what affects a calibration.
 
     Parameters
     ----------
     source : str
-        Where the recording came from.
+        Name of the recording.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     duration : float
         Length without gaps (s).
     samples, segments : int
-        Number of samples, and of segments without a gap.
+        Number of samples of each axis, and number of segments without a gap.
     time_base : TimeBase
-        Jitter, gaps, duplicates of the time stamps, and how much was cut off before the first sample.
+        Jitter, gaps and duplicates of the time stamps, and the length that was left out at the beginning.
     axes : mapping of axis to AxisInspection
-        The axes.
+        Statistics of each axis.
     gravity : float or None
         Norm of the mean specific force (m/s²); None without three accelerometers.
     tilt : float or None
-        Largest turn of the specific force from its mean direction (degrees).
+        Largest angle between the specific force and its mean direction (degrees).
     static : bool
-        Whether nothing was found that says the sensor moved.
+        Whether no motion was found.
     knocks : tuple of Knock
-        Bursts of outliers in the order of time; times count from the first sample before anything was cut off.
+        Bursts of outliers, ordered by time. Times count from the first sample of the file.
     steps : tuple of Step
-        Lasting changes of level in the order of time.
+        Lasting jumps of the mean, ordered by time.
     warm_ups : tuple of WarmUp
-        Axes whose level settles in the beginning, as it does nowhere later.
+        Axes whose mean settles at the beginning.
     temperature : (lowest, highest) or None
-        Range of the temperature (°C).
+        Range of the temperature (°C); None if it was not recorded.
     remarks : tuple of Remark
-        What to know before the recording is used, and how it was read.
+        What affects a calibration, and how the recording was read.
     """
 
     source: str
@@ -94,12 +94,18 @@ class Inspection(Summarised):
     remarks: tuple[Remark, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything as plain dicts, lists and numbers, ready for JSON."""
+        """Return all fields as dicts, lists, numbers and strings, ready for JSON."""
         content = {name: _plain(value) for name, value in asdict(replace(self, remarks=())).items()}
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:
-        """The inspection as text, with the gravest five remarks, or all of them."""
+        """Describe the recording as text.
+
+        Parameters
+        ----------
+        every : bool
+            Show all remarks instead of the five most severe ones.
+        """
         return text(self, every=every)
 
     def __repr__(self) -> str:
@@ -116,11 +122,21 @@ REST: Mapping[Dialect, str] = {
     Dialect.SHELL: "--all-remarks",
     Dialect.HTML: "",
 }
-"""How to see the remarks that the text leaves out."""
+"""How to see the remarks that the text does not show."""
 
 
 def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """The inspection as text for one kind of reader, with the gravest five remarks, or all of them."""
+    """Describe the recording as text.
+
+    Parameters
+    ----------
+    found : Inspection
+        The inspection.
+    dialect : Dialect
+        Whether options are written as in Python or as in the shell.
+    every : bool
+        Show all remarks instead of the five most severe ones.
+    """
     lines = [
         f"{found.source or 'recording'}: {found.samples} samples at {found.rate:.10g} Hz, "
         f"{duration_text(found.duration)}" + (f" in {found.segments} segments" if found.segments > 1 else ""),
@@ -144,16 +160,14 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
     if len(found.knocks) > 5:
         lines.append(f"and {counted(len(found.knocks) - 5, 'more knock')}")
     for step in found.steps[:5]:
-        change = f"{step.size:+.3g} {found.axes[step.axis].unit}, {step.times:.0f} times the usual"
-        lines.append(f"step of {step.axis} at {moment(step.time)} ({change})")
+        change = f"{step.size:+.3g} {found.axes[step.axis].unit}, {step.times:.0f} sd"
+        lines.append(f"jump of {step.axis} at {moment(step.time)} ({change})")
     if len(found.steps) > 5:
-        lines.append(f"and {counted(len(found.steps) - 5, 'more step')}")
+        lines.append(f"and {counted(len(found.steps) - 5, 'more jump')}")
     if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
-        lines.append(
-            render("these times count from the first sample of the recording, as those of {--skip} do", {}, dialect)
-        )
+        lines.append(render("times count from the first sample of the file, as in {--skip}", {}, dialect))
     for one in found.warm_ups:
-        change = f"{one.size:+.3g} {found.axes[one.axis].unit} at first, {one.times:.0f} times the usual"
+        change = f"{one.size:+.3g} {found.axes[one.axis].unit} at first, {one.times:.0f} times the usual change"
         lines.append(f"warm-up of {one.axis} over the first {duration_text(one.duration)} ({change})")
     groups = with_groups(found.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]

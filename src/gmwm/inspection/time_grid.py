@@ -1,4 +1,4 @@
-"""Where a recording's samples are: what must be known of it before they are looked at one by one."""
+"""Segments of a recording, their times, and windows of equal length."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from gmwm.signals import Signal
 from gmwm.time_base import begins_of, times_of
 
 _WINDOWS = 64
-"""Of a recording, whose means and spreads are compared."""
+"""Number of windows whose means and standard deviations are compared (tests/test_inspection.py)."""
 
 Range = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Segments of a recording and when they begin, in seconds from its first sample before anything was cut off.
+    """Segments of a recording and their start times, counted from the first sample of the file.
 
     Attributes
     ----------
     rate : float
         Samples per second (Hz).
     segments : tuple of (first, last)
-        Index ranges without a gap.
+        Half-open index ranges without a gap.
     starts : tuple of float
-        Time of the first sample of each (s).
+        Time of the first sample of each segment (s).
     """
 
     rate: float
@@ -38,33 +38,33 @@ class Extent:
 
     @classmethod
     def of(cls, signal: Signal, left: float = 0.0) -> Extent:
-        """That of a signal in memory, the first sample of which was taken at `left` (s)."""
+        """Extent of a signal in memory whose first sample is at the time `left` (s) of the file."""
         return cls.at(signal.rate, signal.segments, signal.starts, left)
 
     @classmethod
     def at(cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float) -> Extent:
-        """That of segments by what some clock showed when they began; at the first sample `left` (s) were over."""
+        """Extent of segments whose start times are known on any clock; the first sample is at the time `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins))
 
     @property
     def samples(self) -> int:
-        """How many there are."""
+        """Number of samples."""
         return self.segments[-1][1]
 
     def times(self, indices: ArrayLike) -> Vector:
-        """When the samples with these indices were taken (s): what `skip` of `read` takes."""
+        """Times (s) of the samples with these indices, as `skip` of `read` counts them."""
         return times_of(indices, self.rate, self.segments, self.starts)
 
     def windows(self) -> list[Range]:
-        """About 64 index ranges of like length, whose means and spreads are therefore comparable.
+        """About 64 half-open index ranges of similar length, so that their means can be compared.
 
-        They cross no gap, but where segments are shorter than half a window: those are taken together with the
-        short ones beside them, and left out if that is not enough.
+        A window does not cross a gap, except between segments shorter than half a window. These are joined with short
+        neighbours, and left out if the result is still too short.
         """
         length = max(self.samples // _WINDOWS, 1)
         ranges: list[Range] = []
-        joined = False  # whether the last range is of short segments and may still grow
+        joined = False  # whether the last range consists of short segments and may still grow
         for first, last in self.segments:
             short = 2 * (last - first) < length
             if short and joined and ranges[-1][1] - ranges[-1][0] < length:

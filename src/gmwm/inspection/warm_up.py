@@ -1,4 +1,4 @@
-"""Warm-up: a level that settles in the beginning of a recording, as it does nowhere later."""
+"""Warm-up: a mean that settles at the beginning of a recording and changes much less later."""
 
 from __future__ import annotations
 
@@ -12,28 +12,35 @@ from gmwm._arrays import Vector
 from gmwm.inspection.knocks import level_length
 from gmwm.inspection.time_grid import Extent
 
-_PARTS = (32, 16, 8)  # of the recording, whose beginnings are compared with what follows
-_FEWEST = 6  # blocks in such a part: fewer show no shape
-_RATIO = 6.0  # times what the same part shows elsewhere (root mean square)
-_STEP = 3  # blocks before a step: one that is earlier is cut off as a warm-up is
-_REST = 0.02  # of the change, which may be left
-_TIMES = 40  # time constants that are tried
+# The values are those of the simulations that `warm_up_of` describes; tests/test_inspection_settling.py pins them.
+_PARTS = (32, 16, 8)
+"""The first 1/32, 1/16 and 1/8 of the recording are compared with the rest."""
+_FEWEST = 6
+"""Fewest blocks of such a part."""
+_RATIO = 6.0
+"""Contrast of a warm-up, as a multiple of the root mean square of the same contrast later in the recording."""
+_STEP = 3
+"""First block in which a jump is distinguished from a warm-up; an earlier jump is cut off like a warm-up."""
+_REST = 0.02
+"""Share of the change that may remain after the warm-up."""
+_TIMES = 40
+"""Number of time constants on the grid; the duration is then accurate to 10 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WarmUp:
-    """The level of an axis that settles.
+    """A warm-up of an axis.
 
     Parameters
     ----------
     axis : str
-        The axis that shows it.
+        The axis.
     size : float
-        Level at the first sample less that at which it settles, in the axis' unit.
+        Mean at the first sample minus the mean after the warm-up, in the unit of the axis.
     duration : float
-        Time (s) after which what is left is within what the level wanders by in any case, or below 2 % of the size.
+        Time (s) after which the remaining change is smaller than the usual changes of the mean, or below 2 % of `size`.
     times : float
-        How far the beginning differs from what follows, in root mean squares of the same over all that follows.
+        Contrast of the beginning over the root mean square of the same contrast in the rest of the recording.
     """
 
     axis: str
@@ -43,26 +50,28 @@ class WarmUp:
 
 
 def warm_up_of(axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, resolution: float) -> WarmUp | None:
-    """The warm-up that an axis shows, or None.
+    """Find the warm-up of an axis; None if there is none.
 
-    The medians m_i of some 256 blocks show the level and no knock. A sum Σ w_i m_{k+i} over a part of the recording,
-    with w_i = exp(−3i/s) less its mean, s = 1/32, 1/16 and 1/8 of all blocks, is blind to the level and large where it
-    settles. Of noise with stationary increments, a random walk or a Gauss-Markov process say, on a ramp or none, the
-    first such sum is one like all others: their spread is found from the record itself, and no model is assumed. A
-    warm-up is a first sum that is 6 root mean squares of all later ones, which share no block with it, from their
-    median. Size and time constant are those of the exponential, on a level, that is nearest in the beginning; where a
-    step after the first three blocks is nearer, it is no warm-up. Of 11 200 simulated axes of eight models, from 7000
-    to 100 000 samples, one had one.
+    The medians m_i of about 256 blocks follow the mean and are not affected by knocks. The contrast Σ w_i m_{k+i} over
+    s blocks, with w_i = exp(−3i/s) minus its mean, does not depend on the mean and is large where the mean settles; s
+    is 1/32, 1/16 and 1/8 of all blocks. For noise with stationary increments, with or without a ramp, the first
+    contrast has the same distribution as all others. Their standard deviation is estimated from the recording itself,
+    without a model. A warm-up is a first contrast that differs from the median of all later ones, which share no block
+    with it, by more than 6 of their root mean squares. Size and time constant are those of the exponential plus
+    constant that is nearest to the beginning in least squares. If a jump after the first three blocks is nearer, there
+    is no warm-up. One warm-up was found in 11 200 simulated axes of eight models with 7000 to 100 000 samples;
+    tests/test_inspection_settling.py repeats a part of them.
 
     Parameters
     ----------
     axis : str
+        Name of the axis.
     levels : sequence of (first, (m,) array)
-        Of each segment of five blocks or more, its first sample and the medians m_i.
+        First sample and medians m_i of each segment with at least five blocks.
     extent : Extent
-        Of the recording.
+        Segments and times of the recording.
     resolution : float
-        Quantisation step: half of it is the least that a level is taken to change by.
+        Quantization step; half of it is the smallest standard deviation that is used.
     """
     length = level_length(extent.samples)
     m = _beginning(levels, extent, length)
@@ -91,7 +100,7 @@ def warm_up_of(axis: str, levels: Sequence[tuple[int, Vector]], extent: Extent, 
 
 
 def _beginning(levels: Sequence[tuple[int, Vector]], extent: Extent, length: int) -> Vector:
-    """The levels from the first sample on, to the first gap that is longer than a block."""
+    """Medians from the first sample to the first gap that is longer than a block."""
     taken: list[Vector] = []
     ends = 0.0
     by_first = {first: (last, start) for (first, last), start in zip(extent.segments, extent.starts, strict=True)}
@@ -105,7 +114,7 @@ def _beginning(levels: Sequence[tuple[int, Vector]], extent: Extent, length: int
 
 
 def _exponential(m: Vector) -> tuple[float, float, float]:
-    """Size at the first sample, time constant in blocks, and standard deviation beside it, of a e^{−t/T} + c."""
+    """Fit a e^{−t/T} + c in least squares: a, T in blocks, and the standard deviation of the residuals."""
     t = np.arange(m.size) + 0.5
     best = (math.inf, 0.0, 1.0)
     for time in np.geomspace(0.5, m.size / 2, _TIMES):
@@ -119,7 +128,7 @@ def _exponential(m: Vector) -> tuple[float, float, float]:
 
 
 def _beside_a_step(m: Vector) -> float:
-    """Standard deviation beside the nearest step, which may be within a block."""
+    """Standard deviation of the residuals of the nearest jump, which may lie within a block."""
     least = min(
         float(np.sum((m[:k] - np.mean(m[:k])) ** 2) + np.sum((m[k + 1 :] - np.mean(m[k + 1 :])) ** 2))
         for k in range(_STEP, m.size - 1)

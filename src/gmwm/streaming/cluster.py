@@ -14,7 +14,7 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from gmwm._threads import BREATH
+from gmwm._threads import INTERRUPT_CHECK
 from gmwm.errors import GmwmError, OptionError
 from gmwm.options import as_confidence
 from gmwm.readers.chunks import RowSummary
@@ -288,4 +288,4 @@ def _next(arrived: queue.SimpleQueue[int]) -> int:
     """The part that is done next, looking up for Ctrl-C."""
     while True:
         with suppress(queue.Empty):
-            return arrived.get(timeout=BREATH)
+            return arrived.get(timeout=INTERRUPT_CHECK)

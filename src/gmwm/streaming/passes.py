@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from gmwm._arrays import Vector
-from gmwm._threads import BREATH, in_threads, processors
+from gmwm._threads import INTERRUPT_CHECK, in_threads, processors
 from gmwm.errors import DataError, OptionError
 from gmwm.options import as_confidence
 from gmwm.readers.chunks import Chunk
@@ -199,6 +199,6 @@ def _await(running: Sequence[Future[None]]) -> None:
     """Wait until all are done, looking up for Ctrl-C; an error of theirs is raised here."""
     pending: set[Future[None]] = set(running)
     while pending:
-        _, pending = wait(pending, timeout=BREATH)
+        _, pending = wait(pending, timeout=INTERRUPT_CHECK)
     for future in running:
         future.result()
