@@ -14,7 +14,7 @@ from gmwm._files import write_text
 from gmwm.errors import OptionError
 from gmwm.readers import read
 from gmwm.signals import AXES, Imu, Signal
-from gmwm.writers import SUFFIXES
+from gmwm.writers import SUFFIXES, write
 from tests.helpers import raises
 
 FIXED = settings(
@@ -117,5 +117,5 @@ def test_a_signal_is_a_recording_of_one_axis(tmp_path):
 )
 def test_what_is_no_recording_is_not_written(tmp_path, given, message):
     with pytest.raises(OptionError, match=message):
-        given.write(tmp_path / "a.csv")
+        write(given, tmp_path / "a.csv")
     assert not list(tmp_path.iterdir())

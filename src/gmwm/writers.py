@@ -109,9 +109,7 @@ def _record_type(format: str | None, target: Path) -> RecordType:
     named = {kind.format.casefold(): kind for kind in TYPES}
     known = ", ".join(kind.format for kind in TYPES)
     if format is None:
-        raise OptionError(
-            f"{target.name} needs the type of its records", advice="Pass {--format}, one of {known}.", known=known
-        )
+        raise OptionError(argument="format", expected=f"one of {known} for {target.name}", got=None)
     if not isinstance(format, str) or format.casefold() not in named:
         raise OptionError(argument="format", expected=f"one of {known}", got=format)
     return named[format.casefold()]

@@ -61,14 +61,19 @@ def test_a_temperature_that_is_left_out_is_told(gmwm, tmp_path):
     source.write_text(",".join(["time [s]", *(f"{a} [rad/s]" for a in AXES[:3]), *(f"{a} [m/s²]" for a in AXES[3:]),
                                 "temperature [°C]"]) + "\n" + rows)  # fmt: skip
     outcome = gmwm("convert", source, out, "--to", "imu:IXSEA", "--json")
-    assert outcome.json["warnings"] == ["the temperature is left out: .imu records have no place for it"]
+    assert [one["subject"] for one in outcome.json["remarks"] if one["code"] == "temperature-left-out"] == [str(out)]
 
 
 def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_path):
     out = tmp_path / "a.imu"
     cases = {
         "with --format; these fit: imu:LN200 and imu:LN200IG": (survey, tmp_path / "a.csv"),
-        "needs the type of its records. Pass --to, one of imu:IMAR": (survey, out, "--format", "imu:LN200"),
+        "imu:NAVCHIP_FLT for a.imu; got None": (
+            survey,
+            out,
+            "--format",
+            "imu:LN200",
+        ),
         "--to must be one of imu:IMAR": (survey, out, "--format", "imu:LN200", "--to", "imu:X"),
         "--to must be left out for a file other than .imu": (
             survey,

@@ -227,7 +227,7 @@ def test_counts_keep_whole_numbers_whole():
 
 def test_what_cannot_be_written(tmp_path):
     path = tmp_path / "a.imu"
-    with raises(OptionError, "a.imu", advises=["format=", "imu:IMAR"]):
+    with raises(OptionError, "a.imu", "imu:IMAR", argument="format"):
         noise().write(path)
     with pytest.raises(OptionError, match=r"format must be one of imu:IMAR.*got 'LN200'"):
         noise().write(path, format="LN200")
