@@ -11,7 +11,7 @@ from rich.text import Text
 from typer.main import get_command
 
 import gmwm as library
-from gmwm.cli.main import app, speak
+from gmwm.cli.main import accept_all_characters, app
 from gmwm.processes import registry
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
@@ -141,7 +141,7 @@ def test_a_terminal_keeps_its_encoding():
     leader, follower = os.openpty()
     try:
         with open(follower, "w", encoding="ascii") as terminal:
-            speak(terminal)
+            accept_all_characters(terminal)
             terminal.write("σ²")
         assert (terminal.encoding, os.read(leader, 8)) == ("ascii", b"??")
     finally:

@@ -118,7 +118,7 @@ def measured_pairs(
         except DataError as error:
             raise DataError(
                 f"{stream.source} has changed between its two readings: {error}",
-                advice="Read a copy that no program writes to, or read it once with `wavelet_variance(robust=True, passes=1)`.",
+                advice="Read a copy that no program writes to, or read it only once with {--passes=1}.",
             ) from error
     return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
 
