@@ -33,11 +33,11 @@ def test_version():
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
-def test_help_names_every_command(arguments):
-    code, out, err = run(*arguments)
-    assert (code, err) == (0, "")
-    assert all(name in out for name in ("calibrate", "info", "wv", "fit", "select", "simulate", "demo"))
-    assert "\x1b" not in out
+def test_help_names_every_command(gmwm, arguments):
+    outcome = gmwm(*arguments)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert all(name in outcome.out for name in ("calibrate", "info", "wv", "fit", "select", "simulate", "demo"))
+    assert "\x1b" not in outcome.out
 
 
 COMMANDS = get_command(app).commands
