@@ -7,7 +7,8 @@ is made once for Python users, with arguments as `rate=`, and once for the shell
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from copy import copy
+from typing import TYPE_CHECKING, Any, Self
 
 from gmwm._template import Dialect, Fact, render, shell_option
 
@@ -67,6 +68,24 @@ class GmwmError(Exception):
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
         """The error as text, for one kind of reader."""
+        message = self._statement(dialect)
+        advice = render(self.advice, self.facts, dialect)
+        return f"{message}. {advice}" if advice else message
+
+    def at(self, place: str) -> Self:
+        """The same error with a place before its message, such as an axis, a file or a part of a file.
+
+        >>> str(ReadError("not a number", advice="Repair the row.").at("row 3"))
+        'row 3: not a number. Repair the row.'
+        """
+        error = copy(self)
+        error.message = f"{place}: {self._statement(Dialect.PYTHON)}"
+        error.prefix = ""
+        error.args = (error.message,)
+        return error
+
+    def _statement(self, dialect: Dialect) -> str:
+        """What happened, without advice."""
         message = self.message
         if not message:
             name = self.argument or "the value"
@@ -75,8 +94,7 @@ class GmwmError(Exception):
                 message += f"; got {_shown(self.got)}"
         if self.prefix:
             message = f"{self._named(self.prefix, dialect)}: {message}"
-        advice = render(self.advice, self.facts, dialect)
-        return f"{message}. {advice}" if advice else message
+        return message
 
     def _named(self, argument: str, dialect: Dialect) -> str:
         """The argument, or its option in the shell."""
