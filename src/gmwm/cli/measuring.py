@@ -112,13 +112,13 @@ def stream_curves(
     workers: int | None = None,
 ) -> dict[str, WaveletVariance]:
     """Compute the curves of axes of a recording in chunks. The remarks of its inspection become warnings."""
-    from gmwm.calibration.stream_measurement import measured_and_seen
+    from gmwm.calibration.stream_measurement import measured_and_inspected
     from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
-        curves, seen = measured_and_seen(
+        curves, seen = measured_and_inspected(
             stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
-            done=lambda text: advance(text, 0),
+            progress=lambda text: advance(text, 0),
         )  # fmt: skip
     for remark in seen.remarks:
         tell(remark)
