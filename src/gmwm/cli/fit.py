@@ -224,7 +224,7 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
     how = IntervalMethod(confidence)
     if draws is None:
         return how
-    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap")
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "bootstrap")
     return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 

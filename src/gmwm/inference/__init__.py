@@ -1,1 +1,1 @@
-"""Using a model on paper: what other recordings of it would have given."""
+"""Inference: standard errors, confidence intervals, tests, bootstrap, criteria and planning."""
