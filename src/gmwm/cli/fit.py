@@ -236,7 +236,7 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
     how = IntervalMethod(confidence)
     if draws is None:
         return how
-    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap-draws")
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "bootstrap_draws")
     return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 

@@ -187,8 +187,9 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
     if design.samples > LONGEST:
         slow = next(p for p in model.processes if p.scale > 0 and not p.has("coefficient_covariance"))
         raise MissingTheoryError(
-            f"the covariance of {slow.name} is a sum over all lags, which is taken of up to {LONGEST} samples, got "
-            f"{design.samples}; take a shorter record"
+            f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST} samples; got "
+            f"{design.samples}",
+            advice="Use a shorter part of the recording.",
         )
     lags = np.arange(design.samples)
     total = np.zeros(design.samples)

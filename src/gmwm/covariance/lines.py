@@ -69,9 +69,9 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]
     felt = [(process, at) for process, at in zip(model.processes, seen, strict=True) if at and all(at)]
     if felt and design.efficiency is not None:
         raise MissingTheoryError(
-            f"{felt[0][0].name} has a fixed amplitude: its wavelet coefficients are not Gaussian, which a robust "
-            "estimate takes for granted. It is biased where they are felt, and its covariance is not known; measure "
-            "the wavelet variance with robust=False"
+            f"the covariance of the robust wavelet variance is unknown for {felt[0][0].name}, because a sinusoid of "
+            "fixed amplitude is not Gaussian",
+            advice="Use the classical wavelet variance with {--robust=no}.",
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
     return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
