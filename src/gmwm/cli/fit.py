@@ -296,7 +296,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
         f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}",
         *(_sensor_text(group, how) for group in sensors.values()),
         f"±: relative standard error. ≤: upper limit at {50 + 50 * how.level:g} %. p: p-value of the\n"
-        "goodness-of-fit test. For confidence intervals, select one --axis, or use --json.",
+        "goodness-of-fit test. For confidence intervals, select one axis or use --json.",
     ]
     remarks = [
         remark.about(name)
