@@ -76,8 +76,8 @@ def test_models_are_chosen_without_data(replayed):
         assert len(ranking) == 31
         assert ranking.recommended in ranking.equivalent
         assert ranking.best.difference == 0
-    assert words.count("Left out, as it is not there") == 3
-    assert "The truth is recommended on" in words
+    assert words.count("Skipped, because the file does not exist") == 3
+    assert "The true model is recommended on" in words
 
 
 def test_figures_of_what_is_simulated(replayed):
