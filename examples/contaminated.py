@@ -1,7 +1,7 @@
 """A recording with knocks, fitted classically and robustly: `python examples/contaminated.py [PICTURE]`.
 
-The example simulates 1000 s of a gyroscope with Gauss-Markov and white noise, and adds ten knocks of one second each. The
-classical fit interprets the knocks as noise. The robust fit limits their influence.
+The example simulates 1000 s of a gyroscope with Gauss-Markov and white noise, and adds ten knocks of one second each.
+The classical fit interprets the knocks as noise. The robust fit limits their influence.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A fitted noise model in a navigation filter: `python examples/navigation.py [--runs M] [--output FIGURE] [--seed N]`.
 
-The example simulates a gyroscope and two accelerometers at rest for hours and fits their noise models. It then simulates
+The example simulates a gyroscope and two accelerometers at rest for hours and fits their noise models. It simulates
 M drives of a vehicle with these sensors and a satellite receiver with two outages. Extended Kalman filters with several
 noise models estimate the track, and the example compares their errors with the errors that they predict.
 docs/navigation.md has the results.
@@ -194,7 +194,7 @@ def follow(model: Noise, way: Drive, said: np.ndarray, fixes: np.ndarray, seed: 
 
 
 def strapdown(x: np.ndarray, sensed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Integrate the samples of one filter step. Return the state after it and the derivatives by an error during the step.
+    """Integrate the samples of one filter step; return the state after it and its derivatives by an error.
 
     The derivatives of position and velocity by the heading have the shape (runs, 4). Those of all five states by an
     error of the sensors have the shape (runs, 5, 3). A positive error of a sensor is subtracted from its output.
@@ -257,11 +257,11 @@ def print_table(tracks: Mapping[str, Track], runs: int) -> None:
                 rms, says = (factor * np.sqrt(np.mean(one[at] ** 2)) for one in track.size(states))
                 line += f"{f'{rms:.2f} ({says:.2f})':<15}"
         print(line.rstrip())
-    print(f"NEES of 5 states: mean over runs and time; in band: share of times with a mean over runs in {low:.2f} … {high:.2f}")
+    print(f"NEES of 5 states: mean over runs and time; in band: mean over runs within {low:.2f} … {high:.2f}")
 
 
 def draw(tracks: Mapping[str, Track], runs: int, path: Path) -> None:
-    """Plot heading error, position error and NEES over time: one column per noise model, the first one also in the others."""
+    """Plot heading error, position error and NEES over time, one column per noise model."""
     figure = Figure(figsize=(174 / 25.4, 138 / 25.4), layout="constrained")
     axes = figure.subplots(3, len(tracks), sharex=True, sharey="row")
     t, (first, reference) = np.arange(1, SECONDS + 1), next(iter(tracks.items()))

@@ -140,13 +140,13 @@ def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.sele
 def navchip(file: Path, output: Path) -> dict[str, gmwm.Fit]:
     """Steps 1 and 2 on the published wavelet variances of the NavChip: Figs. 1 and 3, Table 1."""
     curves = published(file)
-    head("NavChip, from its published wavelet variances: the models of the appendix, weights from the confidence limits")
+    head("NavChip, from its published wavelet variances: models of the appendix, weights from the limits")
     gmwm.plots.plot_imu(curves, path=output / "figure_1a.png")
     gmwm.plots.plot_imu(curves, split=False, path=output / "figure_1b.png")
     fits = {axis: gmwm.fit(model, curves[axis], weighting=weights(curves[axis])) for axis, model in NAVCHIP.items()}
     print(f"  {'axis':<8} {'model':<25} {'objective':>9}  {'gap':>9}   remarks")
     for axis, fit in fits.items():
-        remarks = "; ".join(f"{remark.code}: {remark.facts['term']}" for remark in fit.remarks)
+        remarks = "; ".join(f"{remark.code} {remark.facts.get('term', '')}".rstrip() for remark in fit.remarks)
         left = f"< {100 * max(fit.gap, 1e-4):.2f} %"
         print(f"  {axis:<8} {NAVCHIP[axis]:<25} {fit.objective:9.4f}  {left:>9}   {remarks}".rstrip())
     gyro_y = fits["gyro_y"]
@@ -197,7 +197,7 @@ def select_all(
 ) -> dict[str, gmwm.selection.Ranking]:
     """Choose a model within the general one for each axis, and print a table."""
     rankings = {axis: gmwm.select(general, curve) for axis, curve in curves.items()}
-    print(f"  {'axis':<8} {'recommended':<18} {'smallest WIC':<18} {'equivalent':>10} {'p':>7}" + "   truth" * bool(truth))
+    print(f"  {'axis':<8} {'recommended':<18} {'least WIC':<18} {'equivalent':>10} {'p':>7}" + "   truth" * bool(truth))
     for axis, ranking in rankings.items():
         chosen = ranking.recommended
         p = "" if chosen.pvalue is None else f"{chosen.pvalue:.3f}" if chosen.pvalue >= 0.001 else "< 0.001"
