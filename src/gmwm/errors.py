@@ -7,7 +7,8 @@ is made once for Python users, with arguments as `rate=`, and once for the shell
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from copy import copy
+from typing import TYPE_CHECKING, Any, Self
 
 from gmwm._template import Dialect, Fact, render, shell_option
 
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from gmwm.remarks import Remark
 
 _NOT_GIVEN: Any = object()
-Error = TypeVar("Error", bound="GmwmError")
 
 
 class GmwmError(Exception):
@@ -74,7 +74,7 @@ class GmwmError(Exception):
         """What happened, without the subject and the advice, for a remark that gives the error as its reason."""
         return self._what(Dialect.PYTHON)
 
-    def about(self: Error, subject: str) -> Error:
+    def about(self, subject: str) -> Self:
         """The same error with the axis, unit or file that it is about, unless it names one already.
 
         >>> str(DataError("the signal is constant").about("gyro_x"))
@@ -93,6 +93,16 @@ class GmwmError(Exception):
             message = f"{self.subject}: {message}"
         advice = render(self.advice, self.facts, dialect)
         return f"{message}. {advice}" if advice else message
+
+    def at(self, place: str) -> Self:
+        """A copy of the error with a place before its message, such as a file or a part of a file.
+
+        >>> str(ReadError("not a number", advice="Repair the row.").at("row 3"))
+        'row 3: not a number. Repair the row.'
+        """
+        error = copy(self)
+        error.subject = f"{place}: {self.subject}" if self.subject else place
+        return error
 
     def _what(self, dialect: Dialect) -> str:
         """What happened, without subject and advice."""

@@ -1,4 +1,4 @@
-"""What is said of a rejected model, of axes without a test for outliers, and of recordings that are hardly any."""
+"""Remarks on rejected models, on axes without a test for outliers, and on short recordings."""
 
 from dataclasses import replace
 
@@ -6,70 +6,75 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.misfit import LARGE, misfit
+from gmwm.calibration.findings import LARGE, SCALES
+from gmwm.calibration.misfit import misfit_of
 from gmwm.processes import Process, registry
+from gmwm.remarks import Quantity, Severity
+from tests.helpers import codes, only
 
 from .conftest import WITHIN
 
 
-def words(found):
-    return " ".join(found.summary().split())
-
-
 @pytest.fixture(scope="module")
-def short_of_a_walk():
+def without_random_walk():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
     return gmwm.calibrate(imu, "WN")
 
 
-def test_the_worst_level_is_told_with_its_ratio(short_of_a_walk):
-    found = short_of_a_walk.axes["gyro_x"]
-    at, wv = misfit(found), found.fit.wavelet_variance
+def test_the_remark_has_the_worst_level_and_its_ratio(without_random_walk):
+    found = without_random_walk.axes["gyro_x"]
+    at, wv = misfit_of(found), found.fit.wavelet_variance
     (level,) = np.flatnonzero(wv.tau == at.tau)
     assert at.ratio == found.fit.implied[level] / wv.variance[level]
     assert not wv.lower[level] <= found.fit.implied[level] <= wv.upper[level]
     assert at.times > LARGE
-    text = words(short_of_a_walk)
-    assert f"at {at.tau:.3g} s its variance lies {at.times:.2g} times below that of the data" in text
-    assert "The values still describe the curve" not in text
-    assert "`within` is too small" in text
+    remark = only(without_random_walk.remarks, "model-misfit", "gyro_x")
+    assert remark.severity is Severity.UNUSABLE
+    assert (remark.facts["tau"], remark.facts["ratio"]) == (Quantity(at.tau, "s"), at.times)
+    assert remark.facts["side"] == "below"
+    assert "model-rejected" not in codes(without_random_walk.remarks)
+    assert without_random_walk.verdict.code == "verdict-unusable"
 
 
-def test_numbers_at_the_scales_that_are_missed_are_called_wrong(short_of_a_walk):
-    found = short_of_a_walk.axes["gyro_x"]
-    # The same model, with data that leave it where N is read.
+def test_the_remark_has_the_numbers_at_the_scales_of_the_misfit(without_random_walk):
+    found = without_random_walk.axes["gyro_x"]
+    # The same model, with data that differ from it where N is read.
     wv, raised = found.fit.wavelet_variance, found.fit.implied.copy()
     raised[0] *= 4
     fit = replace(found.fit, wavelet_variance=replace(wv, variance=raised, lower=0.99 * raised, upper=1.01 * raised))
-    there = replace(short_of_a_walk, axes={"gyro_x": replace(found, fit=fit)})
-    assert "lies 4 times below that of the data. N, which is read at short scales, may be wrong" in words(there)
+    remark = only(replace(without_random_walk, axes={"gyro_x": replace(found, fit=fit)}).remarks, "model-misfit")
+    assert remark.facts["numbers"] == ("N",)
+    assert remark.facts["ratio"] == pytest.approx(4)
+    assert (remark.facts["side"], remark.facts["tau"]) == ("below", Quantity(wv.tau[0], "s"))
 
 
-def test_a_near_model_still_describes_the_curve(short_of_a_walk):
-    found = short_of_a_walk.axes["gyro_x"]
+def test_a_near_model_is_rejected_and_can_be_used(without_random_walk):
+    found = without_random_walk.axes["gyro_x"]
     near = found.fit.implied * 1.2
     wv = replace(found.fit.wavelet_variance, variance=near, lower=0.99 * near, upper=1.01 * near)
-    there = replace(short_of_a_walk, axes={"gyro_x": replace(found, fit=replace(found.fit, wavelet_variance=wv))})
-    text = words(there)
-    assert misfit(there.axes["gyro_x"]).times == pytest.approx(1.2)
-    assert "The values still describe the curve" in text
-    assert "`within` is too small" in text
+    there = replace(without_random_walk, axes={"gyro_x": replace(found, fit=replace(found.fit, wavelet_variance=wv))})
+    assert misfit_of(there.axes["gyro_x"]).times == pytest.approx(1.2)
+    assert only(there.remarks, "model-rejected", "gyro_x").severity is Severity.BIASED
+    assert "model-misfit" not in codes(there.remarks)
+    assert there.verdict.code == "verdict-usable"
 
 
-def test_a_periodic_disturbance_is_told_to_be_a_term(short_of_a_walk):
+def test_the_advice_names_the_sinusoidal_process(without_random_walk):
     lines = [name for name, kind in registry.items() if kind.line is not Process.line]
-    assert f"gives a curve with teeth: add {lines[0]} to `within`" in words(short_of_a_walk)
+    remark = only(without_random_walk.remarks, "model-misfit")
+    assert (remark.facts["line"], remark.facts["sinusoid"]) == ("no", lines[0])
+    assert f"add {lines[0]} to within=" in remark.text()
 
 
-def test_causes_are_told_once_for_all_axes(short_of_a_walk):
-    found = short_of_a_walk.axes["gyro_x"]
-    text = words(replace(short_of_a_walk, axes={"gyro_x": found, "gyro_y": found}))
-    assert text.count("does not describe the curve") == 2
-    assert text.count("look at the picture where a test rejects") == 1
+def test_the_same_misfit_of_several_axes_is_one_text(without_random_walk):
+    found = without_random_walk.axes["gyro_x"]
+    both = replace(without_random_walk, axes={"gyro_x": found, "gyro_y": found})
+    assert codes(both.remarks).count("model-misfit") == 2
+    assert both.summary(every=True).count("[model-misfit]") == 1
 
 
-def test_outliers_leave_a_model_with_a_line_its_classical_curve():
-    # Knocks over a hum: the advice of a rejected model, to add a line, must lead to a calibration.
+def test_a_model_with_a_sinusoid_is_fitted_to_the_classical_curve_with_its_outliers():
+    # Knocks and a hum: after the advice to add a sinusoid, the calibration must succeed.
     truth = "WN(sigma2=4e-7) + SIN(frequency=21.3, power=6e-7)"
     hum = gmwm.simulate({"gyro_x": truth}, rate=100.0, samples=60_000, rng=3)
     values = hum["gyro_x"].values.copy()
@@ -78,51 +83,60 @@ def test_outliers_leave_a_model_with_a_line_its_classical_curve():
     imu = gmwm.Imu.from_arrays({"gyro_x": values}, rate=100.0)
     without = gmwm.calibrate(imu, "GM + WN")
     assert without.axes["gyro_x"].fit.wavelet_variance.robust
-    assert "a periodic disturbance gives a curve with teeth" in words(without)
+    assert only(without.remarks, "model-misfit").facts["line"] == "no"
     found = gmwm.calibrate(imu, "GM + WN + SIN")
     assert found.failed == {}
     assert not found.axes["gyro_x"].fit.wavelet_variance.robust
     frequency = found["gyro_x"].parameters["SIN.frequency"]
     assert frequency == pytest.approx(21.3, rel=0.05)
-    text = words(found)
-    assert "fitted with them; no robust curve goes with a sinusoid in `within`, so cut the outliers out" in text
-    assert "raise the curve: cut them out (skip=), or record again: no robust curve goes with SIN" in text
-    assert "where outliers matter, the robust curve was taken" not in text
+    kept = only(found.remarks, "outliers-kept", "gyro_x")
+    assert (kept.facts["line"], kept.severity) == ("yes", Severity.BIASED)
+    assert "skip=" in kept.text()
+    assert only(found.remarks, "knocks").facts["handled"] == "line"
+    assert "outliers-left-out" not in codes(found.remarks)
 
 
-def test_a_model_within_the_limits_misses_nothing(calibration):
+def test_a_model_within_the_limits_has_no_misfit(calibration):
     found = calibration.axes["gyro_x"]
     wv = replace(found.fit.wavelet_variance, lower=found.fit.implied / 2, upper=found.fit.implied * 2)
-    assert misfit(replace(found, fit=replace(found.fit, wavelet_variance=wv))) is None
+    assert misfit_of(replace(found, fit=replace(found.fit, wavelet_variance=wv))) is None
 
 
-def test_outliers_that_could_not_be_tested_are_not_called_none():
+def test_outliers_that_could_not_be_tested_get_a_remark():
     rng = np.random.default_rng(1)
     coarse = gmwm.Signal(np.round(rng.normal(0.0, 0.3, 20_000)) * 1e-3, 100.0, "rad/s", "gyro_x")
     found = gmwm.calibrate(coarse, "WN")
     assert not found.verdicts["gyro_x"].tested.any()
-    (row,) = [line for line in found.summary().splitlines() if line.startswith("  outliers")]
+    (row,) = [line for line in found.summary().splitlines() if line.startswith("  outliers  ")]
     assert row.split("  ")[-1] == "not tested"
-    told = "gyro_x: outliers were not looked for: no level can be tested, as the output's steps outweigh its noise"
-    assert told in words(found)
+    remark = only(found.remarks, "outliers-not-tested", "gyro_x")
+    assert remark.severity is Severity.UNCERTAIN
+    assert remark.facts["reason"] == found.verdicts["gyro_x"].reason
 
 
-def test_what_n_counts_is_among_the_notes():
+def test_the_terms_that_n_includes_are_in_the_remarks():
     truth = {"gyro_x": "WN(sigma2=4e-7) + GM(beta=20.0, sigma2=4e-7)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=100_000, rng=1), "GM + WN")
-    (note,) = [note for note in found.datasheets["gyro_x"].notes if note.startswith("N counts GM")]
-    assert note in found.axes["gyro_x"].notes
-    assert note in words(found)
-    assert "N white noise density" in words(found)
+    remark = only(found.datasheets["gyro_x"].remarks, "n-includes")
+    (term,) = remark.facts["terms"]
+    assert term.startswith("GM")
+    assert remark in found.axes["gyro_x"].remarks
+    assert remark.about("gyro_x") in found.remarks
+    assert "N white noise density" in " ".join(found.summary().split())
 
 
 @pytest.mark.parametrize(("samples", "short"), [(200, True), (3000, False)])
-def test_a_recording_of_a_few_scales_is_a_trial(samples, short):
+def test_a_recording_of_a_few_scales_cannot_be_calibrated(samples, short):
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=samples, rng=1)
-    assert ("a trial of the plumbing, not a calibration" in words(gmwm.calibrate(imu, "WN"))) is short
+    found = gmwm.calibrate(imu, "WN")
+    remarks = [remark for remark in found.remarks if remark.code == "too-short"]
+    assert (found.verdict.severity is Severity.UNUSABLE) is bool(remarks) is short
+    for remark in remarks:
+        assert (remark.subject, remark.facts["least"]) == ("gyro_x", SCALES)
+        assert remark.facts["scales"] < SCALES
 
 
-def test_axes_of_several_lengths_are_told_as_such(imu):
+def test_axes_of_several_lengths_have_a_remark_each(imu):
     found = gmwm.calibrate(
         {
             "gyro_x": imu["gyro_x"],
@@ -130,16 +144,18 @@ def test_axes_of_several_lengths_are_told_as_such(imu):
         },
         WITHIN,
     )
-    text = words(found)
-    assert "20000 to 100000 samples at 50 to 100 Hz, 6.7 min to 17 min; best model" in text
-    assert "gyro_x: 17 min of recording show scales up to 2.7 min well" in text
-    assert "accel_x: 6.7 min of recording show scales up to" in text
+    text = " ".join(found.summary().split())
+    assert "20000 to 100000 samples at 50 to 100 Hz, 6.7 min to 17 min" in text
+    scales = [remark.facts for remark in found.remarks if remark.code == "longest-scale"]
+    assert [facts["duration"] for facts in scales] == [Quantity(1000.0, "s"), Quantity(400.0, "s")]
+    assert scales[0]["scale"] == Quantity(163.84, "s")
 
 
-def test_a_unit_declared_against_the_file_is_told(tmp_path):
+def test_a_unit_that_contradicts_the_file_gets_a_remark(tmp_path):
     path = tmp_path / "named.csv"
     values = gmwm.simulate({"gyro_x": "WN(sigma2=1e-8)"}, rate=100.0, samples=5000, rng=1)["gyro_x"].values
     path.write_text("gyro_x [rad/s]\n" + "\n".join(map(repr, values.tolist())) + "\n", encoding="utf-8")
-    said = "the unit was declared against the file: gyro: deg/s, declared (the file says rad/s)"
-    assert said in words(gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "deg/s"}), "WN"))
-    assert said not in words(gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "rad/s"}), "WN"))
+    remark = only(gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "deg/s"}), "WN").remarks, "unit-overruled")
+    assert (remark.facts["unit"], remark.facts["stated"]) == ("deg/s", "rad/s")
+    same = gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "rad/s"}), "WN")
+    assert "unit-overruled" not in codes(same.remarks)

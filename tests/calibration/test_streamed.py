@@ -1,4 +1,4 @@
-"""A calibration from a recording in chunks: that of the same recording in memory."""
+"""The calibration of a recording in chunks equals the one of the same recording in memory."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.stream_measurement import InspectedStream, measured_and_seen
+from gmwm.calibration.stream_measurement import InspectedStream, measured_and_inspected
 from gmwm.errors import OptionError
 from gmwm.inspection.api import FirstPass
+from tests.helpers import only, raises
 
 MODELS = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-10)", "gyro_y": "WN(sigma2=1e-7)", "accel_z": "WN(sigma2=4e-6)"}
 
@@ -25,10 +26,10 @@ def path(tmp_path_factory):
 
 
 def test_a_stream_is_calibrated_as_the_recording(path):
-    told = []
+    calls = []
     options = {"within": "GM + WN + RW", "rng": 3}
     whole = gmwm.calibrate(gmwm.read(path), **options)
-    pieces = gmwm.calibrate(gmwm.stream(path, chunk=3000), progress=lambda *step: told.append(step), **options)
+    pieces = gmwm.calibrate(gmwm.stream(path, chunk=3000), progress=lambda *step: calls.append(step), **options)
     assert list(whole) == list(pieces)
     for axis in whole:
         one, other = whole.axes[axis], pieces.axes[axis]
@@ -37,25 +38,26 @@ def test_a_stream_is_calibrated_as_the_recording(path):
         for name, value in one.fit.parameters.items():
             assert other.fit.parameters[name] == pytest.approx(value, rel=1e-6)
         assert one.verdict.contaminated == other.verdict.contaminated == (axis == "gyro_y")
-    assert whole.cautions == pieces.cautions
+    assert whole.recording_remarks == pieces.recording_remarks
+    assert whole.recording_remarks
     a, b = whole.recording.to_dict(), pieces.recording.to_dict()
     assert a.pop("jitter") == pytest.approx(b.pop("jitter"), rel=1e-6)
     assert a == b
-    assert told[0][0] == 0
-    assert [text for _, _, text in told][:2] == ["first reading: 30 s", "first reading: 60 s"]
-    assert "second reading: 3.33 min of 3.33 min" in [text for _, _, text in told]
-    assert told[-1][:2] == (12, 12)
+    assert calls[0][0] == 0
+    assert [text for _, _, text in calls][:2] == ["first pass: 30 s", "first pass: 60 s"]
+    assert "second pass: 3.3 min of 3.3 min" in [text for _, _, text in calls]
+    assert calls[-1][:2] == (12, 12)
 
 
 def test_axes_of_a_stream(path):
     found = gmwm.calibrate(gmwm.stream(path), within="WN + RW", axes="accel")
     assert list(found) == ["accel_z"]
-    assert "1 knock" in " ".join(found.cautions)
-    with pytest.raises(OptionError, match="axes must be some of gyro_x, gyro_y, accel_z; got gyro_z"):
+    assert only(found.recording_remarks, "knocks").facts["count"] == 1
+    with raises(OptionError, argument="axes", expected="some of gyro_x, gyro_y, accel_z", got="gyro_z"):
         gmwm.calibrate(gmwm.stream(path), axes="gyro_z")
 
 
-def test_what_a_file_gets_meanwhile_is_left_out(tmp_path, monkeypatch):
+def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeypatch):
     file = tmp_path / "growing.csv"
     rows = np.random.default_rng(1).normal(size=3000)
 
@@ -73,7 +75,7 @@ def test_what_a_file_gets_meanwhile_is_left_out(tmp_path, monkeypatch):
 
     monkeypatch.setattr(FirstPass, "second_pass", between)
     stream = gmwm.stream(file, rate=100.0)
-    curves, seen = measured_and_seen(stream, stream.axes)
+    curves, seen = measured_and_inspected(stream, stream.axes)
     assert sum(map(len, stream)) == 3000
     assert seen.samples == 2000 == curves["gyro_x"][1].samples
     assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
@@ -81,8 +83,8 @@ def test_what_a_file_gets_meanwhile_is_left_out(tmp_path, monkeypatch):
 
 def test_one_reading_is_enough_for_one_curve(path):
     stream = gmwm.stream(path)
-    curves, seen = measured_and_seen(stream, ["gyro_x"], pairs=False)
+    curves, seen = measured_and_inspected(stream, ["gyro_x"], pairs=False)
     assert list(curves) == ["gyro_x"]
     assert list(seen.axes) == ["gyro_x", "gyro_y", "accel_z"]
-    thrice = InspectedStream(stream, ["gyro_x"])
-    assert [sum(map(len, thrice)) for _ in range(3)] == [20_000] * 3
+    three_passes = InspectedStream(stream, ["gyro_x"])
+    assert [sum(map(len, three_passes)) for _ in range(3)] == [20_000] * 3

@@ -1,15 +1,14 @@
-"""The summary says what a person can act on, in eighty columns; the pictures show every axis."""
+"""The summary has the remarks and the numbers in eighty columns; the figures show every axis."""
 
-import re
 from dataclasses import replace
 
 import pytest
 
 import gmwm
-from gmwm._text import rounded
-from gmwm.calibration.summary_text import cautions
 from gmwm.calibration.tables import in_order, merged
 from gmwm.plots.imu import imu_figure
+from gmwm.remarks import Quantity, Remark, Severity
+from tests.helpers import codes, only
 
 from .conftest import WITHIN
 
@@ -25,7 +24,7 @@ def test_it_fits_eighty_columns(calibration):
 def test_wide_tables_are_cut_to_fewer_axes(calibration):
     found = calibration.axes["gyro_x"]
     long = {f"gyro_{'turned_' * 3}{letter}": found for letter in "xyz"}
-    text = replace(calibration, axes=long, cautions=()).summary()
+    text = replace(calibration, axes=long, recording_remarks=()).summary(every=True)
     assert max(map(len, text.splitlines())) <= 80
     assert text.count("p of the fit") == 2
     assert all(name in text for name in long)
@@ -56,62 +55,70 @@ def test_numbers_are_those_of_the_datasheets(calibration):
             assert f"{symbol} {entry.title}" in words(calibration)
 
 
-def test_outliers_are_told_with_their_size(calibration):
-    text = words(calibration)
+def test_outliers_get_a_remark_with_their_size(calibration):
     verdict = calibration.verdicts["gyro_y"]
-    assert f"{100 * verdict.excess[verdict.exceeding].max():.0f} %" in text
-    assert "The robust curve was fitted" in text
-    kept = replace(calibration, axes={**calibration.axes, "gyro_y": replace(calibration.axes["gyro_y"])})
-    assert words(kept) == text
+    worst = verdict.excess[verdict.exceeding].max()
+    remark = only(calibration.remarks, "outliers-left-out", "gyro_y")
+    assert remark.facts["excess"] == f"by {100 * worst:.0f} %"
+    assert remark.facts["tau"].value in verdict.tau[verdict.excess == worst]
+    assert "left out" in next(line for line in calibration.summary().splitlines() if line.startswith("  outliers"))
 
 
-def test_outliers_that_were_kept_are_told_too(imu):
-    text = words(gmwm.calibrate(imu, WITHIN, robust=False, axes=["gyro_y"]))
-    assert "it was fitted with them; the robust curve leaves them out" in text
-    assert "yes: kept" in text
+def test_outliers_that_are_kept_get_a_remark(imu):
+    found = gmwm.calibrate(imu, WITHIN, robust=False, axes=["gyro_y"])
+    remark = only(found.remarks, "outliers-kept", "gyro_y")
+    assert (remark.severity, remark.facts["line"]) == (Severity.BIASED, "no")
+    assert "yes: kept" in found.summary()
 
 
-def test_cautions_of_the_recording_are_told(imu, calibration):
-    (knocks,) = [text for text in gmwm.inspect(imu).warnings if "knock" in text]
-    robust = ", or leave that to the robust curve, which calibrate takes by itself where it matters"
-    assert knocks.endswith(f"cut them out (skip=), or record again{robust}")
-    found, *others = calibration.cautions
-    assert len(others) == len(gmwm.inspect(imu).warnings) - 1
-    # Robust estimates have been made already where they matter.
-    assert found == knocks.replace(robust, "; where outliers matter, the robust curve was taken")
-    assert all(" ".join(caution.split()) in words(calibration) for caution in calibration.cautions)
+def test_the_remarks_of_the_recording_are_those_of_the_calibration(imu, calibration):
+    assert codes(calibration.recording_remarks) == codes(gmwm.inspect(imu).remarks)
+    assert "knocks" in codes(calibration.recording_remarks)
+    assert set(calibration.recording_remarks) <= set(calibration.remarks)
+    for remark in calibration.recording_remarks:
+        assert " ".join(remark.text().split()) in " ".join(calibration.summary(every=True).split())
 
 
-@pytest.mark.parametrize(
-    ("robust", "end"),
-    [(True, "; the robust curve was taken"), (False, "or take the robust curve, which leaves them out")],
-)
-def test_what_to_do_with_knocks_hangs_on_what_was_done(imu, robust, end):
-    (found,) = [text for text in cautions(gmwm.inspect(imu).warnings, robust) if "knock" in text]
-    assert found.endswith(end)
+@pytest.mark.parametrize(("robust", "handled"), [("auto", "auto"), (True, "robust"), (False, "classical")])
+def test_the_remark_on_knocks_has_the_curve_that_was_fitted(imu, robust, handled):
+    assert only(gmwm.inspect(imu).remarks, "knocks").facts["handled"] == "no"
+    found = gmwm.calibrate(imu, "WN", robust=robust, axes="accel_x")
+    assert only(found.remarks, "knocks").facts["handled"] == handled
 
 
-def test_a_drift_is_told():
+def test_a_drift_gets_a_remark():
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + DR(omega=-2e-8)"}, rate=100.0, samples=100_000, rng=1)
     found = gmwm.calibrate(imu, "WN + RW + DR")
     value, _, _, unit = found.datasheets["gyro_x"]["R"].in_units("datasheet")
     assert value < 0
-    assert f"the output drifts: gyro_x by {rounded(value)} {unit}." in words(found)
+    assert only(found.remarks, "drift", "gyro_x").facts["rate"] == Quantity(value, unit)
 
 
-def test_a_rejected_model_is_told(calibration):
-    assert "the test rejects" not in words(calibration)
+def test_a_rejected_model_gets_a_remark(calibration):
+    assert not {"model-misfit", "model-rejected"} & {*codes(calibration.remarks)}
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)"}, rate=100.0, samples=100_000, rng=4)
-    assert "gyro_x: the test rejects even the recommended model" in words(gmwm.calibrate(imu, "WN"))
+    found = gmwm.calibrate(imu, "WN")
+    assert only(found.remarks, "model-misfit", "gyro_x").severity is Severity.UNUSABLE
+    assert "[model-misfit]" in found.summary()
 
 
-def test_the_usable_scale_is_told(calibration):
-    assert "17 min of recording show scales up to 2.7 min well" in words(calibration)
+def test_the_longest_usable_scale_gets_a_remark(calibration):
+    facts = only(calibration.remarks, "longest-scale").facts
+    assert (facts["duration"], facts["scale"]) == (Quantity(1000.0, "s"), Quantity(163.84, "s"))
+    assert facts["gaps"] == "no"
 
 
-def test_a_note_of_several_axes_is_told_once(calibration):
-    axes = {axis: replace(found, notes=("one thing",)) for axis, found in calibration.axes.items()}
-    assert "- gyro_x, gyro_y, accel_x: one thing" in replace(calibration, axes=axes).summary()
+def test_the_same_remark_on_several_axes_is_one_line(calibration):
+    axes = {
+        axis: replace(found, fit=replace(found.fit, diagnostics=replace(found.fit.diagnostics, remarks=(REMARK,))))
+        for axis, found in calibration.axes.items()
+    }
+    text = " ".join(replace(calibration, axes=axes).summary(every=True).split())
+    assert text.count("[weights-not-converged]") == 1
+    assert "gyro_x, gyro_y and accel_x: " in text
+
+
+REMARK = Remark.of("weights-not-converged")
 
 
 def test_rows_keep_the_order_of_every_axis():
@@ -124,7 +131,7 @@ def test_symbols_of_the_standard_come_in_its_order():
     assert in_order(lists) == ["Q", "N", "B", "K", "R", "T_c[1]", "T_c[2]"]
 
 
-def test_one_gauss_markov_term_stands_beside_the_first_of_two():
+def test_one_gauss_markov_term_is_in_the_row_of_the_first_of_two():
     truth = {
         "gyro_x": "GM(beta=8.0, sigma2=5e-8) + GM(beta=0.2, sigma2=2e-8) + WN(sigma2=4e-7)",
         "gyro_y": "GM(beta=2.0, sigma2=5e-8) + WN(sigma2=4e-7)",
@@ -145,18 +152,20 @@ def test_the_pictures_show_every_axis(calibration, split, tmp_path):
     assert (tmp_path / "calibration.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_it_is_short_in_a_list_and_whole_in_a_notebook(calibration):
+def test_it_is_short_as_a_repr_and_complete_in_a_notebook(calibration):
     assert repr(calibration).startswith("Calibration(gyro_x: ")
     assert "Gyroscopes" in calibration._repr_html_()
 
 
-def test_scales_that_gaps_hide_are_told(imu):
+def test_scales_that_gaps_hide_get_a_remark(imu):
     x = imu["gyro_x"]
     pieces = tuple((start, min(start + 2000, 100_000)) for start in range(0, 100_000, 2000))
     # A sample is lost every 20 s.
     starts = tuple((start + k) / 100.0 for k, (start, _) in enumerate(pieces))
     gappy = gmwm.Signal(x.values, 100.0, "rad/s", "gyro_x", segments=pieces, starts=starts)
-    whole, apart = (words(gmwm.calibrate({"gyro_x": signal}, "GM + WN")) for signal in (x, gappy))
-    (scale,) = re.findall(r"show scales up to ([\d.]+ \w+) well; what changes more slowly", whole)
-    assert f"Without its gaps it would show scales up to {scale}: a fit by maximum likelihood sees across" in apart
-    assert "Without its gaps" not in whole
+    whole, apart = (
+        only(gmwm.calibrate({"gyro_x": signal}, "GM + WN").remarks, "longest-scale").facts for signal in (x, gappy)
+    )
+    assert (whole["gaps"], apart["gaps"]) == ("no", "yes")
+    assert apart["unbroken"] == whole["scale"]
+    assert apart["scale"].value < whole["scale"].value

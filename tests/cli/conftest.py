@@ -52,6 +52,16 @@ def recording(folder) -> Path:
     return path
 
 
+WITHIN = "GM + WN + RW"
+
+
+@pytest.fixture(scope="session")
+def calibrated(gmwm, recording, tmp_path_factory) -> tuple[Path, Outcome]:
+    """The folder that `gmwm calibrate` wrote, which no test may change, and what it printed."""
+    target = tmp_path_factory.mktemp("calibrate") / "new" / "results"
+    return target, gmwm("calibrate", recording, "--within", WITHIN, "--output", target)
+
+
 @pytest.fixture(scope="session")
 def unlabelled(folder) -> Path:
     """One gyroscope axis without time or unit."""

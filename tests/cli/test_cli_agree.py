@@ -7,20 +7,22 @@ import pytest
 import gmwm as library
 from gmwm import Calibration
 from gmwm.cli.agree import names_of, parse_reference
+from gmwm.readers import read
 
 TRUTH = {"gyro_x": "WN(sigma2=4e-7) + RW(gamma2=1e-11)"}
 
 
 @pytest.fixture(scope="module")
-def files(gmwm, tmp_path_factory):
+def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("days")
     made = []
     for seed in (1, 2, 3):
         recording = folder / f"day_{seed}.csv"
         library.simulate(TRUTH, rate=100.0, samples=20_000, rng=seed).write(recording)
-        target = folder / f"results_{seed}"
-        assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
-        made.append(target / "calibration.json")
+        target = folder / f"results_{seed}" / "calibration.json"
+        target.parent.mkdir()
+        library.calibrate(read(recording), "WN + RW").of_file(recording).save(target)
+        made.append(target)
     return made
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 
 import pytest
 
@@ -18,14 +19,8 @@ def found(recording):
     return library.calibrate(read(recording), WITHIN).of_file(recording)
 
 
-@pytest.fixture(scope="module")
-def run(gmwm, recording, tmp_path_factory):
-    target = tmp_path_factory.mktemp("calibrate") / "new" / "results"
-    return target, gmwm("calibrate", recording, "--within", WITHIN, "--output", target)
-
-
-def test_it_prints_the_summary_and_what_it_wrote(run, found):
-    target, outcome = run
+def test_it_prints_the_summary_and_what_it_wrote(calibrated, found):
+    target, outcome = calibrated
     assert outcome.code == 0
     assert outcome.out.startswith(found.summary())
     assert sorted(path.name for path in target.iterdir()) == FILES
@@ -33,8 +28,8 @@ def test_it_prints_the_summary_and_what_it_wrote(run, found):
     assert max(map(len, found.summary().splitlines())) <= 80
 
 
-def test_what_it_wrote_is_the_library_s(run, found):
-    target, _ = run
+def test_what_it_wrote_is_the_library_s(calibrated, found):
+    target, _ = calibrated
     assert Calibration.load(target / "calibration.json").to_dict() == found.to_dict()
     assert (target / "summary.txt").read_text(encoding="utf-8") == found.summary() + "\n"
     for picture in ("calibration.png", "by_sensor.png"):
@@ -127,10 +122,10 @@ def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
     assert "CAUTION: the specific force is 19.61 m/s^2, not 9.807: is the unit right, was gravity removed?" in head
 
 
-def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, tmp_path):
-    arguments = ("--within", "WN", "--output", tmp_path)
-    assert "imu.yaml" in gmwm("calibrate", recording, *arguments).out
-    outcome = gmwm("calibrate", recording, "--axis", "gyro", *arguments)
+def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, calibrated, tmp_path):
+    shutil.copytree(calibrated[0], tmp_path, dirs_exist_ok=True)
+    assert (tmp_path / "imu.yaml").exists()
+    outcome = gmwm("calibrate", recording, "--axis", "gyro", "--within", "WN", "--output", tmp_path)
     assert outcome.code == 0
     assert not (tmp_path / "imu.yaml").exists()
     assert "warning: the imu.yaml of an earlier run is removed" in outcome.err
@@ -138,8 +133,10 @@ def test_no_imu_yaml_of_an_earlier_run_stays(gmwm, recording, tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "No space left on device")])
-def test_what_stops_a_second_run_leaves_all_files_of_the_first(gmwm, recording, tmp_path, monkeypatch, error):
-    assert gmwm("calibrate", recording, "--within", "WN", "--output", tmp_path).code == 0
+def test_what_stops_a_second_run_leaves_all_files_of_the_first(
+    gmwm, recording, calibrated, tmp_path, monkeypatch, error
+):
+    shutil.copytree(calibrated[0], tmp_path, dirs_exist_ok=True)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     assert sorted(before) == FILES
 

@@ -8,19 +8,12 @@ from gmwm.exporters import export_formats
 
 
 @pytest.fixture(scope="module")
-def results(gmwm, recording, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("results")
-    assert gmwm("calibrate", recording, "--within", "GM + WN + RW", "--output", folder).code == 0
-    return folder
+def file(calibrated):
+    return calibrated[0] / "calibration.json"
 
 
-@pytest.fixture(scope="module")
-def file(results):
-    return results / "calibration.json"
-
-
-def test_calibrate_writes_imu_yaml(results, file):
-    text = (results / "imu.yaml").read_text(encoding="utf-8")
+def test_calibrate_writes_imu_yaml(file):
+    text = (file.parent / "imu.yaml").read_text(encoding="utf-8")
     assert text == library.export(Calibration.load(file), format="kalibr")
 
 

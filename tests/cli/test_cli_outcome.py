@@ -1,17 +1,28 @@
-"""The outcome of a command: one writer makes text, JSON, warnings and files of it."""
+"""The outcome of a command: text, JSON, warnings and files."""
 
 import json
 
 import pytest
 
-from gmwm.cli.option_names import named_as_options, option_of
-from gmwm.cli.output import NewFile, Outcome, finish, text_file, told_warnings
+from gmwm.cli.option_names import named_as_options
+from gmwm.cli.output import NewFile, Outcome, collected_warnings, finish, tell, text_file
 from gmwm.errors import DataError, OptionError
+from gmwm.remarks import Dialect, Remark, Severity, messages
+
+SHAKEN = Remark.of("gravity-removed", "a.csv")
+LISTED = Remark.of("no-line-end", "a.csv")
 
 
-def finished(outcome, *, as_json=False):
-    with told_warnings() as told:
-        finish(outcome, told, json=as_json)
+def finished(outcome, *, as_json=False, every=False, warnings=()):
+    with collected_warnings(every=every) as warned:
+        for remark in warnings:
+            tell(remark)
+        finish(outcome, warned, json=as_json, every=every)
+
+
+def printed(remark):
+    """The line on stderr for a remark."""
+    return f"warning: {remark.text(Dialect.SHELL)} [{remark.code}]\n"
 
 
 def test_text_then_files_then_closing(tmp_path, capsys):
@@ -27,14 +38,52 @@ def test_a_text_with_its_own_line_end_gets_no_second_one(capsys):
 
 
 def test_json_has_the_remarks_that_the_text_shows(capsys):
-    outcome = Outcome(command="x", document={"n": 1}, text="result", remarks=("one",), in_text=("two",))
+    outcome = Outcome(command="x", document={"n": 1}, text="result", remarks=(SHAKEN,), in_text=(LISTED,))
     finished(outcome)
     shown = capsys.readouterr()
-    assert (shown.out, shown.err) == ("result\n", "warning: one\n")
+    assert (shown.out, shown.err) == ("result\n", printed(SHAKEN))
     finished(outcome, as_json=True)
     shown = capsys.readouterr()
-    assert json.loads(shown.out)["warnings"] == ["two", "one"]
-    assert shown.err == "warning: two\nwarning: one\n"
+    assert json.loads(shown.out)["remarks"] == [LISTED.to_dict(), SHAKEN.to_dict()]
+    assert shown.err == printed(SHAKEN)
+
+
+def test_remarks_on_reading_are_shown_only_on_request(capsys):
+    assert LISTED.severity is Severity.INFO
+    outcome = Outcome(command="x", document={}, text="short", all_text="long")
+    finished(outcome, warnings=[LISTED, SHAKEN, LISTED])
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err) == ("short\n", printed(SHAKEN))
+    finished(outcome, warnings=[LISTED, SHAKEN, LISTED], every=True)
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err) == ("long\n", printed(SHAKEN) + printed(LISTED))
+
+
+def test_the_five_most_severe_warnings_are_printed(capsys):
+    known = [Remark.of(code, "a", **one.example) for code, one in messages().items()
+             if one.severity is not Severity.INFO and "subject" not in one.example][:9]  # fmt: skip
+    assert len(known) == 9
+    outcome = Outcome(command="x", document={}, text="result")
+    finished(outcome, warnings=known)
+    lines = capsys.readouterr().err.splitlines()
+    shown = [line.rpartition("[")[2].rstrip("]") for line in lines[:-1]]
+    severities = [messages()[code].severity for code in shown]
+    assert severities == sorted(remark.severity for remark in known)[:5]
+    assert "4 more" in lines[5]
+    assert "--all-remarks" in lines[5]
+    finished(outcome, warnings=known, every=True)
+    assert len(capsys.readouterr().err.splitlines()) == 9
+
+
+def test_warnings_are_printed_if_the_command_fails(capsys):
+    def fails():
+        with collected_warnings():
+            tell(SHAKEN)
+            raise DataError("too short")
+
+    with pytest.raises(DataError):
+        fails()
+    assert capsys.readouterr().err == printed(SHAKEN)
 
 
 def test_files_that_belong_together_are_written_all_or_none(tmp_path):
@@ -61,29 +110,32 @@ def test_a_failure_follows_the_result(capsys):
 
 
 def test_errors_about_an_argument_name_its_option():
-    assert option_of("axes") == "--axis"
-    with pytest.raises(OptionError, match=r"^--axis must be one of"), named_as_options({"axes": option_of("axes")}):
-        raise OptionError("axes must be one of gyro_x")
+    with pytest.raises(OptionError) as caught, named_as_options({"format": "--to"}):
+        raise OptionError(argument="format", expected="one of imu:IMAR", got="x")
+    assert (caught.value.argument, caught.value.option) == ("format", "--to")
+    assert caught.value.text(Dialect.SHELL).startswith("--to ")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "got"),
     [
-        (("--rate", "-1"), "error: --rate must be positive and finite"),
-        (("--start", "9s", "--stop", "5s"), "error: --stop must come after --start 9 s"),
-        (("--skip", "5s-2s"), "error: --skip must hold pairs with the earlier time first"),
-        (("--format", "nix"), "error: --format must be one of"),
+        (("--rate", "-1"), "-1.0"),
+        (("--stop", "5s", "--start", "9s"), "5.0"),
+        (("--skip", "5s-2s"), "(5.0, 2.0)"),
+        (("--format", "nix"), "'nix'"),
     ],
 )
-def test_options_of_reading_are_refused_before_the_file_is_opened(gmwm, tmp_path, arguments, words):
+def test_options_of_reading_are_refused_before_the_file_is_opened(gmwm, tmp_path, arguments, got):
     file = tmp_path / "no such file.csv" if "--format" not in arguments else __file__
     done = gmwm("info", file, *arguments)
     assert done.code == 2
-    assert done.err.startswith(words)
+    assert done.err.startswith(f"error: {arguments[0]} must be ")
+    assert f"; got {got}" in done.err
 
 
 @pytest.mark.parametrize("command", [("calibrate",), ("select",), ("fit", "--model", "WN"), ("track", "--model", "WN")])
 def test_a_confidence_is_refused_before_the_file_is_opened(gmwm, command):
     done = gmwm(*command, "no such file.csv", "--confidence", "0.3")
     assert (done.code, done.out) == (2, "")
-    assert "--confidence must be at least 0.5 and less than 1, got 0.3; 95 % is 0.95" in done.err
+    assert done.err.startswith("error: --confidence must be ")
+    assert "; got 0.3. " in done.err

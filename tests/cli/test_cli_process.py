@@ -11,7 +11,7 @@ from rich.text import Text
 from typer.main import get_command
 
 import gmwm as library
-from gmwm.cli.main import app, speak
+from gmwm.cli.main import accept_all_characters, app
 from gmwm.processes import registry
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX pipes and signals")
@@ -33,11 +33,11 @@ def test_version():
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"]])
-def test_help_names_every_command(arguments):
-    code, out, err = run(*arguments)
-    assert (code, err) == (0, "")
-    assert all(name in out for name in ("calibrate", "info", "wv", "fit", "select", "simulate", "demo"))
-    assert "\x1b" not in out
+def test_help_names_every_command(gmwm, arguments):
+    outcome = gmwm(*arguments)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert all(name in outcome.out for name in ("calibrate", "info", "wv", "fit", "select", "simulate", "demo"))
+    assert "\x1b" not in outcome.out
 
 
 COMMANDS = get_command(app).commands
@@ -141,7 +141,7 @@ def test_a_terminal_keeps_its_encoding():
     leader, follower = os.openpty()
     try:
         with open(follower, "w", encoding="ascii") as terminal:
-            speak(terminal)
+            accept_all_characters(terminal)
             terminal.write("σ²")
         assert (terminal.encoding, os.read(leader, 8)) == ("ascii", b"??")
     finally:

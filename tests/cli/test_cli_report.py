@@ -6,10 +6,8 @@ import pytest
 
 
 @pytest.fixture(scope="module")
-def results(gmwm, recording, tmp_path_factory):
-    target = tmp_path_factory.mktemp("report") / "results"
-    assert gmwm("calibrate", recording, "--within", "WN + RW", "--output", target).code == 0
-    return target
+def results(calibrated):
+    return calibrated[0]
 
 
 def test_the_page_of_the_file_is_that_of_the_calibration(gmwm, results, recording, tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm as library
+from gmwm.cli.calibrate import calibrated
 from gmwm.inference.summary import IntervalMethod, inference
 from gmwm.readers import read
 from gmwm.selection.structure import structure_of
@@ -246,10 +247,18 @@ def test_simulate_seed_is_printed_and_decides(gmwm, tmp_path):
 
 @pytest.fixture(scope="module")
 def demo(gmwm, tmp_path_factory):
-    """The demo on a seventh of its length, once in words and once as JSON."""
+    """The demo on a seventh of its length, once in words and once as JSON; calibrated once, as both read one file."""
     target = tmp_path_factory.mktemp("demo") / "out"
     patch = pytest.MonkeyPatch()
     patch.setattr("gmwm.cli.demo.SAMPLES", 100_000)
+    found = []
+
+    def once(imu, within):
+        if not found:
+            found.append(calibrated(imu, within))
+        return found[0]
+
+    patch.setattr("gmwm.cli.calibrate.calibrated", once)
     try:
         return target, gmwm("demo", "--output", target), gmwm("demo", "--output", target, "--json")
     finally:

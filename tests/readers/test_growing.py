@@ -89,7 +89,7 @@ def test_breathing_ends_it():
 def test_what_it_is_not_is_an_error():
     with pytest.raises(ReadError, match="holds no whole line"):
         followed(b"time,gyro", [])
-    with pytest.raises(ReadError, match="is no text"):
+    with pytest.raises(ReadError, match="not a text file"):
         followed(b"PAR1\0\1\2\3\n" * 40, [])
     with pytest.raises(UnitError, match="gyro_x"):
         followed(table().replace(b"deg/s", b""), [])

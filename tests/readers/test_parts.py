@@ -229,5 +229,5 @@ def test_options_are_checked_at_the_door(tmp_path):
         with pytest.raises(OptionError, match="count must be a whole number of parts"):
             source.parts(count)
     growing = Stream("a pipe", source._found, lambda: iter(()), 100)
-    with pytest.raises(OptionError, match="still being made cannot be divided"):
+    with pytest.raises(OptionError, match="growing recording cannot be divided"):
         growing.parts(2)

@@ -135,7 +135,7 @@ def test_a_bag_that_was_not_closed(tmp_path):
 def test_an_mcap_that_was_not_closed(tmp_path):
     path = one_file(tmp_path, "mcap")
     path.write_bytes(path.read_bytes()[:-8])
-    with pytest.raises(ReadError, match=r"has no end.*mcap recover"):
+    with pytest.raises(ReadError, match=r"is cut off.*mcap recover"):
         read(path)
 
 

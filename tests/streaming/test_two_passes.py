@@ -112,7 +112,7 @@ def test_a_recording_that_has_lost_samples_is_told(spoilt):
 
 
 def test_options(spoilt):
-    with pytest.raises(OptionError, match="passes must be 2 or 1, got 3"):
+    with pytest.raises(OptionError, match="passes must be 2 or 1; got 3"):
         stream(spoilt).wavelet_variance(robust=True, passes=3)
     with pytest.raises(OptionError, match="efficiency must be from"):
         stream(spoilt).wavelet_variance(robust=True, efficiency=2.0)

@@ -1,4 +1,4 @@
-"""The main job: from the recording of a unit to a noise model, its numbers and its verdicts for every axis."""
+"""Calibrate a recording: a noise model, its numbers and their uncertainty for every axis."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.stream_measurement import measured_and_seen
+from gmwm.calibration.stream_measurement import measured_and_inspected
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.estimator import as_fit
@@ -39,26 +39,26 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
-"""The steps of one axis, as `progress` tells them."""
+"""The steps of one axis, as `progress` reports them."""
 LONGER = 10
-"""Doublings of the recording that are looked at for it."""
+"""Doublings of the recording length that `needed` tries: a factor of 1024 (tests/calibration/test_calibrate.py)."""
 
 if TYPE_CHECKING:
     from distributed import Client
 
 Progress = Callable[[int, int, str], None]
-"""Called with the number of steps done, that of all, and what was done."""
+"""Function of the number of finished steps, the number of all steps, and a description of the last step."""
 
 
 class Pair(NamedTuple):
-    """The classical and the robust curve of one axis."""
+    """The classical and the robust wavelet variance of one axis."""
 
     classical: WaveletVariance
     robust: WaveletVariance
 
     @property
     def unit(self) -> str:
-        """That of the axis."""
+        """Unit of the axis."""
         return self.classical.unit
 
 
@@ -82,50 +82,55 @@ def calibrate(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """Find the noise model of every axis of a unit, and its numbers.
+    """Calibrate every axis of an inertial sensor: choose a noise model, fit it and compute its datasheet numbers.
 
-    For each axis: the wavelet variance, classical or robust; the model that `select` recommends within the general
-    one; its fit with weights of its own and a certificate; intervals, test, and the numbers of datasheets. Axes are
-    worked at side by side; one that cannot be used is reported in `failed`, and the others are not lost.
+    For each axis, the function estimates the wavelet variance, selects a model, fits it, certifies the optimum, and
+    computes confidence intervals, a goodness-of-fit test and the numbers of a datasheet. An axis that cannot be
+    calibrated is listed in `failed`; the others are not affected.
 
     Parameters
     ----------
     data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
-        A recording at rest, as `gmwm.read` gives it; or as `gmwm.stream` does, which is read twice, in bounded memory.
+        A recording of a sensor at rest. A Stream is read twice, in bounded memory.
     within : Model, Process or str
-        The largest model; all its parts are compared.
+        The largest model; all models made of some of its terms are compared.
     robust : "auto", False or True
-        Classical unless outliers show: a test at 5 % for all axes together (see `contamination`); or never; or always.
-        A WaveletVariance is what it is. "auto" takes the classical one too where `within` has a sinusoid, whose robust
-        variance is not that of its theory.
+        Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes where a
+        test finds outliers, at the 5 % level for all axes together (see `contamination`). With a sinusoid in `within`,
+        "auto" always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory.
+        A WaveletVariance is fitted as it is.
     weighting, criterion, draws, rng
-        As for `select`. The settings record the integer seed, of a Generator the one drawn from it.
+        As in `select`. The settings record the integer seed; for a Generator, the seed drawn from it.
     confidence : float
-        Level of the intervals, and of what `select` takes for equivalent.
+        Confidence level of the intervals, and of the set of models that `select` considers equivalent.
     efficiency : float
-        Of the robust wavelet variance under Gaussian noise.
+        Efficiency of the robust wavelet variance under Gaussian noise, relative to the classical one.
     axes : str or sequence of str, optional
-        Those to be calibrated, "gyro" for all of that sensor; all by default.
+        The axes to calibrate, or "gyro" or "accel" for all axes of a sensor; all axes by default.
     threads : int, optional
-        Axes at a time; as many as there are processors by default.
+        Number of axes that are calibrated at the same time; by default the number of processors.
     scheduler, workers : optional
-        Who reads a stream, a part each: a Dask scheduler (its address or a client), or a number of processes begun
-        here. The rest of the work is done in this process.
+        Processes that read a stream in parallel: the address or client of a Dask scheduler, or a number of local
+        processes. The fits run in this process.
     progress : function of (done, all, text), optional
-        Called after each step, from one thread at a time; while a stream is read also within a step.
+        Called after each step, and repeatedly while a stream is read, from one thread at a time.
 
     Returns
     -------
     Calibration
-        A mapping of axis to the recommended Fit, with its rankings, datasheets and verdicts, `.summary()`, `.plot()`,
-        `.save()` and `.load()`.
+        A mapping of axis to the recommended Fit, with rankings, datasheets, remarks and a verdict.
 
     Raises
     ------
     OptionError
-        If an option is not one of those it may be.
+        If an argument is not allowed.
     DataError, ModelError
         If no axis can be calibrated.
+
+    References
+    ----------
+    Guerrier, Skaloud, Stebler and Victoria-Feser (2013), Wavelet-variance-based estimation for composite stochastic
+    processes, JASA 108, 1021-1030.
 
     Examples
     --------
@@ -158,19 +163,19 @@ def calibrate_recording(
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
-    """The calibration of a recording, as `calibrate` gives it, by options that are checked."""
+    """Calibrate a recording with validated options, as `calibrate` does."""
     if threads is not None:
         as_whole_number(threads, "threads", 1)
     chosen = _chosen(data, options.wanted)
-    told = _Told(len(chosen) * len(STAGES), progress)
-    items, looked = _looked_at(
-        data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, told=told
+    steps = _Progress(len(chosen) * len(STAGES), progress)
+    items, inspection = _inspected(
+        data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, steps=steps
     )
-    seen = () if looked is None else tuple(_handled(remark, options) for remark in looked.remarks)
+    remarks = () if inspection is None else tuple(_handled(remark, options) for remark in inspection.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(name=axis, item=item, options=options, together=len(items), told=told).calibrated()
+            return _Axis(name=axis, item=item, options=options, together=len(items), steps=steps).calibrated()
         except OptionError:
             raise
         except GmwmError as error:
@@ -179,23 +184,23 @@ def calibrate_recording(
     try:
         found = in_threads(work, items, threads=threads)
     except BaseException:
-        told.stop()
+        steps.stop()
         raise
     done = {axis: one for axis, one in found.items() if isinstance(one, AxisCalibration)}
     failed = {axis: one for axis, one in found.items() if isinstance(one, GmwmError)}
     if not done:
         axis, error = next(iter(failed.items()))
-        raise type(error)(f"no axis can be calibrated; {axis}: {error}") from error
+        raise error.at(f"no axis can be calibrated; {axis}") from error
     source = data.source if isinstance(data, Imu | Stream) else ""
     reasons = {axis: str(error) for axis, error in failed.items()}
-    recording = None if looked is None else Recording.of(looked)
+    recording = None if inspection is None else Recording.of(inspection)
     return Calibration(
-        axes=done, failed=reasons, settings=options, source=source, recording_remarks=seen, recording=recording
+        axes=done, failed=reasons, settings=options, source=source, recording_remarks=remarks, recording=recording
     )
 
 
 def _handled(remark: Remark, options: CalibrationOptions) -> Remark:
-    """The remark about knocks says what the calibration does about them."""
+    """Return the remark, with what the calibration does about knocks."""
     if remark.code != "knocks":
         return remark
     handled = {"auto": "auto", True: "robust", False: "classical"}[options.robust]
@@ -204,30 +209,35 @@ def _handled(remark: Remark, options: CalibrationOptions) -> Remark:
     return Remark.of(remark.code, remark.subject, **{**remark.facts, "handled": handled})
 
 
-def _looked_at(
+def _inspected(
     data: Any,
     chosen: Mapping[str, Measured | None],
     options: CalibrationOptions,
     threads: int | None,
     scheduler: str | Client | None,
     workers: int | None,
-    told: _Told,
+    steps: _Progress,
 ) -> tuple[dict[str, Measured], Inspection | None]:
-    """What is to be calibrated, measured already if it comes from a stream; and what a recording looks like."""
+    """The data of each axis, as wavelet variances if they come from a stream, and the inspection of a recording."""
     if isinstance(data, Stream):
-        curves, looked = measured_and_seen(
+        curves, inspection = measured_and_inspected(
             data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
-            done=told.read,
+            progress=steps.read,
         )  # fmt: skip
-        return {axis: Pair(*pair) for axis, pair in curves.items()}, looked
+        return {axis: Pair(*pair) for axis, pair in curves.items()}, inspection
     if scheduler is not None or workers is not None:
-        raise OptionError("scheduler= and workers= read a stream: pass calibrate(gmwm.stream(path), …)")
+        name = "workers" if scheduler is None else "scheduler"
+        raise OptionError(
+            f"{name} can be given for a stream only",
+            argument=name,
+            advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
+        )
     items = {axis: item for axis, item in chosen.items() if item is not None}
     return items, inspect(data) if isinstance(data, Imu) else None
 
 
 def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
-    """What is to be calibrated, by axis; None of one that is still to be read."""
+    """The data of each axis to calibrate; None for the axes of a stream, which is not read yet."""
     items: dict[str, Measured | None]
     if isinstance(data, Signal):
         items = {data.axis or "signal": data}
@@ -238,22 +248,23 @@ def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured 
     elif isinstance(data, Mapping) and data:
         items = dict(data)
     else:
-        hint = "; read the file first: calibrate(gmwm.read(path))" if isinstance(data, str | os.PathLike) else ""
-        if isinstance(data, np.ndarray | list | tuple):
-            hint = "; say the rate and the unit of an array: calibrate(gmwm.Signal(x, rate, 'rad/s'))"
+        advice = "Read the file first: `calibrate(gmwm.read(path))`." if isinstance(data, str | os.PathLike) else ""
         raise OptionError(
-            f"data must be an Imu, a Signal, a Stream, or a mapping of axis to Signal or WaveletVariance, got "
-            f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}{hint}"
+            "data must be an Imu, a Signal, a Stream, or a mapping of axis to Signal or WaveletVariance; got "
+            f"{'an empty mapping' if isinstance(data, Mapping) else type(data).__name__}",
+            argument="data",
+            advice=_MAKE_A_SIGNAL if isinstance(data, np.ndarray | list | tuple) else advice,
         )
     for axis, item in items.items():
         if not isinstance(item, Measured | None):
             raise OptionError(
-                f"{axis} must be a Signal or a WaveletVariance, got {type(item).__name__}; an array becomes one by "
-                "gmwm.Signal(x, rate, 'rad/s')"
+                f"{axis} must be a Signal or a WaveletVariance; got {type(item).__name__}",
+                argument="data",
+                advice=_MAKE_A_SIGNAL,
             )
     unknown = [name for name in wanted or () if name not in items and name not in map(sensor_of, items)]
     if unknown:
-        raise OptionError(f"axes must be some of {', '.join(items)}; got {unknown[0]}")
+        raise OptionError(argument="axes", expected=f"some of {', '.join(items)}", got=unknown[0])
     chosen = {axis: item for axis, item in items.items() if not wanted or axis in wanted or sensor_of(axis) in wanted}
     for axis, item in chosen.items():
         if item is not None:
@@ -261,19 +272,23 @@ def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured 
     return chosen
 
 
+_MAKE_A_SIGNAL = "Make a signal from an array: `gmwm.Signal(x, rate, 'rad/s')`."
+
+
 def _check_unit(axis: str, unit: str) -> None:
-    """The name and the unit of an axis must not speak of two sensors."""
+    """Raise an error if the name and the unit of an axis belong to different sensors."""
     known = find_unit(unit)
     named = next((quantity for quantity in SI_UNIT if sensor_of(axis) == quantity), None)
     if known is not None and named is not None and known.quantity != named:
         raise OptionError(
-            f"{axis} must be in a unit of its sensor, as {SI_UNIT[named]}; it is in {unit}: give it another name, or "
-            "mend its unit"
+            f"{axis} must be in a unit of its sensor, such as {SI_UNIT[named]}; got {unit}",
+            argument="data",
+            advice="Correct the unit, or give the axis another name.",
         )
 
 
-class _Told:
-    """Progress of several threads, told by one at a time; and the word to stop, heard between steps and candidates."""
+class _Progress:
+    """Report the progress of several threads, one call at a time, and pass on a request to stop."""
 
     def __init__(self, steps: int, progress: Progress | None) -> None:
         self.steps, self.progress = steps, progress
@@ -282,22 +297,22 @@ class _Told:
         self.stopped = threading.Event()
 
     def stop(self) -> None:
-        """Let no axis go on with its next step."""
+        """Request that every thread ends before its next step."""
         self.stopped.set()
 
-    def listen(self) -> None:
-        """End this thread's work where it is to stop."""
+    def check(self) -> None:
+        """End the work of this thread if a stop is requested."""
         if self.stopped.is_set():
             raise KeyboardInterrupt
 
     def read(self, text: str) -> None:
-        """So much was read, before the first step."""
+        """Report progress of reading, before the first step."""
         if self.progress is not None:
             self.progress(self.done, self.steps, text)
 
     def step(self, axis: str, stage: str) -> None:
-        """One step of an axis is done."""
-        self.listen()
+        """Report a finished step of an axis."""
+        self.check()
         with self.lock:
             self.done += 1
             if self.progress is not None:
@@ -306,27 +321,27 @@ class _Told:
 
 @dataclass(frozen=True, kw_only=True)
 class _Axis:
-    """One axis on its way."""
+    """The calibration of one axis."""
 
     name: str
     item: Measured
     options: CalibrationOptions
     together: int
-    told: _Told
+    steps: _Progress
 
     def calibrated(self) -> AxisCalibration:
-        """From the signal to its numbers; `told` of each stage."""
+        """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
         wv, verdict = self._measured()
         if not np.any(wv.variance > 0):
-            raise DataError("the signal is constant: it has no noise to model; is the axis connected?")
-        self.told.step(self.name, next(stages))
-        ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.told.listen())
-        self.told.step(self.name, next(stages))
+            raise DataError("the signal is constant", advice="Check whether the axis is connected.")
+        self.steps.step(self.name, next(stages))
+        ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.steps.check())
+        self.steps.step(self.name, next(stages))
         model = ranking.recommended.model
-        # Remarks are in the fit; it raises no warning, because threads share the filters of Python's warnings.
+        # `as_fit` issues no warnings, because threads share the filters of Python's warnings. Remarks are in the fit.
         fit = as_fit(settle(model, wv, options.weighting, certify=True), wv, options.weighting)
-        self.told.step(self.name, next(stages))
+        self.steps.step(self.name, next(stages))
         level = options.confidence
         sheet = datasheet(fit, level)
         found = AxisCalibration(
@@ -338,16 +353,17 @@ class _Axis:
             verdict=verdict,
             needed=needed(fit, options.weighting),
         )
-        self.told.step(self.name, next(stages))
+        self.steps.step(self.name, next(stages))
         return found
 
     def _measured(self) -> tuple[WaveletVariance, Verdict | None]:
-        """The curve to be fitted, and whether outliers raise the classical one."""
+        """The wavelet variance to fit, and the test for outliers."""
         wanted, efficiency = self.options.robust, self.options.efficiency
         if isinstance(self.item, WaveletVariance):
             if wanted is True and not self.item.robust:
                 raise DataError(
-                    "robust=True, but its wavelet variance is classical; pass the signal, or robust='auto' or False"
+                    "the wavelet variance is classical, but a robust one is required",
+                    advice="Pass the signal instead, or {--robust=auto}.",
                 )
             return self.item, None
         if isinstance(self.item, Pair):
@@ -368,10 +384,10 @@ def _test(fit: Fit) -> GoodnessOfFit | None:
 
 
 def needed(fit: Fit, weighting: Literal["diagonal", "optimal"]) -> dict[str, float | None]:
-    """How long a recording (s) would give 20 %, for each parameter with a standard error above 50 %.
+    """Recording length (s) for a relative standard error of 20 %, for each parameter where it exceeds 50 %.
 
-    Doubled lengths are looked at; infinite where a thousand times the length does not do, None where a term acts as
-    another one, which no length of theory can tell.
+    The length of the recording is doubled up to ten times. The result is infinite if 1024 times the length does not
+    suffice, and None if a term acts as a simpler process, so that the theory cannot predict its standard error.
     """
     shares = zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True)
     poor = [name for name, share in shares if share > SEEN]

@@ -1,4 +1,4 @@
-"""A calibration as a JSON document and back; docs/calibration-format.md describes it."""
+"""Convert a calibration to a JSON document and back; docs/calibration-format.md describes the format."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from gmwm.remarks import Remark
 
 FORMAT = "gmwm-calibration"
 VERSION = 2
-"""Of the document. A reader takes its own version and older ones; new keys alone do not raise it."""
+"""Version of the document. gmwm reads this version and older ones; a new key alone does not change the version."""
 
 T = TypeVar("T")
 
@@ -42,11 +42,11 @@ _AXIS_PARTS: Mapping[str, type | UnionType] = {
 """Parts of a document and of its axes, and what each must be."""
 
 _NUMBERS = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
-"""What JSON has no number for, and the texts in its place."""
+"""Strings for the numbers that JSON cannot represent."""
 
 
 def document(found: Calibration) -> dict[str, Any]:
-    """A calibration as plain numbers, lists and texts, as they stand in the file."""
+    """Return a calibration as dicts, lists, numbers and strings, as in the file."""
     content = {
         "format": FORMAT,
         "version": VERSION,
@@ -77,27 +77,28 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
 
 
 def calibration(content: Any) -> Calibration:
-    """The calibration of a document.
+    """Make a calibration from a document.
 
     Raises
     ------
     ReadError
-        If it is of another format or a newer version, or something in it is missing or wrong.
+        If the document is of another format or of a newer version, or if a part is missing or wrong.
     """
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'not a calibration: it does not begin with "format": "{FORMAT}"')
+        raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"')
     version = content.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise ReadError(f"not a calibration: its version should be a whole number from 1, got {version!r}")
+        raise ReadError(f"not a calibration: version must be a whole number from 1; got {version!r}")
     if version > VERSION:
         raise ReadError(
-            f"this calibration is of version {version} of its format, written by gmwm {content.get('gmwm')}; this gmwm "
-            f"reads versions up to {VERSION}: install a newer one"
+            f"the calibration has version {version} of the format, written by gmwm {content.get('gmwm')}; "
+            f"this gmwm reads versions up to {VERSION}",
+            advice="Install a newer gmwm: `pip install --upgrade gmwm`.",
         )
     parsed = _numbers(content)
     _require_parts(parsed, _PARTS, "the document")
     if not parsed["axes"]:
-        raise ReadError("not a whole calibration: 'axes' of the document is empty")
+        raise ReadError("the calibration is incomplete: 'axes' of the document is empty")
     recording = parsed.get("recording")
     found = Calibration(
         axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
@@ -133,14 +134,14 @@ def _intervals(content: Mapping[str, Any]) -> dict[str, Interval]:
 
 
 def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionType], where: str) -> None:
-    """Each part must be there, and of its kind."""
+    """Raise an error if a part is missing or of the wrong type."""
     for key, kind in parts.items():
         if key not in content:
-            raise ReadError(f"not a whole calibration: {where} has no {key!r}")
+            raise ReadError(f"the calibration is incomplete: {where} has no {key!r}")
         if not isinstance(content[key], kind):
-            wanted = "a text" if kind is str else "a list" if kind is list else "an object"
-            came = "null" if content[key] is None else f"a {type(content[key]).__name__}"
-            raise ReadError(f"not a calibration: {key!r} of {where} must be {wanted}, got {came}")
+            expected = "a string" if kind is str else "a list" if kind is list else "an object"
+            got = "null" if content[key] is None else f"a {type(content[key]).__name__}"
+            raise ReadError(f"not a calibration: {key!r} of {where} must be {expected}; got {got}")
 
 
 def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
@@ -158,37 +159,37 @@ def _read(what: str, read: Callable[[], T]) -> T:
     try:
         return read()
     except ReadError as error:
-        raise ReadError(f"{what}: {error}") from error
+        raise error.at(what) from error
     except KeyError as error:
-        raise ReadError(f"not a whole calibration: {what} has no {error.args[0]!r}") from error
+        raise ReadError(f"the calibration is incomplete: {what} has no {error.args[0]!r}") from error
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError) as error:
-        raise ReadError(f"not a calibration: {what} cannot be understood: {error}") from error
+        raise ReadError(f"not a calibration: {what} cannot be read: {error}") from error
 
 
 def as_text(content: Mapping[str, Any]) -> str:
-    """The document as the text of a file."""
+    """Write the document as JSON text."""
     return json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1) + "\n"
 
 
 def read_text(path: str | os.PathLike[str]) -> Any:
-    """The document in a file.
+    """Read the document of a file.
 
     Raises
     ------
     ReadError
-        If the file is not JSON, or is cut short.
+        If the file is not JSON, is truncated, or is not a calibration.
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ReadError(f"{path} is not a calibration: no JSON, or cut short ({error})") from error
+        raise ReadError(f"{path} is not a calibration: it is not JSON, or it is truncated ({error})") from error
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{path} is not a calibration: it does not begin with "format": "{FORMAT}"')
+        raise ReadError(f'{path} is not a calibration: it has no "format": "{FORMAT}"')
     return content
 
 
 def _plain(value: Any) -> Any:
-    """Lists for tuples and arrays, texts for what JSON has no number for."""
+    """Replace tuples and arrays by lists, and infinite numbers and NaN by strings."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -201,7 +202,7 @@ def _plain(value: Any) -> Any:
 
 
 def _numbers(value: Any) -> Any:
-    """The way back."""
+    """Replace the strings of `_NUMBERS` by numbers."""
     if isinstance(value, Mapping):
         return {key: _numbers(item) for key, item in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""What to know about a calibration, as remarks; and its verdict: can the numbers be used?"""
+"""The remarks on a calibration, and its verdict: whether the numbers can be used."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ if TYPE_CHECKING:
     from gmwm.variance import WaveletVariance
 
 SIZE = 0.05
-"""Level of the goodness-of-fit tests of all axes together."""
+"""Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 SCALES = 6
-"""Usable scales that a calibration needs: with fewer, no term has a level of its own (docs/validation/short.md)."""
+"""Usable scales that a calibration needs: with fewer, the terms cannot be distinguished (docs/validation/short.md)."""
 WANTED = 0.2
-"""Relative standard error for which recording lengths are given where a parameter is poorly known."""
+"""Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
 LARGE = 1.5
-"""Ratio of model and data from which on the model does not follow the curve (tests/calibration/test_misfit.py)."""
+"""Ratio of model and data above which the model does not follow the data (tests/calibration/test_misfit.py)."""
 
 _RAMP = "R"
 """Symbol of the rate ramp in a datasheet."""
 
 
 def remarks_of(calibration: Calibration) -> list[Remark]:
-    """Everything to know before using a calibration, the gravest first."""
+    """All remarks on a calibration, the most severe ones first."""
     found = [*calibration.recording_remarks, *_failed(calibration), *_of_recording(calibration)]
     bad = set(rejected(calibration))
     for axis, one in calibration.axes.items():
@@ -45,10 +45,9 @@ def remarks_of(calibration: Calibration) -> list[Remark]:
 
 
 def verdict_of(calibration: Calibration) -> Remark:
-    """Whether the calibration can be used: the remark that heads its summary and its report."""
+    """Whether the calibration can be used; the headline of the summary and of the report."""
     lost = unusable(calibration)
-    left = [remark for remark in calibration.remarks if remark.subject not in lost]
-    worst = gravest(left)
+    worst = gravest(remark for remark in calibration.remarks if remark.subject not in lost)
     state = "wrong" if worst is not None and worst <= Severity.WRONG else "cautions"
     if worst is None or worst is Severity.INFO:
         state = "clean"
@@ -78,7 +77,7 @@ def _failed(calibration: Calibration) -> Iterator[Remark]:
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:
-    """Up to which scale the recording shows its noise; whether any test was possible."""
+    """Remarks on the longest usable scale, and on a recording that is too short for a test."""
     seen: set[tuple[int, float]] = set()
     for found in calibration.axes.values():
         wv = found.fit.wavelet_variance
@@ -106,14 +105,14 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
 
 
 def _rejection(axis: str, found: AxisCalibration) -> Remark:
-    """How far a rejected model is from the data."""
+    """The remark on a rejected model, by its largest distance from the data."""
     sinusoid = line_process()
     has_line = "yes" if sinusoid is None or line_in(found.fit.model) is not None else "no"
     far = misfit_of(found)
     if far is None or far.times <= LARGE:
         return Remark.of("model-rejected", axis, line=has_line, sinusoid=sinusoid or "")
     side = "above" if far.ratio > 1 else "below"
-    numbers = ("any number read at this scale",) if not far.numbers else far.numbers
+    numbers = far.numbers or ("the numbers of this axis",)
     return Remark.of(
         "model-misfit", axis, tau=Quantity(far.tau, "s"), ratio=far.times, side=side, numbers=numbers, line=has_line,
         sinusoid=sinusoid or "",
@@ -135,18 +134,18 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
             taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.lighter])
             yield Remark.of("robust-above-classical", axis, taus=taus)
     else:
-        # With robust="auto", only a line in the model leaves the outliers in.
+        # With robust="auto", the classical estimate is fitted only if the model has a sinusoid.
         yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:
-    """By how much the classical curve lies above the robust one at most, and at what scale."""
+    """The largest excess of the classical over the robust wavelet variance, and its scale."""
     worst = int(np.argmax(np.where(verdict.exceeding, verdict.excess, -np.inf)))
     return {"excess": excess_text(float(verdict.excess[worst])), "tau": Quantity(float(verdict.tau[worst]), "s")}
 
 
 def _poorly_known(axis: str, needed: Mapping[str, float | None]) -> Remark:
-    """Parameters with a large standard error, and the recording length that gives a smaller one."""
+    """The remark on parameters with a large standard error, with the recording length for a smaller one."""
     finite = [seconds for seconds in needed.values() if seconds is not None and math.isfinite(seconds)]
     lengths = ""
     if finite:
@@ -168,7 +167,7 @@ def _longest_scale(wv: WaveletVariance) -> Remark:
 
 
 def _longest_unbroken(wv: WaveletVariance) -> float:
-    """The longest scale (s) that the same number of samples would show without a gap."""
+    """The longest usable scale (s) of a recording with the same number of samples and no gap."""
     levels = np.arange(1, wv.samples.bit_length())
     whole = Design(levels, wv.samples, rate=wv.rate, filter=find_filter(wv.filter), transform=wv.transform)
     usable = levels[usable_in(whole)]

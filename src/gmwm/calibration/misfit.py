@@ -1,4 +1,4 @@
-"""Where a model leaves the measured curve, and which numbers are read there."""
+"""The scale at which a model is farthest from the data, and the numbers that are read there."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 def line_in(model: Model) -> str | None:
-    """The name of a process of one frequency in a model; None if there is none."""
+    """The name of a sinusoidal process in a model; None if there is none."""
     return next((process.name for process in model.processes if _is_line(type(process))), None)
 
 
 def line_process() -> str | None:
-    """The name of the registered process of one frequency; None if there is none."""
+    """The name of the registered sinusoidal process; None if there is none."""
     return next((name for name, kind in registry.items() if _is_line(kind)), None)
 
 
@@ -34,16 +34,16 @@ def _is_line(kind: type[Process]) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Misfit:
-    """Where the model is farthest from the data.
+    """The scale at which a model is farthest from the data.
 
     Attributes
     ----------
     tau : float
         Scale (s).
     ratio : float
-        Wavelet variance of the model at that scale over that of the data.
+        Wavelet variance of the model over the measured one at this scale.
     numbers : tuple of str
-        Symbols of the datasheet that are read at such scales.
+        Symbols of the datasheet that are read at such scales, short or long.
     """
 
     tau: float
@@ -57,15 +57,16 @@ class Misfit:
 
 
 def misfit_of(found: AxisCalibration) -> Misfit | None:
-    """The worst of the levels at which the model lies outside the confidence limits of the data; None if none does.
+    """The largest misfit among the levels where the model is outside the confidence limits of the data.
 
-    Levels that the goodness-of-fit test leaves out are not considered: their few coefficients lie far off by chance.
+    Levels that the goodness-of-fit test excludes are not considered, because their few coefficients scatter widely. The
+    result is None if the model is inside the limits at all levels.
     """
     wv = found.fit.wavelet_variance
     outside = (found.fit.implied < wv.lower) | (found.fit.implied > wv.upper)
     if found.test is not None:
         outside &= np.isin(wv.levels, found.test.levels)
-    # A variance of zero has no ratio, and a model is never zero where its data are not.
+    # A measured variance of zero has no ratio.
     outside &= (wv.variance > 0) & (found.fit.implied > 0)
     if not np.any(outside):
         return None
@@ -87,5 +88,5 @@ def _middle(found: AxisCalibration) -> float:
     bottom = found.datasheet.get(SYMBOL)
     wv = found.fit.wavelet_variance
     if bottom is not None and bottom.tau is not None and not bottom.upper_only:
-        return 2 * bottom.tau  # a scale is two averaging times
+        return 2 * bottom.tau  # a scale is twice the averaging time
     return math.sqrt(float(wv.tau[0] * wv.tau[-1]))

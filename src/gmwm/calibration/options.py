@@ -1,4 +1,4 @@
-"""Options of a calibration, checked when they are made."""
+"""Options of a calibration, validated on construction."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from gmwm.selection.options import RankingOptions
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 WITHIN = "4*GM + WN + QN + RW + DR"
-"""The default largest model: its terms describe inertial sensors of any grade."""
+"""The default largest model: its terms cover inertial sensors of all grades (docs/validation/selection.md)."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed")
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationOptions:
-    """Options of a calibration; `gmwm.calibrate` describes each. Every value is checked here, before any work begins.
+    """Options of a calibration; `gmwm.calibrate` describes each. Every value is validated on construction.
 
     Attributes
     ----------
     within : Model, Process or str
-        The largest model; a Model once it is checked.
+        The largest model; a Model after validation.
     robust : "auto", True or False
         Whether the robust wavelet variance is fitted.
     weighting : "diagonal" or "optimal"
@@ -31,18 +31,18 @@ class CalibrationOptions:
     criterion : "asymptotic" or "bootstrap"
         How the penalty of the information criterion is computed.
     confidence : float
-        Level of the intervals and of the choice of models, from 0.5 to below 1.
+        Confidence level of the intervals and of the model selection, from 0.5 to below 1.
     efficiency : float
         Efficiency of the robust wavelet variance under Gaussian noise.
     draws, seed : int
         Number of the simulated records, and seed of their draws.
     axes : tuple of str or None
-        The axes or sensors to calibrate; None for all. It is not saved: a calibration holds its axes.
+        The axes or sensors to calibrate; None for all. It is not saved, because a calibration lists its axes.
 
     Raises
     ------
     OptionError, ModelError
-        If a value is not one of those it may be.
+        If a value is not allowed.
 
     Examples
     --------
@@ -62,8 +62,8 @@ class CalibrationOptions:
 
     def __post_init__(self) -> None:
         if not isinstance(self.robust, bool) and self.robust != "auto":
-            raise OptionError(f"robust must be 'auto', False or True, got {self.robust!r}")
-        _ = self.ranking  # checked as it is made
+            raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
+        _ = self.ranking  # validates its options
         biweight(self.efficiency)
         object.__setattr__(self, "within", as_model(self.within, "within"))
         object.__setattr__(self, "axes", _checked_axes(self.axes))
@@ -75,7 +75,7 @@ class CalibrationOptions:
 
     @property
     def ranking(self) -> RankingOptions:
-        """How the models are ranked."""
+        """Options of the model selection."""
         return RankingOptions(
             weighting=self.weighting, criterion=self.criterion, confidence=self.confidence, draws=self.draws,
             seed=self.seed,
@@ -87,21 +87,21 @@ class CalibrationOptions:
         return _checked_axes(self.axes)
 
     def to_dict(self) -> dict[str, Any]:
-        """The options as they are saved in calibration.json, as plain numbers and texts."""
+        """Return the options as numbers and strings, as they are saved in calibration.json."""
         return {name: getattr(self, name) for name in _SAVED} | {"within": str(self.within)}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
-        """The options whose `to_dict` gave `content`.
+        """Make the options from the result of `to_dict`.
 
         Raises
         ------
         ReadError
-            If an option is missing, unknown or not one of the values it may have.
+            If an option is missing, unknown or not allowed.
         """
         for name in _SAVED:
             if name not in content:
-                raise ReadError(f"not a whole calibration: settings has no {name!r}")
+                raise ReadError(f"the calibration is incomplete: settings has no {name!r}")
         try:
             return cls(**{name: content[name] for name in _SAVED})
         except (OptionError, ModelError) as error:
@@ -109,9 +109,10 @@ class CalibrationOptions:
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:
-    """The axes as a tuple of names; which of them there are, the recording decides."""
+    """The axes as a tuple of names. Whether they exist is checked against the recording."""
     if axes is None or isinstance(axes, str):
         return None if axes is None else (axes,)
     if not isinstance(axes, Sequence) or not axes or not all(isinstance(name, str) for name in axes):
-        raise OptionError(f"axes must be some of a recording's axes or sensors, as ['gyro', 'accel_z']; got {axes!r}")
+        expected = "a list of axes or sensors of the recording, for example ['gyro', 'accel_z']"
+        raise OptionError(argument="axes", expected=expected, got=axes)
     return tuple(axes)

@@ -1,4 +1,4 @@
-"""A ranking of one recording in the document of a calibration: what its fits share stands there once."""
+"""Convert a ranking to a part of the calibration document and back; what its fits share is stored once."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _KEPT = (
     "model", "objective", "lower_bound", "relaxed_bound", "acts_as", "not_supported", "search_nodes", "start",
     "remarks",
 )  # fmt: skip
-"""Of a fit in a ranking; all else follows from these, the data and Ω."""
+"""The stored fields of a fit in a ranking; the others follow from these, the data and the weighting matrix."""
 
 
 def ranking_document(ranking: Ranking) -> dict[str, Any]:
-    """A ranking as plain numbers, lists and texts: `Ranking.to_dict`, with the fits that its candidates share."""
+    """Return a ranking as dicts, lists, numbers and strings: `Ranking.to_dict`, with the fits of its candidates."""
     fits = {id(fit): fit for fit in (ranking.general, *(candidate.fit for candidate in ranking))}
     place = {key: k for k, key in enumerate(fits)}
     content = ranking.to_dict()
     for candidate, values in zip(ranking, content["candidates"], strict=True):
-        values["asked"] = str(candidate.model)  # with the values that are held
+        values["asked"] = str(candidate.model)  # with fixed values
         values["fit"] = place[id(candidate.fit)]
     return {
         **content,
@@ -45,7 +45,7 @@ def _short(fit: Fit) -> dict[str, Any]:
 
 
 def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
-    """The ranking of such a document, whose data are `wv`; errors are those of what is missing or wrong."""
+    """Make a ranking from such a document; `wv` is the wavelet variance that its models were fitted to."""
     size = len(wv)
     matrix, wavelet = (_square(content[name], size) for name in ("weighting_matrix", "wavelet_covariance"))
     weighting = str(content["weighting"])
@@ -100,5 +100,5 @@ def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix:
 def _square(values: Any, size: int) -> Matrix:
     matrix = np.array(values, dtype=np.float64)
     if matrix.shape != (size, size):
-        raise ReadError(f"not a ranking: a matrix of shape {matrix.shape} where the data have {size} levels")
+        raise ReadError(f"not a ranking: a matrix has the shape {matrix.shape}, but the data have {size} levels")
     return matrix

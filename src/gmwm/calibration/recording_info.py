@@ -1,4 +1,4 @@
-"""What was recorded, as a calibration remembers it: the file, its time base, and how it was understood."""
+"""The recording of a calibration: length, time base and file."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from gmwm.inspection import Inspection
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """The facts of a recording.
+    """Length, time base and file of a recording.
 
     Attributes
     ----------
     samples, rate, duration : int, float (Hz), float (s)
-        Length without gaps.
+        Number of samples of each axis, sampling rate, and length without gaps.
     segments : int
         Number of segments without a gap.
     missing : float
-        Time that the gaps lost (s).
+        Total length of the gaps (s).
     jitter : float or None
-        Of the time stamps (s, root mean square); None where there are none.
+        Root mean square jitter of the time stamps (s); None without time stamps.
     static : bool
-        Whether nothing was found that says the unit moved.
+        Whether no motion was found.
     knocks : int
-        Bursts of outliers.
+        Number of knocks (bursts of outliers).
     gravity : float or None
         Norm of the mean specific force (m/s²); None without three accelerometers.
     temperature : (lowest, highest) or None
-        In °C.
+        Range of the temperature (°C); None if it was not recorded.
     file : str
-        Name of the file, without its folders; "" where it is not known.
+        Name of the file, without folders; "" if it is not known.
     size : int or None
-        Of the file, in bytes.
+        Size of the file (bytes).
     sha256 : str or None
-        Of the file's content: the same digits are the same recording.
+        SHA-256 of the file, which identifies the recording.
     """
 
     samples: int
@@ -58,7 +58,7 @@ class Recording:
 
     @classmethod
     def of(cls, found: Inspection) -> Recording:
-        """The facts that an inspection found."""
+        """Make the description of a recording from its inspection."""
         base = found.time_base
         missing = sum(duration - 1 / found.rate for _, duration in base.gaps)
         return cls(
@@ -75,7 +75,7 @@ class Recording:
         )
 
     def of_file(self, path: str | os.PathLike[str]) -> Recording:
-        """The same with name, size and SHA-256 of the file; of a folder with its name alone."""
+        """Return the description with name, size and SHA-256 of a file, or with the name of a folder."""
         file = Path(path)
         if not file.is_file():
             return replace(self, file=file.name)
@@ -84,12 +84,12 @@ class Recording:
         return replace(self, file=file.name, size=file.stat().st_size, sha256=digest)
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields as plain numbers, lists and texts, ready for JSON."""
+        """Return all fields as numbers, lists and strings, ready for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Recording:
-        """The recording whose `to_dict` gave `values`."""
+        """Make a description from the result of `to_dict`."""
         given = dict(values)
         temperature = given["temperature"]
         given["temperature"] = None if temperature is None else (float(temperature[0]), float(temperature[1]))

@@ -1,4 +1,4 @@
-"""The calibration of a unit: each axis with its model and numbers, and what to know before using them."""
+"""The calibration of an inertial sensor: the model and the numbers of each axis, remarks and a verdict."""
 
 from __future__ import annotations
 
@@ -34,25 +34,25 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisCalibration:
-    """One axis.
+    """The calibration of one axis.
 
     Attributes
     ----------
     fit : Fit
-        The recommended model with its estimates, certified, with weights of its own.
+        The fit of the recommended model, with a certified optimum.
     intervals : mapping of name to (low, high)
         Confidence intervals of its parameters.
     test : GoodnessOfFit or None
-        Of the recommended model; None where the levels do not suffice for one.
+        Goodness-of-fit test of the recommended model; None if there are too few levels for a test.
     datasheet : Datasheet
-        The same in the terms of datasheets.
+        The numbers of a datasheet: N, Q, B, K, R and Gauss-Markov terms.
     ranking : Ranking
         All models that were compared.
     verdict : Verdict or None
-        Whether outliers raise the classical curve; None where no signal was there to look at.
+        Test whether outliers raise the classical wavelet variance; None if the data were a wavelet variance.
     needed : mapping of name to length (s)
-        For parameters with a relative standard error above 50 %, how long a recording gives 20 %; infinite
-        where none of a thousand times the length does, None where that is not known.
+        For parameters with a relative standard error above 50 %, the recording length for 20 %. It is infinite if 1024
+        times the length does not suffice, and None if it is not known.
     """
 
     fit: Fit
@@ -65,29 +65,29 @@ class AxisCalibration:
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What to know about the curve, the fit and its numbers."""
-        # What a number includes besides its term must be known, or the term is counted twice.
+        """Remarks on the wavelet variance, the fit and its numbers."""
+        # Remarks of the datasheet say which terms a number includes, so that no user counts a term twice.
         return tuple(dict.fromkeys((*self.fit.remarks, *self.datasheet.remarks)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Calibration(Summarised, Mapping[str, Fit]):
-    """The calibration of a unit; a mapping of axis to the recommended Fit.
+    """The calibration of an inertial sensor: a mapping of axis to the recommended Fit.
 
     Attributes
     ----------
     axes : mapping of axis to AxisCalibration
-        All that was found on each axis.
+        Fit, intervals, test, datasheet and ranking of each axis.
     failed : mapping of axis to str
-        Axes that could not be calibrated, and why.
+        Axes that could not be calibrated, with the reason.
     settings : CalibrationOptions
-        What was asked for.
+        The options of the calibration.
     source : str
-        Where the recording came from.
+        Name of the recording.
     recording_remarks : tuple of Remark
-        What an inspection of the recording found: motion, knocks, gaps, units.
+        Remarks of the inspection of the recording: motion, knocks, gaps, units.
     recording : Recording or None
-        Its length, time base and file; None where it was no Imu.
+        Length, time base and file of the recording; None if the data were not a recording.
 
     Examples
     --------
@@ -116,7 +116,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
             return self.axes[axis].fit
         if axis in self.failed:
             raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}")
-        raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}")
+        raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.axes)
@@ -128,7 +128,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return axis in self.axes
 
     def get(self, axis: str, default: Any = None) -> Any:
-        """The fit of an axis, or `default` where there is none."""
+        """The fit of an axis, or `default` if the axis was not calibrated."""
         found = self.axes.get(axis)
         return default if found is None else found.fit
 
@@ -144,82 +144,82 @@ class Calibration(Summarised, Mapping[str, Fit]):
 
     @property
     def verdicts(self) -> dict[str, Verdict]:
-        """Whether outliers raise the classical curve, by axis; only of axes that were measured from a signal."""
+        """Tests for outliers by axis, for the axes that were calibrated from a signal."""
         return {axis: found.verdict for axis, found in self.axes.items() if found.verdict is not None}
 
     @cached_property
     def remarks(self) -> list[Remark]:
-        """Everything to know before using the calibration, the gravest first."""
+        """All remarks on the recording, the fits and the numbers, the most severe ones first."""
         from gmwm.calibration.findings import remarks_of
 
         return remarks_of(self)
 
     @cached_property
     def verdict(self) -> Remark:
-        """Whether the calibration can be used: the remark that heads its summary and its report."""
+        """Whether the calibration can be used; the headline of the summary and of the report."""
         from gmwm.calibration.findings import verdict_of
 
         return verdict_of(self)
 
     def of_file(self, path: str | os.PathLike[str]) -> Calibration:
-        """The same with name, size and SHA-256 of the file `path` that the recording was read from."""
+        """Return the calibration with name, size and SHA-256 of the file that the recording was read from."""
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def summary(self, *, every: bool = False) -> str:
-        """The verdict, a table for each sensor in the units of datasheets, and the gravest remarks.
+        """Describe the calibration as text: verdict, a table for each sensor, and the most severe remarks.
 
         Parameters
         ----------
         every : bool
-            Show all remarks instead of the gravest five.
+            Show all remarks instead of the five most severe ones.
         """
         return summary(self, every=every)
 
     def to_dict(self) -> dict[str, Any]:
-        """The calibration as plain numbers, lists and texts: the document that docs/calibration-format.md describes."""
+        """Return the calibration as dicts, lists, numbers and strings, as docs/calibration-format.md describes."""
         from gmwm.calibration.document import document
 
         return document(self)
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Calibration:
-        """The calibration whose `to_dict` gave `content`.
+        """Make a calibration from the result of `to_dict`.
 
         Raises
         ------
         ReadError
-            If it is no calibration, of a newer version, or lacks something.
+            If `content` is not a calibration, is incomplete, or is of a newer version of the format.
         """
         from gmwm.calibration.document import calibration
 
         return calibration(content)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the calibration to the JSON file `path`, whole or not at all; `load` reads it back to the last bit."""
+        """Write the calibration to the JSON file `path`, atomically; `load` restores every number exactly."""
         from gmwm.calibration.document import as_text
 
         write_text(path, as_text(self.to_dict()))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Calibration:
-        """The calibration in the file `path` that `save` or `gmwm calibrate` wrote.
+        """Read a calibration from a file that `save` or `gmwm calibrate` wrote.
 
         Raises
         ------
         ReadError
-            If there is no such file, or it is no calibration, is cut short, or of a newer version.
+            If the file does not exist, is not a calibration, is truncated, or is of a newer version of the format.
         OSError
-            If the file is there and cannot be opened.
+            If the file exists but cannot be opened.
         """
         from gmwm.calibration.document import read_text
 
         if not Path(path).exists():
-            raise ReadError(f"{path} does not exist; looked in {Path(path).absolute().parent}")
+            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}")
         content = read_text(path)
         try:
             return cls.from_dict(content)
         except ReadError as error:
-            raise ReadError(f"{path}: {error}") from error
+            raise error.at(str(path)) from error
 
     def plot(
         self,
@@ -235,7 +235,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         ----------
         split : bool
             One panel for each axis, with a row for each sensor; otherwise one panel for each sensor, with x, y and z in
-            vermillion, green and blue.
+            vermilion, green and blue.
         view : "wavelet" or "allan"
             Wavelet variance ν² over the scale τ (s), or Allan deviation √(2ν²) over the averaging time τ/2 (s).
         units : "si" or "datasheet"

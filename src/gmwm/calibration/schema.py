@@ -1,4 +1,4 @@
-"""Is what was read from a file what its classes say? Each field against its annotation, all the way down."""
+"""Check the types of a result that was read from a file: each field against its annotation, recursively."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _KEYS = {
     "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
     "wavelet": "wavelet_covariance", "nodes": "search_nodes",
 }  # fmt: skip
-"""Fields that have another name in the document."""
+"""Fields that have another name in the document, for error messages."""
 _WORDS: Mapping[Any, str] = {
-    str: "a text", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
+    str: "a string", float: "a number", int: "a whole number", bool: "true or false", NoneType: "null",
 }  # fmt: skip
 _KINDS: dict[type, Mapping[str, Any]] = {}
 _POSITIVE = ("rate", "samples")
@@ -28,47 +28,48 @@ _SHARES = ("level", "confidence", "efficiency")
 
 
 def require_kinds(found: Any, where: str) -> None:
-    """Raise where a field of a result is not of the kind that its class says.
+    """Raise an error if a field of a result does not have the type of its annotation.
 
-    Numbers may be whole where they need not be. Arrays of numbers hold no NaN (but those of a verdict, where NaN means
-    that a level was not tested), and those of one object are of one length.
+    An integer is allowed for a float. Arrays must not contain NaN, except in a Verdict, where NaN marks a level
+    without a test. All arrays of an object must have the same length.
 
     Parameters
     ----------
     found : dataclass
+        The result.
     where : str
-        What it is called in an error.
+        Its name in errors.
 
     Raises
     ------
     ReadError
-        If one is not, with its name.
+        If a field is wrong; the message names it.
     """
     lengths = {}
     for name, kind in _hints(type(found)).items():
         value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
         _require(value, kind, key)
         if name in _POSITIVE and not value > 0:
-            raise ReadError(f"not a calibration: {key} must be above zero, got {value!r}")
+            raise ReadError(f"not a calibration: {key} must be above zero; got {value!r}")
         if name in _SHARES and value is not None and not 0 < value < 1:
-            raise ReadError(f"not a calibration: {key} must be between 0 and 1, got {value!r}")
+            raise ReadError(f"not a calibration: {key} must be between 0 and 1; got {value!r}")
         if isinstance(value, np.ndarray):
             if value.ndim == 0:
-                raise ReadError(f"not a calibration: {key} must be a list of numbers, got {value.tolist()!r}")
+                raise ReadError(f"not a calibration: {key} must be a list of numbers; got {value.tolist()!r}")
             if np.any(np.isnan(value)) and not isinstance(found, Verdict):
-                raise ReadError(f"not a calibration: {key} must hold numbers, got {value.tolist()!r}")
+                raise ReadError(f"not a calibration: {key} must contain numbers only; got {value.tolist()!r}")
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
-        said = ", ".join(f"{key} has {size}" for key, size in lengths.items())
-        raise ReadError(f"not a calibration: there must be as many numbers in each, and some: {said}")
+        sizes = ", ".join(f"{key} has {size}" for key, size in lengths.items())
+        raise ReadError(f"not a calibration: these lists must have the same length, at least 1: {sizes}")
 
 
 def _hints(kind: type) -> Mapping[str, Any]:
-    """The kind of each field; of fields alone, since class variables name what is not imported here."""
+    """The type of each field. Class variables are left out, because their types are not imported."""
     if kind not in _KINDS:
-        told = {field.name: field.type for field in fields(kind)}
-        _KINDS[kind] = get_type_hints(SimpleNamespace(__annotations__=told), vars(sys.modules[kind.__module__]))
+        types = {field.name: field.type for field in fields(kind)}
+        _KINDS[kind] = get_type_hints(SimpleNamespace(__annotations__=types), vars(sys.modules[kind.__module__]))
     return _KINDS[kind]
 
 
@@ -77,7 +78,7 @@ def _require(value: Any, kind: Any, key: str) -> None:
         shown = (
             "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
         )
-        raise ReadError(f"not a calibration: {key} must be {_words(kind)}, got {shown}")
+        raise ReadError(f"not a calibration: {key} must be {_words(kind)}; got {shown}")
     if isinstance(value, Remark):  # checked when it was read
         return
     if is_dataclass(value):  # a datasheet is a mapping too
@@ -93,7 +94,7 @@ def _require(value: Any, kind: Any, key: str) -> None:
 
 
 def _is(value: Any, kind: Any) -> bool:
-    """Whether a value is of a kind, its items aside."""
+    """Whether a value has a type; its items are not checked."""
     origin = get_origin(kind)
     if kind is Any:
         return True
@@ -111,7 +112,7 @@ def _is(value: Any, kind: Any) -> bool:
 
 
 def _alone(kind: Any) -> Any:
-    """The tuple of a kind that may be None."""
+    """The tuple type in a union with None."""
     return next((one for one in get_args(kind) if get_origin(one) is tuple), kind)
 
 

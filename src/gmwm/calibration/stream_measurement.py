@@ -1,4 +1,4 @@
-"""The wavelet variances and the inspection of a recording in chunks, from the same two readings."""
+"""Measure and inspect a recording in chunks, in two passes over the file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from distributed import Client
 
 
-def measured_and_seen(
+def measured_and_inspected(
     stream: Stream,
     axes: Sequence[str],
     *,
@@ -30,21 +30,28 @@ def measured_and_seen(
     threads: int | None = None,
     scheduler: str | Client | None = None,
     workers: int | None = None,
-    done: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> tuple[dict[str, tuple[WaveletVariance, ...]], Inspection]:
-    """The curves of some axes, and what `inspect` finds in all, from the same two readings.
+    """Estimate the wavelet variances of some axes and inspect all axes, in the same two passes.
 
     Parameters
     ----------
     stream : Stream
+        The recording.
     axes : sequence of str
-        Those that are measured.
+        Axes whose wavelet variance is estimated.
     pairs : bool
-        Whether both the classical and the robust curve are wanted, in this order; else one, as `robust` says.
+        Return the classical and the robust wavelet variance of each axis, in this order; otherwise the one that
+        `robust` selects.
     robust, efficiency, threads, scheduler, workers
-        As of `stream_variance`. With workers, one of them inspects while the others measure.
-    done : callable, optional
-        Called as chunks are read, with how much was, in words.
+        As in `stream_variance`. With workers, one of them inspects while the others measure.
+    progress : callable, optional
+        Called with a description after each chunk.
+
+    Returns
+    -------
+    curves : dict of axis to tuple of WaveletVariance
+    inspection : Inspection
     """
     if scheduler is not None or workers is not None:
         return _spread(
@@ -55,42 +62,42 @@ def measured_and_seen(
             efficiency=efficiency,
             scheduler=scheduler,
             workers=workers,
-            done=done,
+            progress=progress,
         )
-    seen = InspectedStream(stream, axes, done)
+    inspected = InspectedStream(stream, axes, progress)
     if pairs:
-        both = measured_pairs(seen, efficiency=efficiency, threads=threads)
-        return dict(both), seen.inspection()
-    curves = stream_variance(seen, robust=robust, efficiency=efficiency, threads=threads)
-    return {axis: (curve,) for axis, curve in curves.items()}, seen.inspection()
+        both = measured_pairs(inspected, efficiency=efficiency, threads=threads)
+        return dict(both), inspected.inspection()
+    curves = stream_variance(inspected, robust=robust, efficiency=efficiency, threads=threads)
+    return {axis: (curve,) for axis, curve in curves.items()}, inspected.inspection()
 
 
 def _spread(
     stream: Stream, axes: Sequence[str], pairs: bool, robust: bool, efficiency: float,
-    scheduler: str | Client | None, workers: int | None, done: Callable[[str], None] | None,
+    scheduler: str | Client | None, workers: int | None, progress: Callable[[str], None] | None,
 ) -> tuple[dict[str, tuple[WaveletVariance, ...]], Inspection]:  # fmt: skip
-    """The same by the workers of a cluster, or processes of this machine."""
+    """Measure and inspect with the workers of a cluster, or with local processes."""
 
-    def tell(samples: int) -> None:
-        if done is not None:
-            done(f"both readings: {duration_text(samples / stream.rate)}")
+    def report(samples: int) -> None:
+        if progress is not None:
+            progress(f"both passes: {duration_text(samples / stream.rate)}")
 
     with connected(scheduler, workers) as client:
-        looking = client.submit(_inspected, stream, pure=False, retries=2)
+        future = client.submit(_inspected, stream, pure=False, retries=2)
         curves: dict[str, tuple[WaveletVariance, ...]]
         if pairs:
-            curves = dict(spread_pairs(stream, scheduler=client, efficiency=efficiency, done=tell))
+            curves = dict(spread_pairs(stream, scheduler=client, efficiency=efficiency, done=report))
         else:
-            found = spread_variance(stream, scheduler=client, robust=robust, efficiency=efficiency, done=tell)
+            found = spread_variance(stream, scheduler=client, robust=robust, efficiency=efficiency, done=report)
             curves = {axis: (curve,) for axis, curve in found.items()}
-        seen = looking.result()
-    if isinstance(seen, GmwmError):
-        raise seen
-    return {axis: curves[axis] for axis in axes}, seen
+        inspection = future.result()
+    if isinstance(inspection, GmwmError):
+        raise inspection
+    return {axis: curves[axis] for axis in axes}, inspection
 
 
 def _inspected(stream: Stream) -> Inspection | GmwmError:
-    """The work of one worker; what is wrong in the file is no better a second time."""
+    """Inspect in a worker. An error is returned, because Dask would repeat work that raises."""
     try:
         return inspect(stream)
     except GmwmError as error:
@@ -98,56 +105,56 @@ def _inspected(stream: Stream) -> Inspection | GmwmError:
 
 
 class InspectedStream:
-    """A stream that is inspected while it is read for something else, in its first two readings.
+    """A stream that is inspected in its first two passes, while another function reads it.
 
     Attributes
     ----------
     source : str
-        Where it comes from.
+        Name of the recording.
     axes : tuple of str
-        Those that the other one is to measure.
+        Axes that the other function measures.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     """
 
-    def __init__(self, stream: Stream, axes: Sequence[str], done: Callable[[str], None] | None = None) -> None:
+    def __init__(self, stream: Stream, axes: Sequence[str], progress: Callable[[str], None] | None = None) -> None:
         self.source, self.axes, self.rate = stream.source, tuple(axes), stream.rate
         self._stream, self._first = stream, FirstPass(stream)
         self._statistics: RecordingStatistics | None = None
-        self._reading, self._done = 0, done
+        self._passes, self._progress = 0, progress
 
     def __iter__(self) -> Iterator[Chunk]:
-        self._reading += 1
-        if self._reading == 1:
-            yield from self._first_reading()
-        elif self._reading == 2:
-            yield from self._second_reading(self._first.second_pass())
+        self._passes += 1
+        if self._passes == 1:
+            yield from self._first_pass()
+        elif self._passes == 2:
+            yield from self._second_pass(self._first.second_pass())
         else:
             yield from self._stream
 
     def inspection(self) -> Inspection:
-        """The inspection; readings that are missing are done now."""
+        """Return the inspection, after as many passes as are still missing."""
         while self._statistics is None:
             for _ in self:
                 pass
         return self._statistics.result()
 
-    def _first_reading(self) -> Iterator[Chunk]:
+    def _first_pass(self) -> Iterator[Chunk]:
         for chunk in self._stream:
-            self._tell(f"first reading: {self._length(chunk)}")
+            self._report(f"first pass: {self._length(chunk)}")
             self._first.update(chunk)
             yield chunk
 
-    def _second_reading(self, statistics: RecordingStatistics) -> Iterator[Chunk]:
+    def _second_pass(self, statistics: RecordingStatistics) -> Iterator[Chunk]:
         self._statistics = statistics
         for chunk in self._stream:
-            self._tell(f"second reading: {self._length(chunk)} of {duration_text(statistics.samples / self.rate)}")
+            self._report(f"second pass: {self._length(chunk)} of {duration_text(statistics.samples / self.rate)}")
             statistics.update(chunk)
             yield chunk
 
     def _length(self, chunk: Chunk) -> str:
         return duration_text((chunk.first + len(chunk)) / self.rate)
 
-    def _tell(self, text: str) -> None:
-        if self._done is not None:
-            self._done(text)
+    def _report(self, text: str) -> None:
+        if self._progress is not None:
+            self._progress(text)

@@ -1,4 +1,4 @@
-"""The summary of a calibration: its verdict, a table for each sensor, and the gravest remarks."""
+"""The summary of a calibration as text: verdict, a table for each sensor, and the most severe remarks."""
 
 from __future__ import annotations
 
@@ -21,13 +21,23 @@ REST: Mapping[Dialect, str] = {
     Dialect.SHELL: "report.html (or --all-remarks)",
     Dialect.HTML: "",
 }
-"""Where the remarks are that the summary leaves out."""
+"""Where to find the remarks that the summary does not show."""
 
 _FIRST = "[1]"
 
 
 def summary(calibration: Calibration, dialect: Dialect = Dialect.PYTHON, *, every: bool = False) -> str:
-    """The verdict, a table for each sensor, and the gravest remarks or all of them; at most 80 columns wide."""
+    """Describe a calibration as text of at most 80 columns.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration.
+    dialect : Dialect
+        Whether options are written as in Python or as in the shell.
+    every : bool
+        Show all remarks instead of the five most severe ones.
+    """
     parts = [_head(calibration), wrapped(calibration.verdict.text(dialect))]
     for sensor, axes in by_sensor(calibration.axes).items():
         parts.append([SENSORS.get(sensor, sensor or "Axes"), *_table(axes)])
@@ -52,7 +62,7 @@ def _head(calibration: Calibration) -> list[str]:
 
 
 def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[str]]:
-    """The axes of each length (samples) and rate (Hz): those of one recording are all alike."""
+    """The axes of each length (samples) and rate (Hz); all axes of a recording have the same."""
     shapes: dict[tuple[int, float], list[str]] = {}
     for axis, found in axes.items():
         wv = found.fit.wavelet_variance
@@ -61,13 +71,13 @@ def _alike(axes: Mapping[str, AxisCalibration]) -> dict[tuple[int, float], list[
 
 
 def _range(ascending: Sequence[str]) -> str:
-    """The first and the last, or the one that they are."""
+    """The first and the last text; one text if they are equal."""
     first, last = ascending[0], ascending[-1]
     return first if first == last else f"{first} to {last}"
 
 
 def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
-    """A column for each axis, a row for each number that one of them has; as many side by side as there is room for."""
+    """A table with a column for each axis and a row for each number; as many axes side by side as fit the width."""
     lines: list[str] = []
     for count in (3, 2, 1):
         lines = _blocks(axes, count)
@@ -77,7 +87,7 @@ def _table(axes: Mapping[str, AxisCalibration]) -> list[str]:
 
 
 def _blocks(axes: Mapping[str, AxisCalibration], count: int) -> list[str]:
-    """Tables of `count` axes each, one under the other."""
+    """Tables of `count` axes each, one below the other."""
     names = list(axes)
     lines: list[str] = []
     for start in range(0, len(names), count):
@@ -92,11 +102,11 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
     rows = [
         ["", *axes],
         ["model", *(one.fit.model.structure.replace(" ", "") for one in found)],
-        ["as good", *(_others(one) for one in found)],
+        ["equivalent", *(_others(one) for one in found)],
         ["p of the fit", *("no test" if one.test is None else one.test.pvalue_in_words for one in found)],
         ["outliers", *(_outliers(one) for one in found)],
     ]
-    # The only Gauss-Markov term of one axis stands beside the first of several of another.
+    # The only Gauss-Markov term of one axis is in the row of the first of several terms of another axis.
     several = {symbol for one in found for symbol in one.datasheet if symbol.endswith(_FIRST)}
     columns = [
         {f"{symbol}{_FIRST}" if f"{symbol}{_FIRST}" in several else symbol: entry for symbol, entry in sheet.items()}
@@ -116,7 +126,7 @@ def _others(found: AxisCalibration) -> str:
 
 def _outliers(found: AxisCalibration) -> str:
     if found.verdict is None:
-        return "not looked for"
+        return "not tested"
     if not np.any(found.verdict.tested):
         return "not tested"
     if not found.verdict.contaminated:
@@ -128,7 +138,7 @@ def _legend(calibration: Calibration) -> list[str]:
     named = key(entry for found in calibration.axes.values() for entry in found.datasheet.entries)
     level = calibration.settings.confidence
     return wrapped(
-        f"{named}. ±: half the {100 * level:g} % interval; ≤: upper limit at {50 + 50 * level:g} %. As good: models "
-        "that the data cannot tell from the best; the simplest of them is taken. p: of a worse fit if the model is "
-        "right."
+        f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
+        "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
+        "recommended. p: p-value of the goodness-of-fit test."
     )

@@ -1,4 +1,4 @@
-"""Tables and texts of at most 80 columns: what the summaries of calibrations are made of."""
+"""Tables and texts of at most 80 columns for the summaries of calibrations."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 WIDTH = 80
 """Columns of a terminal."""
 SENSORS = {"gyro": "Gyroscopes", "accel": "Accelerometers"}
-"""What stands above the tables of a sensor's axes."""
+"""Headings of the tables."""
 
 
 def merged(lists: Sequence[Sequence[str]]) -> list[str]:
-    """All names, each after those that it follows where it occurs; the longest list knows the most of the order."""
+    """Merge lists of names so that each name comes after its predecessors; longer lists decide first."""
     order: list[str] = []
     for names in sorted(lists, key=len, reverse=True):
         at = 0
@@ -33,13 +33,13 @@ def merged(lists: Sequence[Sequence[str]]) -> list[str]:
 
 
 def in_order(lists: Sequence[Sequence[str]]) -> list[str]:
-    """All symbols of some datasheets: those of the standard first, in its order."""
+    """The symbols of some datasheets: first those of IEEE Std 952, in its order, then the others."""
     order = [str(symbol) for symbol in LAWS]
     return sorted(merged(lists), key=lambda symbol: order.index(symbol) if symbol in order else len(order))
 
 
 def key(entries: Iterable[Entry]) -> str:
-    """What the symbols stand for; one that is of two kinds has the titles of both."""
+    """A legend of the symbols; a symbol with two meanings gets both titles."""
     titles: dict[str, dict[str, None]] = {}
     for entry in entries:
         titles.setdefault(entry.symbol.partition("[")[0].partition(" ")[0], {})[entry.title] = None
@@ -47,10 +47,10 @@ def key(entries: Iterable[Entry]) -> str:
 
 
 def number(entry: Entry) -> str:
-    """A value with half the width of its interval, the interval where that is wide, or an upper limit."""
+    """A value with half the width of its confidence interval, the interval if it is wide, or an upper limit."""
     value, low, high, _ = entry.in_units("datasheet")
     if entry.held:
-        return f"{value:.3g} held"
+        return f"{value:.3g} fixed"
     if low is None or high is None:
         return f"{value:.3g}"
     if not math.isfinite(high):
@@ -62,12 +62,12 @@ def number(entry: Entry) -> str:
 
 
 def wrapped(text: str) -> list[str]:
-    """A text as lines that fit."""
+    """Break a text into lines of at most 80 columns."""
     return textwrap.wrap(text, WIDTH, break_long_words=True, break_on_hyphens=False)
 
 
 def bulleted(text: str) -> list[str]:
-    """A text as an item of a list."""
+    """Break the text of a list item into lines of at most 80 columns."""
     return textwrap.wrap(
         text, WIDTH, initial_indent="- ", subsequent_indent="  ", break_long_words=True, break_on_hyphens=False
     )

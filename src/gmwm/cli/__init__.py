@@ -1,1 +1,1 @@
-"""The command line. Every command calls public functions only: what it does can be done in Python too."""
+"""The command line. Commands call only public functions, so Python can do everything that a command does."""

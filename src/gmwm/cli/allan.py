@@ -1,4 +1,4 @@
-"""gmwm allan: Allan, Hadamard and total deviations of a recording, as table, CSV, picture or JSON."""
+"""gmwm allan: Allan, Hadamard and total deviations of a recording as a table, CSV, plot or JSON."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ EXAMPLES = (
 )
 
 Kind = Literal["overlapping", "nonoverlapping", "modified", "hadamard", "nonoverlapping-hadamard", "total"]
-MEASURE = "Measure"
+MEASURE = "Estimation"
 LONGEST_TABLE = 100
-"""Cluster sizes beyond which the table is thinned: then they are all there are, from 1 on."""
+"""Number of cluster sizes above which the table shows only octaves; only --clusters all has so many."""
 
 
 @command
@@ -47,39 +47,46 @@ def allan(
     kind: Annotated[
         Kind,
         typer.Option(
-            help="Allan: overlapping, nonoverlapping or modified clusters; Hadamard, which a ramp of the rate does "
-            "not reach; or total, with more degrees of freedom at long times.",
+            help="Allan variance with overlapping, nonoverlapping or modified clusters; Hadamard variance, which a "
+            "linear drift does not affect; or total variance, with more degrees of freedom at long averaging times.",
             rich_help_panel=MEASURE,
         ),
     ] = "overlapping",
     clusters: Annotated[
         Literal["octave", "decade", "all"],
         typer.Option(
-            help="Cluster sizes: 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; or all, whose time grows with the square of "
-            "the length.",
+            help="Cluster sizes 1, 2, 4, 8 … (octave), 1, 2, 4, 10, 20, 40 … (decade), or all, which takes time "
+            "proportional to the square of the number of samples.",
             rich_help_panel=MEASURE,
         ),
     ] = "octave",
     slopes: Annotated[
         bool,
-        typer.Option("--slopes", help="Read Q, N, B, K and R from the slopes of the curve.", rich_help_panel=RESULT),
+        typer.Option(
+            "--slopes", help="Estimate Q, N, B, K and R from the slopes of the Allan deviation.", rich_help_panel=RESULT
+        ),
     ] = False,
     datasheet: Datasheet = False,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write every value of every axis to this CSV file (SI units).", rich_help_panel=RESULT),
+        typer.Option(help="Write all values of all axes to this CSV file (SI units).", rich_help_panel=RESULT),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Print the Allan deviation of each axis over its averaging time, with limits and the noise that rules there.
+    """Print the Allan deviation of each axis, with confidence intervals and the dominant noise type.
 
-    The samples are rates, as inertial sensors give them. Limits are 95 % chi-square, with the degrees of freedom of
-    the noise identified at each averaging time.
+    The samples are angular rates and specific forces. The 95 % confidence intervals are those of a chi-square
+    distribution, with the degrees of freedom of the noise type at each averaging time.
     """
     if slopes and kind not in ("overlapping", "nonoverlapping", "total"):
-        raise OptionError(f"--slopes reads an Allan deviation, got --kind {kind}; use overlapping")
+        raise OptionError(
+            f"--slopes needs an Allan deviation, not --kind {kind}",
+            argument="kind",
+            got=kind,
+            advice="Use {--kind=overlapping}.",
+        )
     imu = load(file, reading)
     require_whole(imu)
     results = _measured(chosen_axes(imu, axis), kind, clusters)
@@ -87,7 +94,7 @@ def allan(
     system: UnitSystem = "datasheet" if datasheet else "si"
     files = [] if csv is None else [text_file(csv, _csv_text(results))]
     if plot is not None:
-        files.append(NewFile(plot, partial(_draw, results, regressions, system), "drawing"))
+        files.append(NewFile(plot, partial(_draw, results, regressions, system), "plotting"))
     curves = {name: result.to_dict() for name, result in results.items()}
     return Outcome(
         command="allan",
@@ -98,7 +105,7 @@ def allan(
 
 
 def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
-    """The regressions for JSON, without the curves that they were read from."""
+    """The regressions for JSON, without their curves."""
     found = {name: one.to_dict() for name, one in regressions.items()}
     return {"slopes": {n: {k: v for k, v in one.items() if k != "allan"} for n, one in found.items()}} if found else {}
 
@@ -106,12 +113,12 @@ def _slopes(regressions: Mapping[str, AllanRegression]) -> dict[str, Any]:
 def _measured(
     signals: Mapping[str, Signal], kind: Kind, clusters: Literal["octave", "decade", "all"]
 ) -> dict[str, ClusterVariance]:
-    """The variance of each signal; the cost of all cluster sizes is said first."""
+    """Compute the variance of each signal. For all cluster sizes, first print the expected time."""
     from gmwm.cli.parallel import over_axes
 
     if clusters != "all":
         return over_axes(lambda signal: _variance(signal, kind, clusters), signals, f"{kind} variance")
-    _say_cost(signals, kind)
+    _print_cost(signals, kind)
     results = {}
     for name, signal in signals.items():
         with _bar(name) as advance:
@@ -138,8 +145,12 @@ def _variance(
     return allan_variance(signal, kind=kind, clusters=clusters, progress=progress)
 
 
-def _say_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
-    """How many cluster sizes there are, and about how long they take: half of what the smallest takes, each."""
+def _print_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
+    """Print the number of cluster sizes and the expected time.
+
+    On average a cluster size takes half the time of the smallest one, because the number of differences decreases
+    linearly to zero.
+    """
     first = next(iter(signals.values()))
     sizes = len(first) // 2
     octaves = _variance(first, kind, "decade").clusters.size
@@ -147,15 +158,14 @@ def _say_cost(signals: Mapping[str, Signal], kind: Kind) -> None:
     _variance(first, kind, "decade")
     seconds = (time.perf_counter() - start) / octaves / 2 * sizes * len(signals)
     print(
-        f"up to {sizes} cluster sizes for each of {len(signals)} axes: about {max(seconds, 1):.0f} s; Ctrl-C stops",
+        f"up to {sizes} cluster sizes for each of {len(signals)} axes: about {max(seconds, 1):.0f} s. Ctrl-C stops.",
         file=sys.stderr,
     )
 
 
 @contextmanager
 def _bar(name: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar for the cluster sizes of one axis, moved a hundred times at most."""
-
+    """Show a progress bar for the cluster sizes of one axis, with at most 100 steps."""
     with progress(name, 100) as step:
         moved = 0
 
@@ -187,20 +197,20 @@ def _draw(
 
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
-    """One axis with limits and noise, or all of a sensor side by side."""
+    """Format one axis with its confidence intervals and noise types, or the axes of a sensor side by side."""
     from gmwm.plots.allan import cluster_view
     from gmwm.signals import by_sensor
 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % limits" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
     head = f"{first.samples} samples at {first.rate:g} Hz{limits}"
     style = "#.5g" if system == "datasheet" else ".4e"
     shown = list(range(len(first)))
     if len(first) > LONGEST_TABLE:
         shown = [n - 1 for n in (2**k for k in range(len(first).bit_length())) if n <= len(first)]
-        head += f"\n{len(first)} cluster sizes; the table shows octaves, --csv writes all"
+        head += f"\n{len(first)} cluster sizes. The table shows octaves; --csv writes all."
     parts = [head]
     for group in sensors.values():
         one = group[0]
@@ -221,7 +231,7 @@ def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> 
 
 
 def _csv_text(results: Mapping[str, ClusterVariance]) -> str:
-    """One line for each cluster size of each axis."""
+    """CSV with one line for each cluster size of each axis."""
     lines = ["axis,unit,cluster_samples,tau_s,deviation,lower,upper,variance,differences,degrees_of_freedom,noise"]
     for name, result in results.items():
         columns = zip(

@@ -1,4 +1,4 @@
-"""gmwm calibrate: the noise model of every axis of a unit, with its numbers, pictures and what to know of them."""
+"""gmwm calibrate: choose and fit the noise model of each axis of a unit."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ EXAMPLES = (
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Leave outliers out: of the axes where a test at 5 % for all together finds them (of none if --within has "
-        "a sinusoid), of all, of none.",
+        help="Use the robust wavelet variance: auto, for axes where a test finds outliers (5 % level for all axes "
+        "together; never if --within has a sinusoid); yes, for all axes; no, for none.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -75,24 +75,30 @@ def calibrate(
         typer.Option(
             "--output",
             "-o",
-            help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png into this "
-            "directory; imu.yaml for Kalibr too, if gyroscopes and accelerometers are calibrated.",
+            help="Write calibration.json, report.html, summary.txt, calibration.png and by_sensor.png to this "
+            "directory, and imu.yaml for Kalibr if gyroscopes and accelerometers are calibrated.",
             rich_help_panel=RESULT,
         ),
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
 ) -> Outcome:
-    """Calibrate a unit: choose the noise model of each axis, and give its numbers as datasheets do.
+    """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
-    Every model within the general one is compared; of those that the data cannot tell from the best the simplest is
-    recommended. N is the angle or velocity random walk, B the bias instability, K the rate random walk, R the rate
-    ramp, Q the quantization noise; T_c and q_c are of Gauss-Markov terms. --view and --datasheet are of the pictures.
+    All models that are part of --within are compared. Of the models that the data cannot distinguish from the best
+    one, the simplest is used. N is the angle or velocity random walk, B the bias instability, K the rate random walk, R
+    the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes.
 
-    calibration.json holds everything: Calibration.load reads it, docs/calibration-format.md describes it.
+    --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
+    docs/calibration-format.md describes it.
     """
     if efficiency is not None and robust == "no":
-        raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance",
+            argument="efficiency",
+            got=efficiency,
+            advice="Leave {--efficiency} or {--robust=no} out.",
+        )
     asked = CalibrationOptions(
         within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
@@ -124,7 +130,7 @@ def calibrated(
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> Calibration:
-    """The calibration, with a progress bar."""
+    """Calibrate a recording, with a progress bar."""
     from gmwm.calibration.api import STAGES, calibrate_recording
 
     before = 0
@@ -141,13 +147,13 @@ def calibrated(
 def calibration_files(
     found: Calibration, folder: Path, view: Literal["wavelet", "allan"] = "wavelet", datasheet: bool = False
 ) -> tuple[NewFile, ...]:
-    """The document, the page, the summary and the pictures."""
+    """The files of a calibration: document, report, summary and plots."""
     system: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
     return (
         NewFile(folder / "calibration.json", found.save),
         NewFile(folder / "report.html", found.report, "writing the report"),
         text_file(folder / "summary.txt", summary(found, Dialect.SHELL, every=True) + "\n"),
-        NewFile(folder / "calibration.png", lambda path: found.plot(view=view, units=system, path=path), "drawing"),
+        NewFile(folder / "calibration.png", lambda path: found.plot(view=view, units=system, path=path), "plotting"),
         NewFile(
             folder / "by_sensor.png",
             lambda path: found.plot(split=False, view=view, units=system, path=path),

@@ -1,4 +1,4 @@
-"""From a function that returns an outcome to a command of the shell."""
+"""Turn a function that returns an Outcome into a command of the shell."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from gmwm.options import ReadOptions
 
 
 def command(function: Callable[..., Outcome]) -> Callable[..., None]:
-    """A command of the shell: a parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`.
+    """Make a command of the shell from a function that returns an Outcome.
 
-    --all-remarks is added, and --json if the function does not have it. Warnings are printed, files are written, and
-    the outcome is printed as text or as JSON.
+    A parameter of type `ReadOptions` becomes the options of `ReadOptionTexts`. The options --all-remarks and --json are
+    added, the second only if the function does not have it. The command writes the files of the outcome, and prints it
+    as text or as JSON, with the warnings on stderr.
     """
     hints = get_type_hints(function, include_extras=True)
     texts = get_type_hints(ReadOptionTexts, include_extras=True)

@@ -1,4 +1,4 @@
-"""gmwm compare: wavelet variances over one another, classical and robust, of one recording or of several."""
+"""gmwm compare: compare classical and robust wavelet variances of one or several recordings."""
 
 from __future__ import annotations
 
@@ -31,32 +31,37 @@ EXAMPLES = (
 def compare(
     files: Annotated[
         list[Path],
-        typer.Argument(help="Recordings, in any formats that are read.", metavar="FILE…", show_default=False),
+        typer.Argument(help="Recordings, in any supported formats.", metavar="FILE…", show_default=False),
     ],
     reading: ReadOptions,
     axis: Axes = None,
     classical: Annotated[
-        bool, typer.Option("--classical", help="The classical curve alone.", rich_help_panel="Estimation")
+        bool, typer.Option("--classical", help="Show only the classical curve.", rich_help_panel="Estimation")
     ] = False,
     robust: Annotated[
-        bool, typer.Option("--robust", help="The robust curve alone.", rich_help_panel="Estimation")
+        bool, typer.Option("--robust", help="Show only the robust curve.", rich_help_panel="Estimation")
     ] = False,
     efficiency: Efficiency = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Compare wavelet variances: classical with robust, and recordings with one another.
+    """Compare classical and robust wavelet variances, and several recordings.
 
-    Where the classical curve lies above the robust one, outliers make the difference: knocks, spikes, telegraph
-    errors. The robust curve leaves out a share of bad coefficients of up to 26 %, and each bad sample spoils 2^j
-    of them at level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely quantised
-    sensor, it may be zero, and says so.
+    A classical curve above the robust one shows outliers such as knocks, spikes and transmission errors. The robust
+    curve tolerates up to 26 % of bad coefficients; at level j, one bad sample affects 2^j coefficients. If more than
+    half of the coefficients are zero, as for a coarsely quantized sensor, the robust curve may be zero; a warning says
+    so.
     """
     if efficiency is not None and classical and not robust:
-        raise OptionError("--efficiency belongs to the robust curve; leave it or --classical out")
+        raise OptionError(
+            "--efficiency applies only to the robust curve",
+            argument="efficiency",
+            got=efficiency,
+            advice="Leave {--efficiency} or {--classical} out.",
+        )
     kinds = [kind for kind, wanted in (("classical", classical), ("robust", robust)) if wanted or classical == robust]
     system: UnitSystem = "datasheet" if datasheet else "si"
     curves: dict[str, dict[str, WaveletVariance]] = {}
@@ -73,18 +78,18 @@ def compare(
         command="compare",
         document={"files": list(map(str, files)), "axes": axes},
         text=_curves_text(curves, view, system),
-        files=() if plot is None else (NewFile(plot, partial(_draw, curves, view, system), "drawing"),),
+        files=() if plot is None else (NewFile(plot, partial(_draw, curves, view, system), "plotting"),),
     )
 
 
 def _names(files: Sequence[Path]) -> list[str]:
-    """What tells the files apart: nothing for one, their names for several, their paths where names repeat."""
+    """Unique labels of files: none for one file, otherwise stems, names or paths."""
     if len(files) == 1:
         return [""]
     for names in ([file.stem for file in files], [file.name for file in files], [str(file) for file in files]):
         if len(set(names)) == len(names):
             return names
-    raise OptionError(f"each recording can be compared once, got {', '.join(map(str, files))}")
+    raise OptionError(argument="files", expected="different recordings", got=list(map(str, files)))
 
 
 def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:
@@ -99,7 +104,7 @@ def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None
 
 
 def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem, path: Path) -> None:
-    """One panel for every axis."""
+    """Plot one panel for each axis."""
     from gmwm import compare as draw_one
     from gmwm.plots.imu import plot_imu
     from gmwm.plots.labels import axis_title
@@ -112,7 +117,7 @@ def _draw(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, s
 
 
 def _curves_text(curves: Mapping[str, Mapping[str, WaveletVariance]], view: ViewName, system: UnitSystem) -> str:
-    """A table for each axis, a column for each curve."""
+    """Format a table for each axis, with a column for each curve."""
     from gmwm.plots.view import view_of
 
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"

@@ -1,4 +1,4 @@
-"""gmwm convert: any recording that can be read, as Parquet, CSV or .imu."""
+"""gmwm convert: convert a recording to Parquet, CSV or .imu."""
 
 from __future__ import annotations
 
@@ -30,30 +30,29 @@ def convert(
     to: Annotated[
         str | None,
         typer.Option(
-            help="Type of the records of an .imu file, which it does not state itself: imu:IMAR, imu:LN200, "
-            "imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT or imu:NAVCHIP_FLT.",
+            help="Type of the records of an .imu file: imu:IMAR, imu:LN200, imu:LN200IG, imu:IXSEA, imu:NAVCHIP_INT "
+            "or imu:NAVCHIP_FLT. The file does not state it.",
             metavar="FORMAT",
             rich_help_panel="Result",
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
-    """Write a recording as Parquet, CSV or .imu.
+    """Convert a recording to Parquet, CSV or .imu.
 
-    In rad/s and m/s², with the time stamps of a uniform clock in each segment: gaps stay, jitter goes. Parquet and
-    CSV keep every digit. An .imu file holds increments in the counts of its type, and no temperature. The file is
-    written whole or not at all.
+    The units are rad/s and m/s². The time stamps are uniform within each segment: gaps are kept, jitter is removed.
+    Parquet and CSV keep all digits. An .imu file holds increments, in counts of its type, and no temperature.
     """
     from gmwm.writers import RECORDS
 
     if output.exists() and output.resolve() == file.resolve():
-        raise OptionError(f"OUT must be another file than FILE, got {output} for both")
+        raise OptionError(f"FILE and OUT are the same file, {output}", argument="output", got=str(output))
     imu = load(file, reading)
-    # What the library calls format= is --to here, as --format is of the file that is read.
+    # The argument `format` of the library is the option --to, because --format is the format of the input.
     with progress(f"writing {output.name}"), named_as_options({"format": "--to"}):
         imu.write(output, format=to)
     lost = output.suffix.lower() == RECORDS and imu.temperature is not None
-    said = f"wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
+    wrote = f"Wrote {output}: {len(imu)} samples at {imu.rate:.10g} Hz, {imu.duration:g} s, {', '.join(imu.axes)}"
     return Outcome(
         command="convert",
         document={
@@ -61,7 +60,7 @@ def convert(
             "duration": imu.duration, "segments": [list(segment) for segment in imu.segments],
             "units": {axis: imu[axis].unit for axis in imu}, "remarks": [remark.to_dict() for remark in imu.remarks],
         },
-        text="\n".join([*texts(imu.remarks, Dialect.SHELL), said]),
+        text="\n".join([*texts(imu.remarks, Dialect.SHELL), wrote]),
         written=(output,),
         listed=False,
         remarks=(Remark.of("temperature-left-out", str(output), format=RECORDS),) if lost else (),

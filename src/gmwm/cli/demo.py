@@ -1,4 +1,4 @@
-"""gmwm demo: a recording with known truth, calibrated from its file as a user's own would be."""
+"""gmwm demo: simulate a recording with known noise, calibrate it, and compare the result with the truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gmwm.cli.export import kalibr_file
 from gmwm.cli.options import Json
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, table_text
 from gmwm.inspection.result import text as inspection_text
-from gmwm.remarks import Dialect
+from gmwm.remarks import Dialect, Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration
@@ -31,20 +31,22 @@ EXAMPLES = ("gmwm demo", "gmwm demo --output here --seed 3")
 RATE = 100.0
 SAMPLES = 720_000
 RESOLUTION = {"gyro": 1e-5, "accel": 1e-4}
-"""Least significant bit of the demo's output (rad/s, m/s²): a hundredth of the noise, as a good unit has."""
+"""Least significant bit of the demo's output (rad/s, m/s²): 1 % of the noise, so quantization does not matter."""
 
 
 @command
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for what the demo writes.")] = Path(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Directory for the files of the demo.")] = Path(
         "demo-output"
     ),
-    seed: Annotated[int, typer.Option(help="Another seed is another recording of the same unit.", min=0)] = 2018,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the simulation. Another seed gives another recording of the same unit.", min=0)
+    ] = 2018,
     json: Json = False,
 ) -> Outcome:
-    """Simulate a six-axis IMU, write it to a file, calibrate it from that file, and compare with the truth.
+    """Simulate a six-axis IMU, calibrate it, and compare the result with the truth.
 
-    The file goes the way of your own: read, inspect, calibrate, pictures.
+    The recording is written to a file and processed like your own: read, inspect, calibrate, plot.
     """
     from gmwm.inspection import inspect
     from gmwm.readers import read
@@ -53,9 +55,9 @@ def demo(
     truth = {axis: model.sorted(RATE) for axis, model in reference_imu().items()}
     file = made_directory(output) / "imu.csv"
     imu = _simulated(truth, seed, file)
-    # It takes a minute: what is known is printed at once.
+    # The demo takes a minute, so it prints each result at once.
     say = _silent if json else print
-    say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nWrote {file}, read it back:\n")
+    say(f"Simulated {imu.duration / 3600:g} h of a six-axis IMU at rest, seed {seed}.\nRead it from {file}:\n")
     with progress(f"reading {file}"):
         imu = read(file)
     with progress("inspecting"):
@@ -82,7 +84,7 @@ def demo(
 
 
 def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
-    """A recording with this truth, written to a file."""
+    """Simulate a recording, and write it to a file."""
     from gmwm.simulation import simulate
 
     with progress("simulating"):
@@ -97,7 +99,7 @@ def _silent(_: str) -> None:
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:
-    """Truth and estimate of every parameter of every axis; None where the recommended model has no such parameter."""
+    """True value, estimate and interval of each parameter; None if the recommended model lacks the parameter."""
     rows = []
     for axis, fit in found.items():
         units, intervals = truth[axis].units(fit.wavelet_variance.unit), found.axes[axis].intervals
@@ -125,7 +127,7 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
         table.append([row["axis"] if first else "", row["parameter"], *numbers])
     shown = table_text(
         ["axis", "parameter", "truth", "estimate", "95 % interval"], table,
-        title="What was simulated, and what was found in the file", texts=2, rules=rules,
+        title="Simulated values and estimates", texts=2, rules=rules,
     )  # fmt: skip
     same = [axis for axis, fit in found.items() if structure_of(fit.model) == structure_of(truth[axis])]
     inside = [low <= row["truth"] <= high for row in rows if row["interval"] for low, high in [row["interval"]]]
@@ -133,42 +135,44 @@ def _comparison_text(rows: Sequence[Mapping[str, Any]], truth: Mapping[str, Mode
         "",
         shown,
         "\nVariances in (rad/s)² and (m/s²)², those of RW per sample; beta in 1/s.\n"
-        f"The model that was simulated is recommended on {len(same)} of {len(found)} axes;\n"
-        f"{sum(inside)} of {len(inside)} intervals hold the truth. White and quantization noise are\n"
-        "known to a per cent; random walks and slow Gauss-Markov processes to some\n"
-        "20 %: two hours hold few of their swings.",
+        f"The simulated model is recommended for {len(same)} of {len(found)} axes, and {sum(inside)} of "
+        f"{len(inside)} intervals\n"
+        "contain the true value. White and quantization noise are known to about 1 %, random\n"
+        "walks and slow Gauss-Markov processes to about 20 %, because two hours contain only a\n"
+        "few of their correlation times.",
     ]
     for axis, fit in found.items():
         if axis not in same:
             equal = [structure_of(other.model) for other in found.rankings[axis].equivalent]
-            too = "; both are as good" if structure_of(truth[axis]) in equal else ""
-            lines.append(f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended{too}.")
+            tie = " The data do not distinguish them." if structure_of(truth[axis]) in equal else ""
+            lines.append(f"{axis}: {truth[axis].structure} was simulated, {fit.model.structure} is recommended.{tie}")
     gaps = [fit.gap for fit in found.values() if fit.gap is not None]
     if gaps:
-        lines.append(f"Each fit is proven best: no other gains more than {100 * max(gaps):.2g} % of its objective.")
+        lines.append(Remark.of("optimal", gap=100 * max(gaps), exact="no").text(Dialect.SHELL))
     return "\n".join(lines)
 
 
 def _allan(found: Calibration, folder: Path) -> NewFile:
-    """All axes by sensor as Allan deviations, in the units of datasheets."""
+    """A plot of the Allan deviations of all axes, one panel for each sensor, in the units of datasheets."""
     path = folder / "allan_deviations.png"
     return NewFile(
-        path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "drawing"
+        path, lambda target: found.plot(split=False, view="allan", units="datasheet", path=target), "plotting"
     )  # fmt: skip
 
 
-def _way_in() -> str:
-    """What makes the command known to the shell, where it is not: `make demo` called it by its path."""
+def _activation() -> str:
+    """The line that activates the virtual environment, if the shell does not find `gmwm`, as after `make demo`."""
     if shutil.which("gmwm") or sys.prefix == sys.base_prefix or os.name == "nt":
         return ""
     return f"  source {os.path.relpath(Path(sys.prefix, 'bin', 'activate'))}\n"
 
 
 def _what_next() -> str:
+    """The commands for the user's own recording."""
     return (
-        "\nNow your own recording, some hours at rest:\n"
-        f"{_way_in()}"
+        "\nNext, calibrate your own recording of some hours at rest:\n"
+        f"{_activation()}"
         "  gmwm info FILE\n"
         "  gmwm calibrate FILE --output results\n"
-        "with --rate and --units gyro=deg/s,accel=g where the file does not say them."
+        "Add --rate and --units gyro=deg/s,accel=g if the file does not state them."
     )

@@ -1,4 +1,4 @@
-"""Lengths of time and shares, as options take them."""
+"""Parse durations and shares in the values of options."""
 
 from __future__ import annotations
 
@@ -16,9 +16,27 @@ _TERM = re.compile(rf"\s*({_NUMBER})\s*([a-z]+)", re.IGNORECASE)
 _PLAIN = re.compile(rf"\s*({_NUMBER})\s*(%?)\s*", re.IGNORECASE)
 
 
-def parse_length(text: str, option: str = "--duration") -> float:
-    """A length of time in seconds.
+def parse_length(text: str, argument: str = "duration") -> float:
+    """Parse a duration: a number with a unit, a sum of these, or a number of seconds.
 
+    Parameters
+    ----------
+    text : str
+    argument : str
+        Argument whose option has this value, for errors.
+
+    Returns
+    -------
+    float
+        Seconds.
+
+    Raises
+    ------
+    OptionError
+        If it is anything else.
+
+    Examples
+    --------
     >>> parse_length("90"), parse_length("30min"), parse_length("2 hours"), parse_length("1h30m"), parse_length("1.5d")
     (90.0, 1800.0, 7200.0, 5400.0, 129600.0)
     >>> parse_length("100ms")
@@ -28,17 +46,17 @@ def parse_length(text: str, option: str = "--duration") -> float:
         return float(plain[1])
     terms, rest = _TERM.findall(text), _TERM.sub("", text)
     if not terms or rest.strip() or any(unit.lower() not in _SECONDS for _, unit in terms):
-        raise OptionError(f"{option} takes a length as 90s, 30min, 1h30m, 2h or 1d, or in seconds; got {text!r}")
+        raise OptionError(argument=argument, expected="a duration such as 90s, 30min, 1h30m, 2h or 1d", got=text)
     return float(sum(float(number) * _SECONDS[unit.lower()] for number, unit in terms))
 
 
-def parse_share(text: str) -> float:
-    """A share, as a number or in per cent.
+def parse_share(text: str, argument: str = "accuracy") -> float:
+    """Parse a share, as a number or a percentage.
 
     >>> parse_share("0.1"), parse_share("10%"), parse_share("2.5 %")
     (0.1, 0.1, 0.025)
     """
     match = _PLAIN.fullmatch(text)
     if match is None:
-        raise OptionError(f"--accuracy takes a share as 0.1 or 10%, got {text!r}")
+        raise OptionError(argument=argument, expected="a share such as 0.1 or 10%", got=text)
     return float(match[1]) / (100.0 if match[2] else 1.0)

@@ -1,10 +1,9 @@
-"""How a command ends: in one readable line, with an exit code, never with a traceback of a planned error."""
+"""Print the errors of commands in one line on stderr, and set the exit code."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import re
 import sys
 import threading
 from collections.abc import Sequence
@@ -17,27 +16,26 @@ from gmwm._template import Dialect
 from gmwm.cli.output import one_line
 from gmwm.errors import GmwmError
 
-# What Typer says of a value that is no number, and the same in plain words.
-_VALUE = r"invalid value for '(?:\S+ / )?([^']+)': [Ii]nput should be "
-_RAW = tuple(
-    (re.compile(_VALUE + raw), plain)
-    for raw, plain in (
-        ("a valid number.*", r"\1 takes a number, without a unit"),
-        ("a valid integer.*", r"\1 takes a whole number"),
-        ("greater than or equal to (.+)", r"\1 must be \2 or more"),
-    )
-)
+_EXPECTED = {
+    "float_parsing": "a number, without a unit",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float": "a number, without a unit",
+    "integer": "a whole number",
+}
+"""What an option takes, by the error type of Pydantic (new versions of Typer) or the type of Click (old versions)."""
 
 OK, USER_ERROR, INTERRUPTED = 0, 2, 130
 
-# Click is a part of Typer in new versions and a package beside it in old ones; the parent is found in both.
+# New versions of Typer contain Click, old ones import it. This expression gets the class in both cases.
 _UsageError: type[Any] = typer.BadParameter.__mro__[1]
 
 
 class OneLineErrors(TyperGroup):
-    """A group of commands whose errors take one line on stderr.
+    """A group of commands that prints each error in one line on stderr.
 
-    Exit codes: 0 ok, 2 what the user can mend, 130 after Ctrl-C. An error of our own making is a traceback.
+    Exit codes: 0 if the command succeeded, 2 after an error that the user can correct, 130 after Ctrl-C. A bug in gmwm
+    shows a traceback.
     """
 
     def main(
@@ -49,23 +47,23 @@ class OneLineErrors(TyperGroup):
         windows_expand_args: bool = True,
         **extra: Any,
     ) -> NoReturn:
-        """Run the command that the arguments name, and leave by SystemExit in any case but a bug."""
+        """Run the command that the arguments name, and raise SystemExit unless gmwm has a bug."""
         try:
             code = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
             sys.stdout.flush()
         except (BrokenPipeError, SystemExit):
-            # Whoever read us has seen enough: end quietly, and let the last flush of the interpreter find a sink.
-            # (Typer and Rich raise SystemExit at a broken pipe, and at nothing else outside standalone mode.)
-            _silence()
+            # The reader of a pipe, such as `head`, has closed it: end quietly. The interpreter flushes stdout at exit,
+            # so stdout must go somewhere. Outside standalone mode, Typer and Rich raise SystemExit only here.
+            _discard_stdout()
             code = OK
         except _UsageError as error:
-            code = _told(_usage(error))
+            code = _print_error(_usage_text(error))
         except GmwmError as error:
-            code = _told(error.text(Dialect.SHELL))
+            code = _print_error(error.text(Dialect.SHELL))
         except MemoryError:
-            code = _told("there is not enough memory for a recording of this length")
+            code = _print_error("there is not enough memory for a recording of this length")
         except OSError as error:
-            code = _told(f"{error.filename or 'file'}: {error.strerror or error}")
+            code = _print_error(f"{error.filename or 'file'}: {error.strerror or error}")
         except (typer.Abort, KeyboardInterrupt):
             code = INTERRUPTED
         if code == INTERRUPTED:
@@ -75,9 +73,9 @@ class OneLineErrors(TyperGroup):
 
 
 def _leave_threads_behind() -> None:
-    """End at once where threads still work: the interpreter would wait for them, for minutes at worst.
+    """Exit at once if threads are still running, because the interpreter would wait for them, possibly for minutes.
 
-    What is written is written by the main thread, which has let go of it by now.
+    No file is left incomplete: only the main thread writes files, and it has stopped.
     """
     if any("ThreadPool" in thread.name for thread in threading.enumerate()):
         _flush()
@@ -90,20 +88,37 @@ def _flush() -> None:
             stream.flush()
 
 
-def _told(message: str) -> int:
+def _print_error(message: str) -> int:
     print(f"error: {one_line(message)}", file=sys.stderr)
     return USER_ERROR
 
 
-def _usage(error: Any) -> str:
-    message = error.format_message().rstrip(".")
-    message = message[:1].lower() + message[1:]
-    for raw, plain in _RAW:
-        message = raw.sub(plain, message)
-    return f"{message}; see {error.ctx.command_path} --help" if error.ctx is not None else message
+def _usage_text(error: Any) -> str:
+    """The text of Typer's error about the arguments of a command, with the help to see."""
+    text = _value_text(error) or error.format_message()
+    return text if error.ctx is None else f"{text} (see {error.ctx.command_path} --help)"
 
 
-def _silence() -> None:
+def _value_text(error: Any) -> str:
+    """The text for an option whose value has the wrong type; "" for any other error."""
+    parameter, cause = getattr(error, "param", None), error.__cause__
+    if parameter is None:
+        return ""
+    option = next((name for name in parameter.opts if name.startswith("--")), parameter.opts[0])
+    details = cause.errors()[0] if hasattr(cause, "errors") else {}
+    kind = details.get("type") or getattr(getattr(parameter, "type", None), "name", "")
+    context = details.get("ctx", {})
+    if kind == "greater_than_equal":
+        return f"{option} must be {context['ge']} or more; got {details['input']}"
+    if "error" in context:
+        return f"{option}: {context['error']}"
+    if kind not in _EXPECTED or type(error) is not typer.BadParameter:
+        return ""
+    got = f"; got {details['input']!r}" if "input" in details else ""
+    return f"{option} must be {_EXPECTED[kind]}{got}"
+
+
+def _discard_stdout() -> None:
     sink = os.open(os.devnull, os.O_WRONLY)
     os.dup2(sink, sys.stdout.fileno())
     os.close(sink)

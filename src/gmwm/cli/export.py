@@ -1,4 +1,4 @@
-"""gmwm export: the noise of a calibrated unit as other programs read it."""
+"""gmwm export: write the noise of a calibrated unit in the formats of other programs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def export(
     calibration: Annotated[
         Path,
         typer.Argument(
-            help="What gmwm calibrate --output wrote: calibration.json, or its folder.",
+            help="calibration.json of gmwm calibrate --output, or its folder.",
             metavar="CALIBRATION",
             show_default=False,
         ),
@@ -42,59 +42,64 @@ def export(
     format: Annotated[
         str | None,
         typer.Option(
-            help=f"One of {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME", show_default=False
+            help=f"Format: {', '.join(export_formats())}. Default: {DEFAULT}.", metavar="NAME", show_default=False
         ),
     ] = None,
     axes: Annotated[
         Literal["worst", "mean", "each"] | None,
         typer.Option(
-            help="Of the axes of a sensor the largest number, the root mean square, or one for each where the format "
-            "takes such. Default: worst for filters, each for simulators and messages.",
+            help="Combine the axes of a sensor: the largest value (worst), the root mean square (mean), or one value "
+            "for each axis if the format allows it. Default: worst for filters, each for simulators and messages.",
             show_default=False,
         ),
     ] = None,
     inflation: Annotated[
-        float, typer.Option(help="Factor on standard deviations; variances grow by its square.")
+        float, typer.Option(help="Factor on all standard deviations. Variances are multiplied by its square.")
     ] = 1.0,
     horizon: Annotated[
         str,
         typer.Option(
-            help="How long the program relies on the sensor alone, as 100ms, 1s, 1min or seconds: what is correlated "
-            "for less is white noise to it, for longer a random walk.",
+            help="Time between corrections from other sensors: 100ms, 1s, 1min or seconds. A process with a shorter "
+            "correlation time counts as white noise, one with a longer correlation time as random walk.",
             metavar="LENGTH",
         ),
     ] = f"{HORIZON:g}s",
     rate: Annotated[
         float | None,
         typer.Option(
-            help="Samples per second (Hz) that the program gets. Default: of the recording.", show_default=False
+            help="Sampling rate (Hz) in the other program. Default: that of the recording.", show_default=False
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Write this file; without it the text is printed.", rich_help_panel=RESULT),
+        typer.Option("--output", "-o", help="Write to this file. Default: print the text.", rich_help_panel=RESULT),
     ] = None,
     all: Annotated[
         Path | None,
-        typer.Option("--all", help="Write a file of each format into this directory.", rich_help_panel=RESULT),
+        typer.Option("--all", help="Write a file in each format to this directory.", rich_help_panel=RESULT),
     ] = None,
 ) -> Outcome:
-    """Write the noise of a calibrated unit as other programs read it.
+    """Write the noise of a calibrated unit in the format of another program.
 
-    Most of them know white noise N and a random walk K of the bias, and no more. Where the model has nothing of the
-    kind, the file has the upper limit that the data give, and says so: never a zero. The head of each file says units,
-    continuous or discrete, axes, inflation, horizon, models and source.
+    Most programs use only the white noise N and the random walk K of the bias. If the model has no such process, the
+    file contains the upper limit from the data, never zero, and states this. The header of each file states units,
+    continuous or discrete time, axes, inflation, horizon, models and source.
     """
     from gmwm import Calibration
 
     if all is not None and (format is not None or output is not None):
-        raise OptionError("--all writes every format into a directory; leave --format and --output out")
-    seconds = parse_length(horizon, "--horizon")
+        raise OptionError(
+            "--all writes every format",
+            argument="all",
+            got=str(all),
+            advice="Leave {--format} and {--output} out.",
+        )
+    seconds = parse_length(horizon, "horizon")
     choice: _Choice = {"axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate}
     file = calibration_file(calibration)
     found = Calibration.load(file)
     if all is not None:
-        return _all(found, file, made_directory(all, "--all"), choice)
+        return _all(found, file, made_directory(all, "all"), choice)
     return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
 
 
@@ -108,7 +113,7 @@ class _Choice(TypedDict):
 
 
 def _one(found: Calibration, file: Path, output: Path | None, name: str, choice: _Choice) -> Outcome:
-    """One format, printed if there is no file for it."""
+    """Write one format, or print it if there is no output file."""
     from gmwm.exporters import export as exported
 
     text = exported(found, None, name, **choice)
@@ -122,7 +127,7 @@ def _one(found: Calibration, file: Path, output: Path | None, name: str, choice:
 
 
 def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outcome:
-    """Every format that there can be of a calibration; and of the others, why not."""
+    """Write every format that the calibration allows; remarks give the reasons for the others."""
     from gmwm.exporters import export_all
 
     written, left = export_all(found, folder, **choice)
@@ -131,20 +136,20 @@ def _all(found: Calibration, file: Path, folder: Path, choice: _Choice) -> Outco
         command="export",
         document={"file": str(file), "written": list(map(str, paths)), "left_out": left},
         written=paths,
-        closing=f"\n{len(paths)} of {len(paths) + len(left)} formats written",
+        closing=f"\nWrote {len(paths)} of {len(paths) + len(left)} formats.",
         remarks=tuple(_reasons(left)),
     )
 
 
 def _reasons(left: Mapping[str, str]) -> Iterator[Remark]:
-    """Why formats are not written."""
-    for name, why in left.items():
-        yield Remark.of("format-not-written", name, reason=why.rstrip("."))
+    """The reasons for the formats that are not written."""
+    for name, reason in left.items():
+        yield Remark.of("format-not-written", name, reason=reason)
 
 
 @dataclass(frozen=True)
 class KalibrFile:
-    """imu.yaml beside a calibration: the file if it can be written, one of an earlier run to remove, and remarks."""
+    """imu.yaml of a calibration: the file if it can be written, an older one to remove, and remarks."""
 
     files: tuple[NewFile, ...] = ()
     obsolete: tuple[Path, ...] = ()
@@ -152,7 +157,7 @@ class KalibrFile:
 
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
-    """imu.yaml in `folder`, if both sensors are calibrated and the data bound what it needs."""
+    """Make imu.yaml, if both sensors are calibrated and the data bound its numbers."""
     from gmwm.exporters import export as exported
     from gmwm.signals import sensor_of
 
@@ -161,9 +166,9 @@ def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
         try:
             return KalibrFile((text_file(target, exported(found)),))
         except (DataError, MissingTheoryError) as error:
-            remarks.append(Remark.of("format-not-written", target.name, reason=str(error).rstrip(".")))
+            remarks.append(Remark.of("format-not-written", target.name, reason=error.reason))
     if not target.is_file():
         return KalibrFile(remarks=tuple(remarks))
-    # Another run would have written over it; beside the new numbers it would be taken for theirs.
+    # A file of an earlier run would be mistaken for one of this calibration.
     remarks.append(Remark.of("old-file-removed", target.name))
     return KalibrFile(obsolete=(target,), remarks=tuple(remarks))

@@ -1,4 +1,4 @@
-"""gmwm fit: a noise model for each axis of a recording, with its certificate."""
+"""gmwm fit: fit a noise model to each axis of a recording."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def fit(
         typer.Option(
             "--model",
             "-m",
-            help=f"A sum of processes: {_PROCESSES}. Numbers repeat: 2*GM. Values start there, fixed values are "
-            "held: GM(beta=fixed(0.01)).",
+            help=f"Sum of processes: {_PROCESSES}. 2*GM stands for two of them. Given values are starting values; "
+            "fixed(…) holds a value: GM(beta=fixed(0.01)).",
             metavar="MODEL",
             show_default=False,
         ),
@@ -76,8 +76,9 @@ def fit(
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
         typer.Option(
-            help="Weigh each level by its own variance, or with all covariances, or all alike. Default: diagonal; "
-            "optimal where a process has several parameters of its shape.",
+            help="Weights of the levels: inverse variances (diagonal), inverse covariance matrix (optimal), or equal "
+            "weights (identity). Default: diagonal, but optimal for processes with several shape parameters such as "
+            "AR(2).",
             rich_help_panel="Estimation",
             show_default=False,
         ),
@@ -90,21 +91,25 @@ def fit(
         bool,
         typer.Option(
             *LIKELIHOOD,
-            help="Carry each fit on to the largest likelihood, and show that one too. Not robust; every process needs "
-            "a state-space form, which FN, PL, FGN and MAT have not.",
+            help="Also fit by maximum likelihood, starting from the wavelet fit. Outliers affect this fit. Every "
+            "process needs a state-space form; FN, PL, FGN and MAT do not have one.",
             rich_help_panel="Estimation",
         ),
     ] = False,
     certify: Annotated[
         bool,
-        typer.Option("--certify/--no-certify", help="Prove that no better fit exists.", rich_help_panel="Estimation"),
+        typer.Option(
+            "--certify/--no-certify",
+            help="Compute a certificate that the fit is the global optimum.",
+            rich_help_panel="Estimation",
+        ),
     ] = True,
     start_draws: Annotated[
         int | None,
         typer.Option(
             "--start-draws",
-            help="Start from the best of this many random parameter values, as the paper does. The default start needs "
-            "no random numbers and finds the optimum with proof; use this for comparison only. See --seed.",
+            help="Start from the best of this number of random draws, as in the paper, with --seed. For comparisons "
+            "only.",
             metavar="DRAWS",
             min=1,
             rich_help_panel="Estimation",
@@ -115,7 +120,7 @@ def fit(
         float,
         typer.Option(
             callback=checked_confidence,
-            help="Level of the parameters' confidence intervals.",
+            help="Level of the confidence intervals.",
             metavar="LEVEL",
             rich_help_panel=RESULT,
         ),
@@ -124,44 +129,41 @@ def fit(
         int | None,
         typer.Option(
             "--bootstrap-draws",
-            help="Compute confidence intervals and the test from this many simulated records instead of from theory. "
-            "500 is usual; 95 % intervals need at least 39. See --seed.",
+            help="Compute intervals and test from this number of simulated records, for example 500, instead of from "
+            "theory. At least 39 at 95 %.",
             metavar="DRAWS",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
     seed: Annotated[
-        int,
-        typer.Option(
-            help="Seed of the random draws of --bootstrap-draws and --start-draws.", min=0, rich_help_panel=RESULT
-        ),
+        int, typer.Option(help="Seed of the bootstrap and of the random draws.", min=0, rich_help_panel=RESULT)
     ] = 0,
     chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
-        typer.Option(help="Draw the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+        typer.Option(help="Plot the fits to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(help="Write fits.json and a picture of each fit into this directory.", rich_help_panel=RESULT),
+        typer.Option(help="Write fits.json and a plot of each fit to this directory.", rich_help_panel=RESULT),
     ] = None,
     view: View = "wavelet",
     datasheet: Datasheet = False,
 ) -> Outcome:
-    """Fit a model to each axis and print its parameters with confidence intervals, and a test of the fit.
+    """Fit a noise model to each axis, and print its parameters, confidence intervals and goodness of fit.
 
-    Parameters are in SI units and per sample, but for GM.beta, the inverse correlation time in 1/s. The
-    estimate is the best there is: no starting values are needed, and the certificate says by how many per cent
-    of the objective a better one could gain at most. Processes with several parameters of their shape, as AR(2),
-    have none: theirs is the best of what a scan of all shapes leads to.
+    Parameters are in SI units and per sample, except GM.beta, the inverse correlation time in 1/s. No starting values
+    are needed: the fit is the global optimum. A certificate bounds by how many per cent other parameter values could
+    lower the objective. Models with several shape parameters per process, such as AR(2), have no certificate; they
+    start from a scan of all shapes.
     """
     from gmwm import Imu, Model
     from gmwm.estimation import Sampled
 
     parsed, strength = Model.parse(model), chosen_efficiency(robust, efficiency)
     if likelihood:
-        require_states(parsed, LIKELIHOOD[0])
+        require_states(parsed, argument="likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)
     recording = opened(file, reading, chunked, whole=LIKELIHOOD[0] if likelihood else needs_memory(filter, transform))
     if output is not None:
@@ -189,7 +191,7 @@ def fit(
 
 
 def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator[Remark]:
-    """What to know about the fits."""
+    """The remarks about the fits."""
     for name, found in fits.items():
         yield from (remark.about(name) for remark in found.diagnostics.remarks)
     for name, one in carried.items():
@@ -197,7 +199,7 @@ def _remarks(fits: Mapping[str, Fit], carried: Mapping[str, Judged]) -> Iterator
 
 
 def _axes_document(fits: Mapping[str, Fit], carried: Mapping[str, Judged], how: IntervalMethod) -> dict[str, Any]:
-    """Each fit with its intervals and test as plain numbers, lists and texts."""
+    """The fits with intervals and tests, as plain numbers, lists and texts."""
     from gmwm.inference.summary import inference
 
     axes = {}
@@ -218,7 +220,7 @@ def _files(
     view: Literal["wavelet", "allan"],
     datasheet: bool,
 ) -> Iterator[NewFile]:
-    """fits.json and a picture of each fit in a folder, and the picture that --plot asks for."""
+    """fits.json and a plot of each fit for --output, and the plot for --plot."""
     if folder is not None:
         yield text_file(folder / "fits.json", json_text("fit", content) + "\n")
         yield from (_picture({name: f}, folder / f"fit_{name}.png", view, datasheet) for name, f in fits.items())
@@ -227,7 +229,7 @@ def _files(
 
 
 def _interval_method(confidence: float, draws: int | None, seed: int) -> IntervalMethod:
-    """How intervals and tests are made, and enough simulated records for them."""
+    """The method of intervals and tests. Raises an OptionError if there are too few simulated records."""
     from gmwm.inference.bootstrap import as_draws
     from gmwm.inference.summary import IntervalMethod
 
@@ -250,7 +252,7 @@ def fit_axes(
     transform: Literal["modwt", "dwt"] = "modwt",
     start: Sampled | None = None,
 ) -> dict[str, Fit]:
-    """A fit of each signal with the model of its axis, several at once."""
+    """Fit each signal or curve with the model of its axis, in parallel."""
     import gmwm
     from gmwm.cli.parallel import over_axes
 
@@ -264,7 +266,7 @@ def fit_axes(
 
 
 def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "allan"], datasheet: bool) -> NewFile:
-    """A picture of one fit with its terms in words, or of several in a grid."""
+    """A plot of one fit with its terms, or of several fits in a grid."""
     from gmwm.plots.imu import plot_imu
 
     units: Literal["si", "datasheet"] = "datasheet" if datasheet else "si"
@@ -275,11 +277,11 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
         else:
             plot_imu(fits, view=view, units=units, path=target)
 
-    return NewFile(path, draw, f"drawing {path.name}")
+    return NewFile(path, draw, f"plotting {path.name}")
 
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
-    """The summary of one fit, or a table for each sensor with its axes side by side."""
+    """Format the summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.calibration.tables import wrapped
     from gmwm.inference.summary import intervals_if_known
     from gmwm.signals import by_sensor
@@ -293,8 +295,8 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     parts = [
         f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}",
         *(_sensor_text(group, how) for group in sensors.values()),
-        f"±: one relative standard error; ≤: upper limit at {50 + 50 * how.level:g} %; p: of a worse fit\n"
-        "if the model is right. Confidence intervals: one --axis alone, or --json.",
+        f"±: relative standard error. ≤: upper limit at {50 + 50 * how.level:g} %. p: p-value of the\n"
+        "goodness-of-fit test. For confidence intervals, select one --axis, or use --json.",
     ]
     remarks = [
         remark.about(name)
@@ -317,9 +319,9 @@ def _sensor_text(group: Mapping[str, Fit], how: IntervalMethod) -> str:
     tests = [test_in_words(found, how)[0] for found in group.values()]
     rows.append(["p of the fit", *("not tested" if t is None else t.pvalue_in_words for t in tests)])
     rows.append(["objective", *(f"{found.objective:.5g}" for found in group.values())])
-    rows.append(["gain at most", *_gains(list(group.values()))])
+    rows.append(["optimality gap", *_gaps(list(group.values()))])
     return f"{table_text(['parameter', *group], rows, rules=[last])}\n{units_text(units)}"
 
 
-def _gains(fits: Sequence[Fit]) -> list[str]:
-    return ["no proof" if found.gap is None else f"{100 * found.gap:.2g} %" for found in fits]
+def _gaps(fits: Sequence[Fit]) -> list[str]:
+    return ["none" if found.gap is None else f"{100 * found.gap:.2g} %" for found in fits]

@@ -1,4 +1,4 @@
-"""gmwm fleet: thousands of recordings, each calibrated, and what the units are like together."""
+"""gmwm fleet: calibrate thousands of recordings, and compare the units."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ EXAMPLES = (
     "gmwm fleet recordings --pattern '*.csv' --units gyro=deg/s --output results",
     "gmwm fleet /shared/lot7 --scheduler tcp://10.0.0.5:8786 --output results",
 )
-SHOWN = 10
-"""Failed units that are named on stderr; the table and the summary have all."""
 
 
 @command
 def fleet(
     folder: Annotated[
         Path,
-        typer.Argument(help="Folder of recordings, a unit each; all beneath.", metavar="DIR", show_default=False),
+        typer.Argument(
+            help="Folder with one recording of each unit, including all subfolders.", metavar="DIR", show_default=False
+        ),
     ],
     output: Annotated[
         Path,
         typer.Option(
             "--output",
             "-o",
-            help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png into this directory. "
-            "What an earlier run left there is not done again.",
+            help="Write units/<unit>.json, fleet.json, fleet.parquet, summary.txt and fleet.png to this directory. "
+            "Units that an earlier run calibrated there are skipped.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -57,7 +57,7 @@ def fleet(
     pattern: Annotated[
         str | None,
         typer.Option(
-            help="Which files: '*.csv' by name, 'lot 7/*.csv' by path. Default: all that can be read.",
+            help="Files to read: '*.csv' by name, 'lot 7/*.csv' by path. Default: all recordings.",
             metavar="PATTERN",
             rich_help_panel=INPUT,
             show_default=False,
@@ -74,7 +74,7 @@ def fleet(
     scheduler: Annotated[
         str | None,
         typer.Option(
-            help="Dask scheduler whose workers do it, as tcp://10.0.0.5:8786; they find the files under the same "
+            help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Its workers need the files at the same "
             "paths. Default: this machine.",
             metavar="ADDRESS",
             rich_help_panel=MACHINES,
@@ -84,7 +84,7 @@ def fleet(
     workers: Annotated[
         int | None,
         typer.Option(
-            help="Processes on this machine. Default: one for each processor; 0: none, all in this one.",
+            help="Number of processes on this machine. Default: one for each processor. 0: no further process.",
             min=0,
             rich_help_panel=MACHINES,
             show_default=False,
@@ -93,28 +93,43 @@ def fleet(
     retries: Annotated[
         int,
         typer.Option(
-            help="How often a unit is tried again after an error of the file system or a lost worker.",
+            help="Number of further attempts for a unit after an error of the file system or the loss of a worker.",
             min=0,
             rich_help_panel=MACHINES,
         ),
     ] = 2,
 ) -> Outcome:
-    """Calibrate every recording in a folder, and tell what the units are like and which are not like the others.
+    """Calibrate every recording in a folder, and find the units that differ from the others.
 
-    Each unit's calibration is written as soon as it is there; the same command again does only what is missing, failed
-    or changed. Units that cannot be calibrated are named with their reasons and end nothing: the exit code is 0 if any
-    unit is calibrated, 2 if none is.
+    Each calibration is written as soon as it is done. If the command runs again, it processes only units that are
+    missing, failed or changed. A unit that cannot be calibrated does not stop the run; a warning gives the reason. The
+    exit code is 0 if at least one unit is calibrated, otherwise 2.
 
-    fleet.parquet has a row for each unit and axis; Fleet.load reads the directory.
+    fleet.parquet has a row for each unit and axis. Fleet.load reads the directory in Python.
     """
     from gmwm.fleets.engine import calibrate_fleet
 
     if efficiency is not None and robust == "no":
-        raise OptionError("--efficiency belongs to the robust wavelet variance; leave it or --robust no out")
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance",
+            argument="efficiency",
+            got=efficiency,
+            advice="Leave {--efficiency} or {--robust=no} out.",
+        )
     if workers is not None and scheduler is not None:
-        raise OptionError("--workers are those begun on this machine, a scheduler has its own: leave one of them out")
+        raise OptionError(
+            "--workers starts processes on this machine, but a scheduler has its own workers",
+            argument="workers",
+            got=workers,
+            advice="Leave {--workers} or {--scheduler} out.",
+        )
     if folder.is_file():
-        raise OptionError(f"{folder} is one recording, not a folder of them: gmwm calibrate is for one")
+        raise OptionError(
+            f"{folder} is a file, not a folder of recordings",
+            argument="folder",
+            got=str(folder),
+            advice="Use {gmwm calibrate} for one recording.",
+        )
     asked = CalibrationOptions(
         within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
@@ -126,13 +141,13 @@ def fleet(
             progress=advance,
         )  # fmt: skip
     if not len(found):
-        unit, why = next(iter(found.failed.items()))
-        raise DataError(f"none of {len(found.units)} units can be calibrated; {unit}: {why}")
+        unit, reason = next(iter(found.failed.items()))
+        raise DataError(f"none of {len(found.units)} units can be calibrated; the first one is {unit}: {reason}")
     summary = found.summary()
     done = (output / FILE, output / TABLE)
     files = (
         text_file(output / "summary.txt", summary + "\n"),
-        NewFile(output / "fleet.png", lambda path: found.plot(path=path), "drawing"),
+        NewFile(output / "fleet.png", lambda path: found.plot(path=path), "plotting"),
     )
     return Outcome(
         command="fleet",
@@ -145,7 +160,7 @@ def fleet(
 
 
 def _document(found: Fleet) -> dict[str, object]:
-    """What --json prints, but for what was written."""
+    """The result for --json, without the written files."""
     return {
         "output": str(found.folder), "units": list(found.units), "done": found.done, "kept": found.kept,
         "failed": found.failed, "left_out": list(found.left_out), "statistics": found.statistics.to_dict(),
@@ -153,18 +168,18 @@ def _document(found: Fleet) -> dict[str, object]:
 
 
 def _trouble(found: Fleet) -> Iterator[Remark]:
-    """Units and files that are not among the calibrated ones."""
-    for unit, why in found.failed.items():
-        yield Remark.of("not-calibrated", unit, reason=why.rstrip("."))
+    """Remarks about units that are not calibrated, and files that are left out."""
+    for unit, reason in found.failed.items():
+        yield Remark.of("not-calibrated", unit, reason=reason)
     if found.left_out:
         yield Remark.of("files-left-out", files=tuple(found.left_out))
 
 
 @contextmanager
 def _bar() -> Iterator[Progress]:
-    """A progress bar of as many units as there are, which is known when they are found."""
+    """Show a progress bar in thousandths, because the number of units is not known at the start."""
     fine, moved = 1000, 0
-    with progress("looking for recordings", fine) as advance:
+    with progress("searching recordings", fine) as advance:
 
         def show(done: int, units: int, text: str) -> None:
             nonlocal moved

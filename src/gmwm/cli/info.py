@@ -1,4 +1,4 @@
-"""gmwm info: what a file holds, as it was understood."""
+"""gmwm info: inspect a recording."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ def info(
     chunked: Chunked = "auto",
     plot: Annotated[
         Path | None,
-        typer.Option(help="Draw all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+        typer.Option(help="Plot all axes over time to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
 ) -> Outcome:
-    """Say what a recording holds and whether it can be used.
+    """Inspect a recording, and say whether it can be used.
 
-    Rate and duration, gaps and jitter of the time stamps, axes and units as understood, the least significant
-    bit, whether the unit stood still, knocks and steps, warm-up, temperature, and what to beware of.
+    Prints rate, duration, gaps and jitter of the time stamps, axes and units, quantization, motion, knocks, jumps,
+    warm-up and temperature.
 
-    In the table, all in SI units: mean; sd, the standard deviation of all samples; noise, that of white noise with
-    the same differences from sample to sample, which offset and slow drift do not reach; LSB, the quantisation step
-    where one shows; wander, the largest difference between the means of 64 equal windows of the recording.
+    Columns of the table, in SI units: mean; sd, the standard deviation of all samples; noise, the standard deviation of
+    white noise with the same differences between neighbouring samples, which offset and slow drift do not affect; LSB,
+    the quantization step if there is one; wander, the largest difference between the means of 64 equal windows.
     """
     from gmwm.inspection import inspect
 
@@ -51,7 +51,7 @@ def info(
         inspection = inspect(recording)
     files = []
     if plot is not None and isinstance(recording, Imu):
-        files.append(NewFile(plot, partial(_draw, recording), f"drawing {plot.name}"))
+        files.append(NewFile(plot, partial(_draw, recording), f"plotting {plot.name}"))
     return Outcome(
         command="info",
         document={"file": str(file), **inspection.to_dict()},

@@ -1,4 +1,4 @@
-"""The exact likelihood in commands: fits by it beside those of the wavelet variance, as numbers and in tables."""
+"""Fits by maximum likelihood in commands, as numbers and in tables."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from gmwm.signals import Signal
 
 LIKELIHOOD = ("--likelihood", "--ml")
-"""What the option is called wherever there is one."""
+"""Names of the option in every command that has it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A fit by maximum likelihood, its intervals or why there are none, and its residuals."""
+    """A fit by maximum likelihood with its intervals, or a remark why there are none, and its residuals."""
 
     fit: LikelihoodFit
     level: float
@@ -31,21 +31,37 @@ class Judged:
     residuals: Residuals
 
 
-def require_states(model: Model, what: str) -> None:
-    """An error before any work where a term has no state-space form, for `what` the user typed."""
+def require_states(model: Model, *, argument: str = "", subject: str = "") -> None:
+    """Check that every process of a model has a state-space form.
+
+    Parameters
+    ----------
+    model : Model
+    argument : str
+        Argument that holds the model or needs it, for the error.
+    subject : str
+        Origin of the model, for the error.
+
+    Raises
+    ------
+    MissingTheoryError
+        If a process has none.
+    """
     from gmwm.likelihood.system import require_state
 
     for process in model.processes:
         try:
             require_state(process)
         except MissingTheoryError as error:
-            raise MissingTheoryError(f"{what}: {error}") from None
+            error.prefix = argument
+            error.about(subject)
+            raise
 
 
 def likelihood_fits(
     fits: Mapping[str, Fit], signals: Mapping[str, Signal], given: Model | None = None
 ) -> dict[str, LikelihoodFit]:
-    """Each fit carried on to the largest likelihood, several at once; from the values of a model that has them all."""
+    """Fit by maximum likelihood, in parallel, starting from the wavelet fits or from a model with values."""
     own = given if given is not None and given.is_complete else None
     from gmwm import fit_ml
     from gmwm._threads import in_threads
@@ -54,17 +70,17 @@ def likelihood_fits(
     with progress("maximum likelihood", len(fits)) as advance:
 
         def carried_on(axis: str, start: Fit) -> LikelihoodFit:
-            said = f"maximum likelihood: {axis}"
+            label = f"maximum likelihood: {axis}"
             return fit_ml(
                 start.model, signals[axis], start=start if own is None else own,
-                progress=lambda count, value: advance(f"{said}, evaluation {count}, {value:.2f}", 0),
+                progress=lambda count, value: advance(f"{label}, evaluation {count}, {value:.2f}", 0),
             )  # fmt: skip
 
         return in_threads(carried_on, fits, done=lambda axis: advance(f"maximum likelihood: {axis}"))
 
 
 def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]:
-    """Intervals and residuals of fits, several at once."""
+    """Compute intervals and residuals of fits, in parallel."""
     from gmwm._threads import in_threads
     from gmwm.cli.output import progress
     from gmwm.likelihood.summary import intervals_if_known, own_residuals
@@ -81,7 +97,7 @@ def judged(fits: Mapping[str, LikelihoodFit], level: float) -> dict[str, Judged]
 
 
 def as_dict(found: Judged) -> dict[str, Any]:
-    """A fit with its intervals and checks as plain numbers, lists and texts."""
+    """A fit with its intervals and tests, as plain numbers, lists and texts."""
     from gmwm.likelihood.summary import inference
 
     return {
@@ -92,7 +108,7 @@ def as_dict(found: Judged) -> dict[str, Any]:
 
 
 def likelihoods_text(found: Mapping[str, Judged]) -> str:
-    """The summary of one fit, or a table for each sensor with its axes side by side."""
+    """Format the summary of one fit, or a table for each sensor with its axes side by side."""
     from gmwm.likelihood.summary import in_words
     from gmwm.signals import by_sensor
 
@@ -102,9 +118,9 @@ def likelihoods_text(found: Mapping[str, Judged]) -> str:
     first = next(iter(found.values()))
     sensors = by_sensor(found)
     parts = [
-        f"By maximum likelihood, {first.fit.samples} samples at {first.fit.rate:g} Hz",
+        f"Fit by maximum likelihood: {first.fit.samples} samples at {first.fit.rate:g} Hz",
         *map(_sensor_text, sensors.values()),
-        "p of residuals as correlated (Ljung-Box), or as far from normal (Jarque-Bera),\nif the model is right.",
+        "p: p-values of the tests that the residuals are white (Ljung-Box) and normal\n(Jarque-Bera).",
     ]
     remarks = [
         remark.about(name)

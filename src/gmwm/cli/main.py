@@ -1,4 +1,4 @@
-"""The command `gmwm`: its subcommands, and the one door through which it starts and ends."""
+"""The command `gmwm` with its subcommands, and the entry point of the script."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ app = typer.Typer(
 
 
 def _help(text: str | None) -> str:
-    """A docstring with each paragraph on one line, so that a terminal of any width breaks it well."""
+    """A docstring with each paragraph on one line, so that a terminal of any width can break the lines."""
     return "\n\n".join(one_line(paragraph) for paragraph in (text or "").split("\n\n"))
 
 
@@ -78,19 +78,19 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-_PURPOSE = """Find the noise model of an inertial sensor in a static recording.
+_PURPOSE = """Find the noise model of an inertial sensor from a static recording.
 
-By the Generalized Method of Wavelet Moments: a sum of processes is fitted to the wavelet variance, which is
-half the Allan variance. A recording is a file with gyroscopes, accelerometers or both, in any of many formats.
+gmwm fits a sum of noise processes to the wavelet variance, which is half the Allan variance (Generalized Method of
+Wavelet Moments). A recording is a file with gyroscopes, accelerometers or both; many formats are read.
 
-Every command takes --json: the result as JSON on stdout, all else on stderr. Exit codes: 0 done, 2 an error that
-one line on stderr explains, 130 interrupted."""
+With --json, a command prints its result as JSON on stdout and everything else on stderr. Exit codes: 0 success,
+2 error (one line on stderr), 130 interrupted."""
 
 
 @app.callback(
     invoke_without_command=True,
     help=_help(_PURPOSE),
-    epilog="Start with:  gmwm demo\n\nYour own file:  gmwm info FILE,  then  gmwm calibrate FILE --output results",
+    epilog="Start with:  gmwm demo\n\nFor your own file:  gmwm info FILE,  then  gmwm calibrate FILE --output results",
 )
 def _gmwm(
     context: typer.Context,
@@ -98,19 +98,19 @@ def _gmwm(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Help where no command is given."""
+    """Print the help if no command is given."""
     if context.invoked_subcommand is None:
         print(context.get_help())
 
 
-def speak(stream: io.TextIOWrapper) -> None:
-    """Make a standard stream take every character: UTF-8 into files and pipes, on any system.
+def accept_all_characters(stream: io.TextIOWrapper) -> None:
+    """Make a standard stream accept every character, with UTF-8 for files and pipes on any system.
 
-    On a terminal, or where PYTHONIOENCODING or PYTHONUTF8 asks for another encoding, that one stays: what it lacks, as
-    σ or ², is a question mark, and does not stop the command.
+    A terminal keeps its encoding, and PYTHONIOENCODING and PYTHONUTF8 are respected. Characters that the encoding
+    lacks, such as σ or ², become question marks instead of an error.
     """
-    asked = os.environ.get("PYTHONIOENCODING", "").partition(":")[0] or os.environ.get("PYTHONUTF8")
-    keep = asked or stream.isatty()
+    requested = os.environ.get("PYTHONIOENCODING", "").partition(":")[0] or os.environ.get("PYTHONUTF8")
+    keep = requested or stream.isatty()
     stream.reconfigure(encoding=None if keep else "utf-8", errors="replace")
 
 
@@ -118,5 +118,5 @@ def run() -> None:
     """Run the command line; the entry point of the script `gmwm`."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            speak(stream)
+            accept_all_characters(stream)
     app(prog_name="gmwm")

@@ -1,4 +1,4 @@
-"""Recordings larger than memory: when they are read in chunks, and how their curves are had, here or on a cluster."""
+"""Recordings larger than memory: open them in chunks, and compute their curves here or on a cluster."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Read the recording in chunks, twice, in bounded memory. auto: files of 300 MB or more; yes: every file; "
-        "no: never. In chunks, scales from 2^15 samples on use one coefficient every τ/64; temperatures are not read.",
+        help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. Chunks are read "
+        "twice; scales from 2^15 samples on use one coefficient every τ/64; temperatures are not read.",
         rich_help_panel=INPUT,
     ),
 ]
-MACHINES = "Where it is done"
+MACHINES = "Parallel work"
 Scheduler = Annotated[
     str | None,
     typer.Option(
-        help="Dask scheduler whose workers read the recording, a part each, as tcp://10.0.0.5:8786; they find the "
-        "file under the same path. Default: this process.",
+        help="Address of a Dask scheduler, such as tcp://10.0.0.5:8786. Each worker reads a part of the recording and "
+        "needs the file at the same path. Default: this process.",
         metavar="ADDRESS",
         rich_help_panel=MACHINES,
         show_default=False,
@@ -39,7 +39,8 @@ Scheduler = Annotated[
 Workers = Annotated[
     int | None,
     typer.Option(
-        help="Processes on this machine that read the recording, a part each. Default: threads of this one.",
+        help="Number of processes on this machine; each reads a part of the recording. Default: threads in one "
+        "process.",
         min=1,
         rich_help_panel=MACHINES,
         show_default=False,
@@ -55,22 +56,35 @@ def opened(
     spread: bool = False,
     whole: str = "",
 ) -> Imu | Stream:
-    """The recording in a file, in memory or in chunks.
+    """Open the recording in a file, in memory or in chunks.
 
     Parameters
     ----------
     path, reading, chunked
     spread : bool
-        Whether workers read it, which is always in chunks.
+        Whether workers read it. Workers always read in chunks.
     whole : str
-        What was asked for that needs it in memory; "" if nothing was.
+        The option that needs the whole recording in memory; "" if there is none.
+
+    Raises
+    ------
+    OptionError
+        If the options contradict each other.
     """
     whole = whole or ("--gaps longest" if reading.gaps == "longest" else "")
     if whole and (spread or chunked == "yes"):
-        asked = "--scheduler and --workers read" if spread else "--chunked yes reads"
-        raise OptionError(f"{whole} needs the whole recording in memory, {asked} it in chunks: leave one of them out")
+        chunks = "--scheduler and --workers read" if spread else "--chunked yes reads"
+        raise OptionError(
+            f"{whole} needs the whole recording in memory, but {chunks} it in chunks",
+            advice="Leave one of these options out.",
+        )
     if spread and chunked == "no":
-        raise OptionError("--scheduler and --workers read the recording in chunks: leave --chunked no out")
+        raise OptionError(
+            "--scheduler and --workers read the recording in chunks",
+            argument="chunked",
+            got=chunked,
+            advice="Leave {--chunked=no} out.",
+        )
     from gmwm.cli.output import progress
     from gmwm.readers.streams import is_large, stream_file
 
@@ -82,7 +96,7 @@ def opened(
 
 
 def needs_memory(filter: str, transform: str) -> str:
-    """The option that only a recording in memory can have, "" if there is none."""
+    """The option of the transform that needs the whole recording in memory; "" if there is none."""
     if filter != "haar":
         return f"--filter {filter}"
     return f"--transform {transform}" if transform != "modwt" else ""
@@ -97,14 +111,14 @@ def stream_curves(
     scheduler: str | None = None,
     workers: int | None = None,
 ) -> dict[str, WaveletVariance]:
-    """The curves of some axes of a recording in chunks; adds what the inspection finds."""
-    from gmwm.calibration.stream_measurement import measured_and_seen
+    """Compute the curves of axes of a recording in chunks. The remarks of its inspection become warnings."""
+    from gmwm.calibration.stream_measurement import measured_and_inspected
     from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
-        curves, seen = measured_and_seen(
+        curves, seen = measured_and_inspected(
             stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
-            done=lambda text: advance(text, 0),
+            progress=lambda text: advance(text, 0),
         )  # fmt: skip
     for remark in seen.remarks:
         tell(remark)
@@ -114,7 +128,10 @@ def stream_curves(
 def signals_or_curves(
     recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The axes that --axis names, measured already if the recording is in chunks; adds what an inspection finds."""
+    """The signals that --axis selects, or their curves if the recording is in chunks.
+
+    The remarks of the inspection become warnings.
+    """
     from gmwm.cli.output import tell_inspection
     from gmwm.signals import Imu
 

@@ -1,4 +1,4 @@
-"""The model of the commands that run a Kalman filter: which model, and where its values come from."""
+"""Options for the model of commands that run a Kalman filter, and the origin of its values."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ ModelText = Annotated[
     typer.Option(
         "--model",
         "-m",
-        help="A sum of processes that have a state-space form, as gmwm fit takes it. With values of all parameters it "
-        "is taken as it is; else it is fitted to each axis first.",
+        help="Sum of processes, as for gmwm fit; every process needs a state-space form. If all parameters have "
+        "values, these are used; otherwise the model is first fitted to each axis.",
         metavar="MODEL",
         show_default=False,
     ),
@@ -32,8 +32,8 @@ ModelText = Annotated[
 FromFits = Annotated[
     Path | None,
     typer.Option(
-        help="In place of --model: the fits.json of gmwm fit, or the calibration.json of gmwm calibrate, for this "
-        "recording or another of the same unit at the same rate.",
+        help="Instead of --model: fits.json of gmwm fit or calibration.json of gmwm calibrate, from this recording or "
+        "from another one of the same unit at the same rate.",
         show_default=False,
     ),
 ]
@@ -41,7 +41,8 @@ ByLikelihood = Annotated[
     bool,
     typer.Option(
         *LIKELIHOOD,
-        help="Fit by maximum likelihood, from the wavelet fit on; with --from-fits, take the fit by it in that file.",
+        help="Fit by maximum likelihood, starting from the wavelet fit. With --from-fits, use the fit by maximum "
+        "likelihood in the file.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -49,7 +50,7 @@ ByLikelihood = Annotated[
 
 @dataclass(frozen=True, eq=False)
 class AxisModel:
-    """The model of an axis with its values, their origin, and whether they were estimated from this very record."""
+    """The model of an axis with its values, their origin, and whether they were estimated from the same recording."""
 
     model: Fit | LikelihoodFit | Model
     origin: str
@@ -63,13 +64,13 @@ class AxisModel:
         return self.model if isinstance(self.model, Model) else self.model.model
 
     def to_dict(self) -> dict[str, Any]:
-        """Model and values as plain texts and numbers."""
+        """The model and its values as plain texts and numbers."""
         return {"model": str(self.values), "parameters": dict(self.values.parameters), "values": self.origin}
 
 
 @dataclass(frozen=True)
 class ModelSource:
-    """The options on the model, checked before a file is read."""
+    """The options that define the model, checked before a recording is read."""
 
     model: Model | None
     fits: Mapping[str, Any]
@@ -83,15 +84,31 @@ class ModelSource:
 def model_source(
     model: str | None, from_fits: Path | None, likelihood: bool, robust: bool = False, efficiency: float = 0.6
 ) -> ModelSource:
-    """The source of the model, or an error if options contradict each other."""
+    """Check the options that define the model.
+
+    Raises
+    ------
+    OptionError
+        If they contradict each other.
+    """
     from gmwm import Model
     from gmwm.cli.plan import fits_in
 
     if (model is None) == (from_fits is None):
-        raise OptionError("give a model as --model, or --from-fits with a fits.json or calibration.json, one of them")
+        raise OptionError(
+            "exactly one of --model and --from-fits is needed",
+            argument="model",
+            got=model,
+            advice="Write a model with {--model}, or pass a fits.json or calibration.json with {--from-fits}.",
+        )
     if from_fits is not None:
         if robust:
-            raise OptionError("--robust is how a model is fitted; with --from-fits it is fitted already, leave one out")
+            raise OptionError(
+                "--robust applies to fitting a model, but the models of --from-fits are fitted already",
+                argument="robust",
+                got=robust,
+                advice="Leave {--robust} or {--from-fits} out.",
+            )
         fitted, fits = fits_in(from_fits)
         return ModelSource(
             model=None,
@@ -103,7 +120,7 @@ def model_source(
             efficiency=efficiency,
         )
     parsed = Model.parse(str(model))
-    require_states(parsed, "--model")
+    require_states(parsed, argument="model")
     return ModelSource(
         model=parsed,
         fits={},
@@ -116,7 +133,7 @@ def model_source(
 
 
 def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) -> dict[str, AxisModel]:
-    """The model of each axis with its values; fitted ones pass on their warnings."""
+    """The model of each axis with its values. The remarks of new fits become warnings."""
     from gmwm.cli.fit import fit_axes
     from gmwm.cli.output import tell
 
@@ -137,18 +154,18 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """The signals that there is a model for: those of the file of fits, unless axes are named."""
+    """The signals to use: those that the file of fits has models for, or those that --axis selects."""
     if source.model is not None or chosen:
         return signals
     there = {axis: signal for axis, signal in signals.items() if axis in source.fits}
     if not there:
         raise OptionError(
-            f"--from-fits holds {', '.join(source.fits)}, the recording {', '.join(signals)}: none in common"
+            f"the fits and the recording have no axis in common: {source.fits_file} has {', '.join(source.fits)}, the "
+            f"recording has {', '.join(signals)}",
+            argument="from_fits",
+            got=source.fits_file,
         )
     return there
-
-
-# --- inside -------------------------------------------------------------------------------------------
 
 
 def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
@@ -156,17 +173,19 @@ def _from_file(source: ModelSource, axis: str, file: Path) -> AxisModel:
     from gmwm.likelihood import LikelihoodFit
 
     if axis not in source.fits:
-        raise OptionError(f"--axis must be one of {', '.join(source.fits)}, which {source.fits_file} holds; got {axis}")
+        expected = f"one of {', '.join(source.fits)}, the axes in {source.fits_file}"
+        raise OptionError(argument="axis", expected=expected, got=axis)
     content = source.fits[axis]
     fit: Fit | LikelihoodFit
     if source.likelihood:
         if "likelihood" not in content:
             raise ReadError(
-                f"{source.fits_file} has no fit by maximum likelihood of {axis}: write it with gmwm fit --ml"
+                f"{source.fits_file} has no fit of {axis} by maximum likelihood",
+                advice="Write one with {gmwm fit --likelihood} and {--output}.",
             )
         fit = LikelihoodFit.from_dict(content["likelihood"])
     else:
         fit = Fit.from_dict(content)
-    require_states(fit.model, f"{axis} of {source.fits_file}")
+    require_states(fit.model, subject=f"{axis} in {source.fits_file}")
     same = source.fitted_file is not None and Path(source.fitted_file).name == file.name
-    return AxisModel(fit, f"of {source.fits_file}", same)
+    return AxisModel(fit, f"from {source.fits_file}", same)

@@ -1,4 +1,4 @@
-"""Errors of the library in terms of the options of the shell."""
+"""Name the options of the shell in errors of the library."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 @contextmanager
 def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Errors of the block about an argument name the option that the mapping has for it.
+    """Give errors about an argument the option that the mapping has for it.
 
     >>> from gmwm._template import Dialect
     >>> try:
@@ -31,7 +31,7 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
 
 
 def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
-    """A callback of an option: its value is checked before the command runs, by the rule of the library."""
+    """Make a callback that checks the value of an option before the command runs, with a check of the library."""
 
     def callback(given: T | None) -> T | None:
         if given is not None:
@@ -43,7 +43,7 @@ def checked(check: Callable[[T], object]) -> Callable[[T | None], T | None]:
 
 @contextmanager
 def prefixed(argument: str) -> Iterator[None]:
-    """Errors of a model that was typed begin with its option."""
+    """Give errors of a model the argument that holds the model."""
     try:
         yield
     except ModelError as error:

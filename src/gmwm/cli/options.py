@@ -1,4 +1,4 @@
-"""What several commands share beside the recording: options of estimation and of the result, in words."""
+"""Options of estimation and of the result that several commands share."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 from gmwm.cli.option_names import checked, prefixed
 from gmwm.errors import OptionError
 from gmwm.options import as_confidence
-from gmwm.variance.biweight import biweight
+from gmwm.variance.biweight import EFFICIENCY, biweight
 
 if TYPE_CHECKING:
     from gmwm.processes.model import Model
@@ -20,28 +20,28 @@ Json = Annotated[
     bool,
     typer.Option(
         "--json",
-        help="JSON on stdout and nothing else; warnings and progress on stderr.",
+        help="Print only JSON on stdout; warnings and progress go to stderr.",
         rich_help_panel=RESULT,
     ),
 ]
 AllRemarks = Annotated[
     bool,
-    typer.Option("--all-remarks", help="Show all remarks instead of the gravest five.", rich_help_panel=RESULT),
+    typer.Option("--all-remarks", help="Show all remarks instead of the five most severe.", rich_help_panel=RESULT),
 ]
 View = Annotated[
     Literal["wavelet", "allan"],
     typer.Option(
-        help="Wavelet variance over its scale, or Allan deviation over its averaging time.",
+        help="Show the wavelet variance over the scale, or the Allan deviation over the averaging time.",
         rich_help_panel=RESULT,
     ),
 ]
 Datasheet = Annotated[
-    bool, typer.Option("--datasheet", help="deg/h and mg in place of rad/s and m/s².", rich_help_panel=RESULT)
+    bool, typer.Option("--datasheet", help="Use deg/h and mg instead of rad/s and m/s².", rich_help_panel=RESULT)
 ]
 Filter = Annotated[
     str,
     typer.Option(
-        help="Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or one of PyWavelets'.",
+        help="Wavelet filter: haar, d4 … d16, la8 … la20, fk4 … fk22, bl14, bl20, mb4 … mb24, or a name of PyWavelets.",
         rich_help_panel="Estimation",
     ),
 ]
@@ -49,14 +49,16 @@ TransformName = Annotated[
     Literal["modwt", "dwt"],
     typer.Option(
         "--transform",
-        help="Maximal-overlap transform, or the decimated one, which scatters more.",
+        help="Maximal-overlap transform (modwt), or decimated transform (dwt), whose estimates have a larger variance.",
         rich_help_panel="Estimation",
     ),
 ]
 Robust = Annotated[
     bool,
     typer.Option(
-        "--robust", help="By the robust wavelet variance, which outliers do not reach.", rich_help_panel="Estimation"
+        "--robust",
+        help="Use the robust wavelet variance, which is insensitive to outliers.",
+        rich_help_panel="Estimation",
     ),
 ]
 
@@ -65,8 +67,8 @@ Efficiency = Annotated[
     float | None,
     typer.Option(
         callback=checked(biweight),
-        help="Of the robust wavelet variance under Gaussian noise, from 0.3 to 0.99: a low one stands outliers "
-        "that are near, a high one more of those that are far. Default: 0.6.",
+        help="Efficiency of the robust wavelet variance for Gaussian noise, 0.3 to 0.99. Lower values suppress "
+        "outliers close to the noise; higher values tolerate more distant outliers. Default: 0.6.",
         rich_help_panel="Estimation",
         show_default=False,
     ),
@@ -74,7 +76,8 @@ Efficiency = Annotated[
 Within = Annotated[
     str,
     typer.Option(
-        help="The largest model; every part of it is compared. Held values are in all: WN(sigma2=fixed(1e-6)).",
+        help="Largest model; all models that are part of it are compared. A term with a fixed value, such as "
+        "WN(sigma2=fixed(1e-6)), is in all of them.",
         metavar="MODEL",
         rich_help_panel="Estimation",
     ),
@@ -83,7 +86,7 @@ ChoiceWeighting = Annotated[
     Literal["optimal", "diagonal"],
     typer.Option(
         "--weighting",
-        help="Weigh the levels with all their covariances, or each by its own variance.",
+        help="Weight the levels by the inverse of their covariance matrix (optimal), or of their variances (diagonal).",
         rich_help_panel="Estimation",
     ),
 ]
@@ -91,7 +94,7 @@ CriterionName = Annotated[
     Literal["asymptotic", "bootstrap"],
     typer.Option(
         "--criterion",
-        help="The penalty of a model by theory, or from simulated records.",
+        help="Compute the penalty of a model from theory (asymptotic), or from simulated records (bootstrap).",
         rich_help_panel="Estimation",
     ),
 ]
@@ -102,18 +105,16 @@ Confidence = Annotated[
     float,
     typer.Option(
         callback=checked_confidence,
-        help="Level of the intervals, and of what counts as equally good.",
+        help="Confidence level of the intervals, and of the comparison of models.",
         metavar="LEVEL",
         rich_help_panel="Estimation",
     ),
 ]
-Seed = Annotated[
-    int, typer.Option(help="Of the records that a choice is tested with.", min=0, rich_help_panel="Estimation")
-]
+Seed = Annotated[int, typer.Option(help="Seed of the simulated records.", min=0, rich_help_panel="Estimation")]
 
 
 def parse_within(text: str) -> Model:
-    """The model of --within.
+    """Parse the model of --within.
 
     >>> parse_within("GM + WN")
     Model('GM + WN')
@@ -125,7 +126,12 @@ def parse_within(text: str) -> Model:
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:
-    """The efficiency of what --robust asks for; an error if it is given for nothing."""
+    """The efficiency of the robust wavelet variance; an error if --efficiency is given without --robust."""
     if efficiency is not None and not robust:
-        raise OptionError("--efficiency belongs to the robust wavelet variance; pass --robust too, or leave it out")
-    return 0.6 if efficiency is None else efficiency
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance",
+            argument="efficiency",
+            got=efficiency,
+            advice="Add {--robust}, or leave {--efficiency} out.",
+        )
+    return EFFICIENCY if efficiency is None else efficiency

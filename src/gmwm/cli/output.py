@@ -1,4 +1,4 @@
-"""The result of a command and its output: text or JSON on stdout, files, warnings and progress on stderr."""
+"""Results of commands and their output: text or JSON on stdout, files, and warnings and progress on stderr."""
 
 from __future__ import annotations
 
@@ -33,36 +33,36 @@ class NewFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The result of a command, before anything of it is printed or written.
+    """The result of a command, before it is printed and its files are written.
 
     Attributes
     ----------
     command : str
         Name of the command.
     document : mapping
-        The result for --json, without the warnings.
+        The result for --json, without the remarks.
     text : str
-        The result for a reader.
+        The result as text.
     all_text : str
-        The same with all remarks, for --all-remarks; "" if the text has them all.
+        The text with all remarks, for --all-remarks; "" if `text` has all of them.
     files : tuple of NewFile
         Files to write.
     together : bool
-        Whether the files belong to one folder and are written all or none.
+        Whether the files belong to one folder, and either all or none are written.
     obsolete : tuple of Path
-        Files of an earlier run to remove when the new ones are there.
+        Files of an earlier run to remove after the new ones are written.
     written : tuple of Path
-        Files that the library has written already; they are listed before the others.
+        Files that are written already; they are listed first.
     listed : bool
         Whether the files are listed after the text.
     closing : str
         Text after the list of files.
     remarks : tuple of Remark
-        Remarks that neither the library's warnings nor the text has.
+        Remarks that are neither warnings of the library nor in the text.
     in_text : tuple of Remark
-        Remarks that the text contains; --json has them among its remarks.
+        Remarks that the text contains; --json lists them with the other remarks.
     failure : GmwmError or None
-        The error to end with, after the result of what came before it.
+        The error to raise after the result is printed.
     """
 
     command: str
@@ -86,7 +86,7 @@ class Outcome:
 
 
 def finish(outcome: Outcome, warned: Warned, *, json: bool, every: bool = False) -> None:
-    """Write the files of a result, and print it as text or as JSON with the remarks."""
+    """Write the files of a result, and print the result as text, or as JSON with the remarks."""
     for remark in outcome.remarks:
         tell(remark)
     _write_files(outcome)
@@ -120,26 +120,26 @@ def _write_files(outcome: Outcome) -> None:
 
 
 def text_file(path: Path, text: str) -> NewFile:
-    """A file with this text."""
+    """Make a file of a result from a text."""
     return NewFile(path, lambda target: write_text(target, text))
 
 
 def file_names(files: Sequence[NewFile]) -> list[str]:
-    """The paths of files to write, as --json has them."""
+    """The paths of files to write, for --json."""
     return [str(file.path) for file in files]
 
 
 class Advance(Protocol):
-    """Moves a progress bar by one step, or so many, which the text describes."""
+    """Advance a progress bar by one or several steps, with a text that describes the work."""
 
     def __call__(self, text: str, steps: int = 1, /) -> None:
-        """Move on."""
+        """Advance the bar."""
 
 
 def print_json(command: str, content: Mapping[str, Any], remarks: Iterable[Remark]) -> None:
-    """The result of a command on stdout, as `json_text` has it, escaped where stdout is not in UTF-8.
+    """Print the result of a command as JSON. If the encoding of stdout is not UTF-8, the JSON is ASCII.
 
-    The document's own remarks come first, then those that it does not have.
+    The remarks of the document come first, followed by the other remarks.
     """
     escaped = codecs.lookup(sys.stdout.encoding or "utf-8").name != "utf-8"
     known = list(content.get("remarks", ()))
@@ -148,9 +148,9 @@ def print_json(command: str, content: Mapping[str, Any], remarks: Iterable[Remar
 
 
 def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False) -> str:
-    """The result of a command as JSON, with the version; NaN and infinities are null.
+    """Format the result of a command as JSON, with the version of gmwm. NaN and infinities become null.
 
-    All that is not ASCII is `escaped` if so asked, as \\u00b2 for ².
+    If `escaped`, the text is ASCII: ² becomes \\u00b2.
 
     >>> print(json_text("wv", {"limits": [1.0, float("inf")]}))
     {
@@ -169,7 +169,7 @@ def json_text(command: str, content: Mapping[str, Any], *, escaped: bool = False
 
 
 def _plain(value: Any) -> Any:
-    """`value` with what JSON has no word for replaced: NaN and infinities by null, NumPy numbers by numbers."""
+    """Convert a value to types of JSON: NaN and infinities to None, arrays to lists, numbers of NumPy to numbers."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
@@ -189,9 +189,18 @@ def table_text(
     texts: int = 1,
     rules: Sequence[int] = (),
 ) -> str:
-    """A table; the first `texts` columns are texts, the others numbers; a rule follows the rows in `rules`.
+    """Format a table with a heading. It is as wide as its contents: no cell is wrapped or cut.
 
-    Bold heads on a terminal, plain text elsewhere. It is as wide as it must be: nothing wraps or is cut.
+    Parameters
+    ----------
+    columns : sequence of str
+        Headings.
+    rows : sequence of rows, each a sequence of texts
+    title : str
+    texts : int
+        Number of columns at the left that hold text; the others hold numbers, aligned to the right.
+    rules : sequence of int
+        Indices of rows that a horizontal rule follows.
     """
     from rich import box
     from rich.console import Console
@@ -217,28 +226,28 @@ def table_text(
 
 
 def units_text(units: Mapping[str, str]) -> str:
-    """The units of parameters in a line, each name once."""
+    """Format the units of parameters in one line, each name once."""
     of = {name.rpartition(".")[2]: unit for name, unit in units.items() if unit}
-    # A name may stand for two units (σ² of GM and of AR1): then the parameters are named in full.
+    # If two parameters with the same name have different units, as σ² of GM and of AR1, their full names are used.
     if len(set(of.items())) != len({(name.rpartition(".")[2], unit) for name, unit in units.items() if unit}):
         of = dict(units)
     return "in " + ", ".join(f"{unit} ({name})" for name, unit in of.items())
 
 
 class Warned:
-    """Remarks that came as warnings, printed on stderr: the gravest five, or all of them."""
+    """Remarks of a command, to print on stderr: the five most severe, or all of them."""
 
     def __init__(self, *, every: bool) -> None:
         self.remarks: list[Remark] = []
         self._every, self._shown = every, False
 
     def add(self, remark: Remark) -> None:
-        """One more remark, once."""
+        """Add a remark, unless it is there already."""
         if remark not in self.remarks:
             self.remarks.append(remark)
 
     def show(self) -> None:
-        """Print them, once."""
+        """Print the remarks on stderr. A second call prints nothing."""
         if self._shown:
             return
         self._shown = True
@@ -250,9 +259,9 @@ class Warned:
 
 @contextmanager
 def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
-    """Collect each GmwmWarning; they are printed at the end, also if the command fails.
+    """Collect the remarks of all GmwmWarnings in the block, and print them at its end, even if the block fails.
 
-    Warnings of fits are left to `fit.remarks`, which the text shows beside the axis.
+    A FitWarning is not collected, because its remark is in `fit.remarks`, which the text of the command shows.
     """
     warned = Warned(every=every)
 
@@ -279,12 +288,12 @@ def collected_warnings(*, every: bool = False) -> Iterator[Warned]:
 
 
 def tell(remark: Remark) -> None:
-    """Add a remark to the warnings of the command; `collected_warnings` prints it."""
+    """Add a remark to the warnings of the command. `collected_warnings` prints it."""
     warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
 def tell_inspection(imu: Imu) -> None:
-    """Add what an inspection finds, such as motion and knocks, if the command does not inspect by itself."""
+    """Inspect a recording, and add the remarks about motion, knocks and the like to the warnings of the command."""
     from gmwm.inspection import inspect
 
     with progress("inspecting"):
@@ -294,7 +303,7 @@ def tell_inspection(imu: Imu) -> None:
 
 
 def one_line(text: str) -> str:
-    """`text` without line breaks.
+    """Join the lines of a text.
 
     >>> one_line("a first\\n   and a second")
     'a first and a second'
@@ -303,21 +312,23 @@ def one_line(text: str) -> str:
 
 
 def calibration_file(path: Path) -> Path:
-    """The calibration.json at `path`, or in the folder that `gmwm calibrate --output` wrote."""
+    """The calibration.json at a path, or in the folder that `gmwm calibrate --output` wrote."""
     return path / "calibration.json" if path.is_dir() else path
 
 
-def made_directory(path: Path, option: str = "--output") -> Path:
-    """The directory `path`, made with those above it where there is none."""
+def made_directory(path: Path, argument: str = "output") -> Path:
+    """Make a directory and its parents, unless they exist."""
     if path.exists() and not path.is_dir():
-        raise OptionError(f"{option} must be a directory, {path} is a file; name another one")
+        raise OptionError(
+            argument=argument, expected="a directory", got=str(path), advice="{path} is a file.", path=str(path)
+        )
     path.mkdir(parents=True, exist_ok=True)
     return path
 
 
 @contextmanager
 def progress(what: str, steps: int | None = None) -> Iterator[Advance]:
-    """A progress bar on stderr while the block runs, if that is a terminal; it leaves nothing behind."""
+    """Show a progress bar on stderr while the block runs, if stderr is a terminal. It is removed at the end."""
     if not sys.stderr.isatty():
         yield lambda text, steps=1, /: None
         return

@@ -1,4 +1,4 @@
-"""The same work on several axes at once, with a progress bar."""
+"""Parallel work on several axes, with a progress bar."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Item = TypeVar("Item", bound=Signal | WaveletVariance)
 
 
 def over_axes(work: Callable[[Item], T], signals: Mapping[str, Item], what: str) -> dict[str, T]:
-    """`work` done on every signal, or its curve, by axis; an error names its axis."""
+    """Call a function for the signal or curve of each axis, in parallel. An error names its axis."""
     with progress(what, len(signals)) as advance:
         return in_threads(
             lambda _, signal: work(signal), signals, done=lambda axis: advance(f"{what}: {axis}")

@@ -1,4 +1,4 @@
-"""gmwm plan: how long a recording must be for each parameter of a model."""
+"""gmwm plan: plan how long to record for a wanted accuracy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def plan(
     duration: Annotated[
         str,
         typer.Option(
-            help="Length of the recording that is planned: 90s, 30min, 1h30m, 2h, 1d, or a number of seconds.",
+            help="Duration of the planned recording: 90s, 30min, 1h30m, 2h, 1d, or seconds.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -44,7 +44,7 @@ def plan(
     model: Annotated[
         str | None,
         typer.Argument(
-            help="A model with all its values (SI units and per sample, GM.beta in 1/s); fixed(…) is taken as known.",
+            help="Model with all values (SI units and per sample, GM.beta in 1/s). Values in fixed(…) count as known.",
             metavar="MODEL",
             show_default=False,
         ),
@@ -52,40 +52,43 @@ def plan(
     from_fits: Annotated[
         Path | None,
         typer.Option(
-            help="In place of MODEL: the fits.json of gmwm fit, or the calibration.json of gmwm calibrate, for a pilot "
+            help="Instead of MODEL: fits.json of gmwm fit or calibration.json of gmwm calibrate, from a pilot "
             "recording.",
             show_default=False,
         ),
     ] = None,
-    axis: Annotated[str | None, typer.Option(help="Which axis of that file.", show_default=False)] = None,
+    axis: Annotated[str | None, typer.Option(help="Axis of --from-fits.", show_default=False)] = None,
     rate: Annotated[
-        float | None, typer.Option(help="Samples per second (Hz). Such a file has its own.", show_default=False)
+        float | None, typer.Option(help="Sampling rate (Hz). Not needed with --from-fits.", show_default=False)
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Relative standard error that is wanted: 0.1 or 10%, 0.5 the most.", metavar="SHARE"),
+        typer.Option(help="Wanted relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
     weighting: Annotated[
         Literal["diagonal", "optimal"] | None,
         typer.Option(
-            help="Of the fit to come: each level by its own variance, or by all their covariances. Default: diagonal; "
-            "optimal where a process has several parameters of its shape.",
+            help="Weights of the planned fit: inverse variances (diagonal) or inverse covariance matrix (optimal). "
+            "Default: diagonal, but optimal for processes with several shape parameters such as AR(2).",
             show_default=False,
         ),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
 ) -> Outcome:
-    """Say how long to record: the error of each parameter by the length of the recording.
+    """Plan how long to record: print the standard error of each parameter for several durations.
 
-    Standard errors are those of a fit that is still to come, relative to the values, from the exact covariance of
-    the wavelet variance under the model; nothing is simulated. Take the values from a pilot recording (gmwm fit
-    --output) or a datasheet. A parameter with more than 50 % is not to be seen.
+    The relative standard errors of a future fit follow from the exact covariance of the wavelet variance under the
+    model, without simulation. Take the values from a pilot recording (gmwm fit --output) or from a datasheet. Above
+    50 %, a recording does not determine the parameter.
     """
     if (model is None) == (from_fits is None):
         raise OptionError(
-            "give a model with its values, or --from-fits with a fits.json or calibration.json, one of them"
+            "exactly one of MODEL and --from-fits is needed",
+            argument="model",
+            got=model,
+            advice="Write a model with its values, or pass a fits.json or calibration.json with {--from_fits}.",
         )
     seconds, wanted = parse_length(duration), parse_share(accuracy)
     source: dict[str, Any] = {}
@@ -98,9 +101,9 @@ def plan(
             tell(remark)
         unit, rate = found["wavelet_variance"]["unit"], _pilot_rate(found, rate, from_fits)
     elif axis is not None:
-        raise OptionError("--axis belongs to --from-fits; leave it out, or pass the file too")
+        raise OptionError("--axis applies only to --from-fits", argument="axis", got=axis, advice="Leave {--axis} out.")
     made, needed = _planned(str(model), seconds, rate=rate, accuracy=wanted, weighting=weighting, unit=unit)
-    drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "drawing"),)
+    drawn = () if plot is None else (NewFile(plot, lambda path: made.plot(accuracy=wanted, path=path), "plotting"),)
     return Outcome(
         command="plan",
         document={**source, **made.to_dict(), "accuracy": wanted, "needed": needed},
@@ -111,11 +114,14 @@ def plan(
 
 
 def _pilot_rate(found: Mapping[str, Any], rate: float | None, file: Path) -> float:
-    """The rate of a pilot fit, with which --rate must agree."""
+    """The rate of a pilot fit. Raises an OptionError if --rate differs."""
     own = float(found["wavelet_variance"]["rate"])
     if rate is not None and abs(rate / own - 1) > 1e-3:
         raise OptionError(
-            f"--rate {rate:g} is not the {own:g} Hz of {file}, whose values are per sample; leave --rate out"
+            f"--rate {rate:g} differs from the rate in {file}, {own:g} Hz, for which its values are",
+            argument="rate",
+            got=rate,
+            advice="Leave {--rate} out.",
         )
     return own
 
@@ -139,36 +145,53 @@ def _planned(
 
 
 def pilot(path: Path, axis: str | None) -> tuple[str, dict[str, Any]]:
-    """The name of an axis and its fit, from what `gmwm fit --output` or `gmwm calibrate --output` wrote."""
+    """The name of an axis and its fit, from a fits.json or calibration.json."""
     _, fits = fits_in(path)
     name = axis if axis is not None or len(fits) > 1 else next(iter(fits))
     if name not in fits:
-        raise OptionError(f"--axis must be one of {', '.join(fits)}, which {path} holds; got {axis or 'none'}")
+        raise OptionError(argument="axis", expected=f"one of {', '.join(fits)}, the axes in {path}", got=axis)
     return str(name), fits[name]
 
 
 def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
-    """The recording that was fitted, where that is known, and the fit of each axis, from such a file or its folder."""
+    """Read a fits.json or calibration.json, or the one in a folder.
+
+    Returns
+    -------
+    recording : str or None
+        The file that was fitted, if it is known.
+    fits : dict
+        The fit of each axis, as a document.
+
+    Raises
+    ------
+    ReadError
+        If there is no such file, or it has no fits.
+    """
     if path.is_dir():
-        there = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
-        if len(there) != 1:
-            held = "both fits.json and calibration.json: name the file" if there else "no fits.json or calibration.json"
-            raise ReadError(f"{path} holds {held}")
-        (path,) = there
+        candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
+        if not candidates:
+            raise ReadError(f"{path} contains neither fits.json nor calibration.json", got=str(path))
+        if len(candidates) > 1:
+            raise ReadError(
+                f"{path} contains both fits.json and calibration.json", got=str(path), advice="Pass one of the files."
+            )
+        (path,) = candidates
     try:
         content = json_module.loads(path.read_text(encoding="utf-8"))
         fits = _fits(content)
     except (ValueError, KeyError, TypeError) as error:
         raise ReadError(
-            f"{path} is neither a fits.json of gmwm fit nor a calibration.json ({type(error).__name__}: {error})"
+            f"{path} is neither a fits.json nor a calibration.json of gmwm ({type(error).__name__}: {error})",
+            got=str(path),
         ) from error
     if not fits:
-        raise ReadError(f"{path} is neither a fits.json of gmwm fit nor a calibration.json: it holds no fit")
+        raise ReadError(f"{path} contains no fit", got=str(path))
     return content.get("file") or (content.get("recording") or {}).get("file"), fits
 
 
 def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The fit of each axis in a document of fits or a calibration."""
+    """The fit of each axis in a fits.json or calibration.json."""
     from gmwm.calibration.document import FORMAT
 
     if "format" in content and content["format"] == FORMAT:
@@ -177,9 +200,9 @@ def _fits(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
-    """The model that a pilot fit amounts to, and what was done to it.
+    """The model to plan with, from a pilot fit, and remarks about the changes.
 
-    Without the terms that were estimated as zero; those that act as another process are that process.
+    Terms that were estimated as zero are left out. Terms that act as another process are replaced by this process.
     """
     from gmwm import Model
     from gmwm.processes.equivalence import likeness
@@ -207,7 +230,7 @@ def _as_seen(found: Mapping[str, Any]) -> tuple[str, list[Remark]]:
 
 
 def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, WaveletFilter, Matrix]:
-    """Levels, rate, filter and weights of a fit."""
+    """Levels, rate, filter and weights of a fit, from its document."""
     import numpy as np
 
     from gmwm.filters import find_filter
@@ -220,6 +243,6 @@ def _measured(found: Mapping[str, Any]) -> tuple[NDArray[np.int64], float, Wavel
 
 
 def _added(process: Process, like: Process) -> Process:
-    """A process and one of its kind as one."""
+    """The sum of two processes of the same kind, as one process."""
     value = like.value_from(process.scale + like.scale)
     return like.with_values(**{like.scale_parameter().name: value})

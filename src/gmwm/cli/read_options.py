@@ -1,4 +1,4 @@
-"""The options of the shell for reading a recording, and the axes that are used of it."""
+"""Options for reading a recording and for selecting its axes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm._template import shell_option
 from gmwm.cli.durations import parse_length
 from gmwm.errors import DataError, OptionError
 from gmwm.options import ReadOptions
@@ -21,18 +20,16 @@ if TYPE_CHECKING:
 
 INPUT = "Input"
 
-File = Annotated[
-    Path, typer.Argument(help="Recording, in any format that is read.", metavar="FILE", show_default=False)
-]
+File = Annotated[Path, typer.Argument(help="Recording, in any supported format.", metavar="FILE", show_default=False)]
 Rate = Annotated[
     float | None,
-    typer.Option(help="Samples per second (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),
+    typer.Option(help="Sampling rate (Hz). Not needed if the file has time stamps.", rich_help_panel=INPUT),
 ]
 Units = Annotated[
     str | None,
     typer.Option(
-        help="Units where the file does not name them. Gyroscopes: rad/s, deg/s, mdeg/s, deg/h; "
-        "accelerometers: m/s², g, mg, mGal, µg; time: s, ms, us, ns.",
+        help="Units, if the file does not state them. Gyroscopes: rad/s, deg/s, mdeg/s, deg/h; accelerometers: m/s², "
+        "g, mg, mGal, µg; time: s, ms, us, ns.",
         metavar="gyro=deg/s,accel=g",
         rich_help_panel=INPUT,
     ),
@@ -40,7 +37,7 @@ Units = Annotated[
 Scale = Annotated[
     str | None,
     typer.Option(
-        help="Factors for raw counts, by sensor or axis: a number of the file times its factor is in the unit.",
+        help="Scale factors for raw counts, by sensor or axis. Each number in the file is multiplied by its factor.",
         metavar="gyro=1/131,accel_x=6.1e-5",
         rich_help_panel=INPUT,
         show_default=False,
@@ -49,8 +46,8 @@ Scale = Annotated[
 Increments = Annotated[
     str | None,
     typer.Option(
-        help="Sensors or axes whose numbers are angles and velocities gained in a sample: they are multiplied by the "
-        "rate; their unit is told as that of the rate, deg/s for degrees.",
+        help="Sensors or axes whose numbers are increments of angle or velocity per sample. They are multiplied by "
+        "the rate; with --units, state the unit of the rate: deg/s for degrees.",
         metavar="gyro,accel",
         rich_help_panel=INPUT,
         show_default=False,
@@ -59,8 +56,8 @@ Increments = Annotated[
 Columns = Annotated[
     str | None,
     typer.Option(
-        help="Which column is what, where the names do not tell: all in order (nothing between commas skips one), "
-        "or axis=NAME and axis=NUMBER with numbers from 0; time= leaves the time out.",
+        help="Axes of the columns, if the file does not name them: a list in the order of the columns (an empty item "
+        "skips a column), or axis=NAME or axis=INDEX with indices from 0. time= ignores the time stamps.",
         metavar="time,gyro_x,gyro_y,…",
         rich_help_panel=INPUT,
     ),
@@ -68,15 +65,15 @@ Columns = Annotated[
 Gaps = Annotated[
     Literal["keep", "longest"],
     typer.Option(
-        help="A recording with missing samples: keep its segments apart, or cut it to the longest one.",
+        help="If samples are missing: keep all segments between the gaps, or use only the longest segment.",
         rich_help_panel=INPUT,
     ),
 ]
 Format = Annotated[
     str | None,
     typer.Option(
-        help="Format of the file, where its content should not decide or cannot: imu:LN200 for .imu records of that "
-        "sensor, say. A wrong name is answered with all of them.",
+        help="Format of the file, if its content does not show it. For example, imu:LN200 for .imu records of that "
+        "sensor. An unknown name prints all formats.",
         metavar="NAME",
         rich_help_panel=INPUT,
         show_default=False,
@@ -87,7 +84,7 @@ Format = Annotated[
 Start = Annotated[
     str | None,
     typer.Option(
-        help="Leave out what comes before, counted from the first sample: 90s, 10min, 1h30m or seconds.",
+        help="Start at this time after the first sample: 90s, 10min, 1h30m or seconds.",
         metavar="LENGTH",
         rich_help_panel=INPUT,
         show_default=False,
@@ -96,7 +93,7 @@ Start = Annotated[
 Stop = Annotated[
     str | None,
     typer.Option(
-        help="Leave out what comes after, counted from the first sample.",
+        help="Stop at this time after the first sample.",
         metavar="LENGTH",
         rich_help_panel=INPUT,
         show_default=False,
@@ -105,7 +102,7 @@ Stop = Annotated[
 Skip = Annotated[
     list[str] | None,
     typer.Option(
-        help="Leave out what lies between two times from the first sample, as 20min-25min; repeat it or use commas.",
+        help="Leave out a time range, such as 20min-25min after the first sample. Repeat the option, or use commas.",
         metavar="FROM-TO",
         rich_help_panel=INPUT,
         show_default=False,
@@ -114,8 +111,8 @@ Skip = Annotated[
 Topic = Annotated[
     str | None,
     typer.Option(
-        help="Which recording of several in one file, a topic of a ROS bag for one, where not exactly one is inertial; "
-        "without it they are listed.",
+        help="Recording to read from a file with several, for example the topic of a ROS bag. If it is needed and "
+        "missing, the error lists all of them.",
         metavar="NAME",
         rich_help_panel=INPUT,
         show_default=False,
@@ -125,7 +122,7 @@ Topic = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptionTexts:
-    """The options that all commands with a recording share, as they are typed, in the order of their help."""
+    """Texts of the options for reading a recording, in the order of the help."""
 
     rate: Rate = None
     units: Units = None
@@ -140,14 +137,20 @@ class ReadOptionTexts:
     increments: Increments = None
 
     def parsed(self) -> ReadOptions:
-        """The same as values, checked."""
+        """Parse and check the options.
+
+        Raises
+        ------
+        OptionError, UnitError
+            If a value is not allowed.
+        """
         return ReadOptions(
             rate=self.rate,
             columns=parse_columns(self.columns),
             units=parse_units(self.units) or {},
             gaps=self.gaps,
-            start=_length(self.start, "start"),
-            stop=_length(self.stop, "stop"),
+            start=None if self.start is None else parse_length(self.start, "start"),
+            stop=None if self.stop is None else parse_length(self.stop, "stop"),
             skip=parse_skips(self.skip),
             format=self.format,
             topic=self.topic,
@@ -160,7 +163,8 @@ Axes = Annotated[
     list[str] | None,
     typer.Option(
         "--axis",
-        help="Axis to use: gyro_x … accel_z, or gyro or accel for three; repeat it or use commas. Default: all.",
+        help="Axis to use: gyro_x … accel_z; gyro or accel for all three. Repeat the option, or use commas. Default: "
+        "all axes.",
         metavar="AXIS",
         rich_help_panel=INPUT,
         show_default=False,
@@ -169,7 +173,7 @@ Axes = Annotated[
 
 
 def load(path: Path, reading: ReadOptions) -> Imu:
-    """The recording in a file."""
+    """Read the recording in a file."""
     from gmwm.cli.output import progress
     from gmwm.readers.api import read_file
 
@@ -177,29 +181,25 @@ def load(path: Path, reading: ReadOptions) -> Imu:
         return read_file(path, reading)
 
 
-def _length(text: str | None, argument: str) -> float | None:
-    return None if text is None else parse_length(text, shell_option(argument))
-
-
 def parse_skips(texts: Sequence[str] | None) -> list[tuple[float, float]]:
-    """Ranges of time to leave out (s).
+    """Parse time ranges (s) to leave out.
 
     >>> parse_skips(["20min-25min,1h-1h30s"])
     [(1200.0, 1500.0), (3600.0, 3630.0)]
     """
     skips = []
     for part in (part.strip() for text in texts or () for part in text.split(",")):
-        # A number may have a minus sign after its e.
+        # An exponent may have a minus sign: 1e-3.
         ends = re.split(r"(?<![0-9.][eE])-", part)
         if len(ends) != 2:
-            raise OptionError(f"--skip takes two times with a minus sign between, as 20min-25min; got {part!r}")
-        begin, end = (parse_length(text, "--skip") for text in ends)
+            raise OptionError(argument="skip", expected="a time range such as 20min-25min", got=part)
+        begin, end = (parse_length(text, "skip") for text in ends)
         skips.append((begin, end))
     return skips
 
 
 def parse_units(text: str | None) -> dict[str, str] | None:
-    """Units as `gmwm.read` takes them.
+    """Parse units to the mapping that `gmwm.read` takes.
 
     >>> parse_units("gyro=deg/s,accel=g")
     {'gyro': 'deg/s', 'accel': 'g'}
@@ -211,15 +211,14 @@ def parse_units(text: str | None) -> dict[str, str] | None:
     for part in text.split(","):
         name, mark, unit = (piece.strip() for piece in part.partition("="))
         if not mark or name not in known or not unit:
-            raise OptionError(
-                f"--units takes a unit for {', '.join(known)}, as gyro=deg/s,accel=g; got {part.strip()!r}"
-            )
+            expected = f"units of {', '.join(known)}, such as gyro=deg/s,accel=g"
+            raise OptionError(argument="units", expected=expected, got=part.strip())
         units[name] = unit
     return units
 
 
 def parse_scale(text: str | None) -> dict[str, float] | None:
-    """Factors as `gmwm.read` takes them, each a number or a fraction.
+    """Parse scale factors, numbers or fractions, to the mapping that `gmwm.read` takes.
 
     >>> parse_scale("gyro=1/131,accel_x=6.1e-5")
     {'gyro': 0.007633587786259542, 'accel_x': 6.1e-05}
@@ -235,12 +234,13 @@ def parse_scale(text: str | None) -> dict[str, float] | None:
         except (ValueError, ZeroDivisionError):
             mark = ""
         if not mark or not name:
-            raise OptionError(f"--scale takes a factor for each, as gyro=1/131,accel_x=6.1e-5; got {part.strip()!r}")
+            expected = "factors of sensors or axes, such as gyro=1/131,accel_x=6.1e-5"
+            raise OptionError(argument="scale", expected=expected, got=part.strip())
     return factors
 
 
 def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] | None:
-    """Columns as `gmwm.read` takes them.
+    """Parse columns to the mapping or list that `gmwm.read` takes.
 
     >>> parse_columns("time,gyro_x,,accel_z")
     ['time', 'gyro_x', '', 'accel_z']
@@ -256,28 +256,30 @@ def parse_columns(text: str | None) -> dict[str, str | int | None] | list[str] |
     for part in parts:
         axis, mark, column = (piece.strip() for piece in part.partition("="))
         if not mark or not axis:
-            raise OptionError(f"--columns takes axis=COLUMN for each, as gyro_x=wx,gyro_y=3; got {part!r}")
+            expected = "a list of axes, or axis=COLUMN for each axis, such as gyro_x=wx,gyro_y=3"
+            raise OptionError(argument="columns", expected=expected, got=part)
         columns[axis] = int(column) if column.isdecimal() else column or None
     return columns
 
 
 def require_whole(imu: Imu) -> None:
-    """An error where a recording has gaps, for what is not measured over several segments."""
+    """Raise a DataError if a recording has gaps, for quantities that need one segment."""
     if len(imu.segments) > 1:
         sizes = ", ".join(str(stop - start) for start, stop in imu.segments[:5])
         raise DataError(
             f"the recording has gaps: {len(imu.segments)} segments of {sizes}{', …' if len(imu.segments) > 5 else ''} "
-            "samples, which are never glued; pass --gaps longest to use the longest of them"
+            "samples",
+            advice="To use only the longest segment, pass {--gaps=longest}.",
         )
 
 
 def chosen_axes(imu: Imu, wanted: Sequence[str] | None) -> Mapping[str, Signal]:
-    """The signals that --axis names, all by default."""
+    """The signals that --axis selects. Default: all."""
     return {axis: imu[axis] for axis in chosen_names(imu.axes, wanted)}
 
 
 def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
-    """The axes among the known ones that --axis names, all by default.
+    """The known axes that --axis selects. Default: all.
 
     >>> chosen_names(["gyro_x", "gyro_y", "accel_x"], ["gyro"])
     ['gyro_x', 'gyro_y']
@@ -288,6 +290,6 @@ def chosen_names(known: Sequence[str], wanted: Sequence[str] | None) -> list[str
     for name in (part.strip() for text in wanted for part in text.split(",")):
         triad = [axis for axis in known if axis.startswith(f"{name}_")]
         if name not in known and not triad:
-            raise OptionError(f"--axis must be one of {', '.join(known)}; got {name!r}")
+            raise OptionError(argument="axis", expected=f"one of {', '.join(known)}", got=name)
         axes += triad or [name]
     return [axis for axis in known if axis in axes]

@@ -1,4 +1,4 @@
-"""gmwm report: a calibration as one HTML page."""
+"""gmwm report: write a calibration as an HTML page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def report(
     file: Annotated[
         Path,
         typer.Argument(
-            help="What gmwm calibrate --output wrote: calibration.json, or its folder.",
+            help="calibration.json of gmwm calibrate --output, or its folder.",
             metavar="CALIBRATION",
             show_default=False,
         ),
@@ -29,16 +29,16 @@ def report(
         typer.Option(
             "--output",
             "-o",
-            help="The page; report.html beside the calibration by default.",
+            help="Write to this file. Default: report.html in the folder of the calibration.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
-    """Write a calibration as one HTML page, to read without a network, to print and to pass on.
+    """Write a calibration as one HTML page that needs no network.
 
-    Verdict, recording, curves with their values under the pointer, numbers in the units of datasheets and in SI, models
-    compared, outliers, configuration files to paste, and how to cite.
+    The page shows the verdict, the recording, interactive curves, the numbers in SI units and in units of datasheets,
+    the comparison of models, outliers, configuration files for other programs, and how to cite gmwm.
     """
     from gmwm import Calibration
 

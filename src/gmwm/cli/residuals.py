@@ -1,4 +1,4 @@
-"""gmwm residuals: what a model leaves unexplained of a recording, and whether that is white noise."""
+"""gmwm residuals: test whether the residuals of a model are white noise."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def residuals(
     lags: Annotated[
         int | None,
         typer.Option(
-            help="Of the Ljung-Box test. Default: 10 log₁₀ of the number of samples.",
+            help="Number of lags of the Ljung-Box test. Default: 10 log₁₀ of the number of samples.",
             min=1,
             rich_help_panel=RESULT,
             show_default=False,
@@ -49,19 +49,18 @@ def residuals(
     plot: Annotated[
         Path | None,
         typer.Option(
-            help="Draw one axis, its residuals over time, their quantiles and autocorrelation, to this .png, .pdf or "
+            help="Plot the residuals of one axis, their quantiles and their autocorrelation to this .png, .pdf or "
             ".svg file.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
-    """Check a model by what it cannot predict: the standardised innovations of its Kalman filter.
+    """Test the residuals of a model, the standardized innovations of its Kalman filter.
 
-    Under the right model they are white, with mean 0 and standard deviation 1, and normal if all its noise is. The
-    Ljung-Box test asks whether they are white: a small p means that a process is missing or has wrong values. The
-    Jarque-Bera test asks whether they are normal: rounding to a coarse step, knocks and outliers are not, and a long
-    recording shows the least of it.
+    If the model is right, the residuals are white, with mean 0 and standard deviation 1, and normal if all noise is
+    normal. The Ljung-Box test rejects whiteness if a process is missing or has wrong values. The Jarque-Bera test
+    rejects normality after coarse quantization, knocks and outliers; in a long recording, even small ones.
     """
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
@@ -69,13 +68,18 @@ def residuals(
     imu = load(file, reading)
     signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
     if plot is not None and len(signals) > 1:
-        raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+        raise OptionError(
+            f"--plot needs one axis, but {', '.join(signals)} are selected",
+            argument="plot",
+            got=list(signals),
+            advice="Select one with {--axis}.",
+        )
     tell_inspection(imu)
     models = axis_models(source, signals, file)
     found = _residuals(models, signals)
     checks = {name: one.to_dict(lags) for name, one in found.items()}
     first = next(iter(found.values()))
-    files = () if plot is None else (NewFile(plot, lambda path: first.plot(lags, path=path), f"drawing {plot.name}"),)
+    files = () if plot is None else (NewFile(plot, lambda path: first.plot(lags, path=path), f"plotting {plot.name}"),)
     axes = {name: {**models[name].to_dict(), **check} for name, check in checks.items()}
     return Outcome(
         command="residuals",
@@ -102,7 +106,7 @@ def _text(models: Mapping[str, AxisModel], checks: Mapping[str, Mapping[str, Any
     first = next(iter(models.values()))
     structures = {model.values.structure for model in models.values()}
     several = len(structures) > 1
-    head = f"Standardised innovations{'' if several else ' of ' + first.values.structure}, values {first.origin}"
+    head = f"Standardized innovations{'' if several else ' of ' + first.values.structure}, values {first.origin}"
     rows = [
         [
             name, *([models[name].values.structure] if several else []), str(check["samples"]),
@@ -116,7 +120,7 @@ def _text(models: Mapping[str, AxisModel], checks: Mapping[str, Mapping[str, Any
     lags = next(iter(checks.values()))["ljung_box"]["lags"]
     return (
         f"{head}\n{table_text(heads, rows, texts=2 if several else 1)}\n\n"
-        f"If the model is right: mean 0, sd 1, and each p below 0.05 once in twenty axes.\nLjung-Box: whether they "
-        f"are white, over {lags} lags. Jarque-Bera: whether they are normal,\nwhich rounding to a coarse step, knocks "
-        "and outliers are not."
+        "If the model is right, mean is 0, sd is 1, and one p-value in twenty is below 0.05.\n"
+        f"Ljung-Box: test of whiteness over {lags} lags. Jarque-Bera: test of normality,\n"
+        "which coarse quantization, knocks and outliers violate."
     )

@@ -1,4 +1,4 @@
-"""gmwm select: which model within a general one an axis calls for."""
+"""gmwm select: choose the noise model of each axis."""
 
 from __future__ import annotations
 
@@ -55,33 +55,40 @@ def select(
     confidence: Confidence = 0.95,
     seed: Seed = 0,
     chunked: Chunked = "auto",
-    limit: Annotated[int, typer.Option(help="Models to print for each axis.", min=1, rich_help_panel=RESULT)] = 10,
+    limit: Annotated[
+        int, typer.Option(help="Number of models to print for each axis.", min=1, rich_help_panel=RESULT)
+    ] = 10,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Draw the best models of one axis to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
+        typer.Option(help="Plot the best models of one axis to this .png, .pdf or .svg file.", rich_help_panel=RESULT),
     ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
-            help="Write rankings.json, and a picture of the best models of each axis, into this directory.",
+            help="Write rankings.json and a plot of the best models of each axis to this directory.",
             rich_help_panel=RESULT,
         ),
     ] = None,
 ) -> Outcome:
-    """Compare every model within a general one, for each axis.
+    """Compare all models that are part of a largest model, and recommend one for each axis.
 
-    The wavelet information criterion (WIC) is the objective plus what it would be larger by on another record of the
-    same kind. All models have the weights of the general one. Those that the data cannot tell from the best are
-    marked, and the simplest of them is recommended.
+    The wavelet information criterion (WIC) is the objective plus a penalty: the expected increase of the objective for
+    another recording of the same noise. All models have the weights of the largest one. Models that the data cannot
+    distinguish from the best one are marked, and the simplest of them is recommended.
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
     recording = opened(file, reading, chunked)
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:
-        raise OptionError(f"--plot draws one axis, {', '.join(names)} are chosen; pass --axis, or take --output")
+        raise OptionError(
+            f"--plot needs one axis, but {', '.join(names)} are selected",
+            argument="plot",
+            got=names,
+            advice="Select one with {--axis}, or plot all with {--output}.",
+        )
     if output is not None:
         made_directory(output)
     measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
@@ -122,4 +129,4 @@ def _files(rankings: Mapping[str, Ranking], folder: Path, content: Mapping[str, 
 
 
 def _picture(ranking: Ranking, path: Path) -> NewFile:
-    return NewFile(path, lambda target: ranking.plot(path=target), f"drawing {path.name}")
+    return NewFile(path, lambda target: ranking.plot(path=target), f"plotting {path.name}")

@@ -1,4 +1,4 @@
-"""gmwm simulate: a static recording with known noise, as a file."""
+"""gmwm simulate: simulate a static recording with known noise."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def simulate(
     duration: Annotated[
         str,
         typer.Option(
-            help="Length of the recording: 90s, 20min, 1h30m, 2h, 1d, or a number of seconds.",
+            help="Duration of the recording: 90s, 20min, 1h30m, 2h, 1d, or seconds.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -46,48 +46,55 @@ def simulate(
         typer.Option(
             "--model",
             "-m",
-            help="A model with all its values: MODEL for all six axes, gyro=MODEL or accel=MODEL for three, "
-            "gyro_x=MODEL for one; repeat it.",
+            help="Model with all values: MODEL for all six axes, gyro=MODEL or accel=MODEL for three, gyro_x=MODEL "
+            "for one. Repeat the option for other axes.",
             metavar="[AXIS=]MODEL",
             show_default=False,
         ),
     ] = None,
     reference: Annotated[
         bool,
-        typer.Option("--reference", help="In place of --model: the six axes of the demo, a good MEMS unit."),
+        typer.Option("--reference", help="Instead of --model: the six axes of the demo, a good MEMS unit."),
     ] = False,
-    rate: Annotated[float, typer.Option(help="Samples per second (Hz).")] = 100.0,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same recording.", min=0)] = 1,
+    rate: Annotated[float, typer.Option(help="Sampling rate (Hz).")] = 100.0,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the simulation. The same seed gives the same recording.", min=0)
+    ] = 1,
     components: Annotated[
         Path | None,
         typer.Option(
-            help="Write the latent process of each term as well, a column each such as 'gyro_x WN \\[rad/s]': "
-            ".csv or .parquet.",
+            help="Also write the process of each term to this .csv or .parquet file, in columns such as 'gyro_x WN "
+            "\\[rad/s]'.",
             show_default=False,
         ),
     ] = None,
 ) -> Outcome:
-    """Write a static recording whose noise is known.
+    """Simulate a static recording with known noise.
 
-    Each axis is a path of its own model (values in SI units and per sample, GM.beta in 1/s); accel_z carries
-    gravity as well. Every axis draws from its own stream of the seed. With --components the recording is the same;
-    less gravity, its axes are the sums of the columns of the other file.
+    The values of a model are in SI units and per sample, GM.beta in 1/s. Gravity is added to accel_z. Each axis has its
+    own stream of random numbers. --components does not change the recording: each axis, without gravity, is the sum of
+    its columns in that file.
     """
     from gmwm.simulation import models_by_axis, reference_imu
     from gmwm.writers import table_path
 
     if reference == bool(model):
-        raise OptionError("give what to simulate as --model or as --reference, one of them")
+        raise OptionError(
+            "exactly one of --model and --reference is needed",
+            argument="model",
+            got=model,
+            advice="Write a model with {--model}, or simulate the unit of the demo with {--reference}.",
+        )
     seconds = parse_length(duration)
-    # What cannot be written is told before anything is.
+    # Check the output files before the simulation, which can take minutes.
     if components is not None and table_path(components).resolve() == output.resolve():
-        raise OptionError(f"--components needs a file of its own, got {str(components)!r} for --output too")
+        raise OptionError(argument="components", expected="another file than --output", got=str(components))
     truth = models_by_axis(reference_imu() if reference else parse_models(model or []))
     imu, columns = _written(truth, rate, seconds=seconds, seed=seed, output=output, components=components)
     lines = [f"{axis:<8} {m}" for axis, m in truth.items()]
-    lines.append(f"wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
+    lines.append(f"Wrote {output}: {len(imu)} samples at {imu.rate:g} Hz, {imu.duration:g} s, seed {seed}")
     if components is not None:
-        lines.append(f"wrote {components}: {len(columns)} columns of the same length, one for each latent process")
+        lines.append(f"Wrote {components}: {len(columns)} columns of the same length, one for each process")
     return Outcome(
         command="simulate",
         document={
@@ -104,7 +111,7 @@ def simulate(
 def _written(
     truth: Mapping[str, Model], rate: float, seconds: float, seed: int, output: Path, components: Path | None
 ) -> tuple[Imu, tuple[str, ...]]:
-    """The simulated recording and the names of its latent processes, both written to their files."""
+    """Simulate a recording, and write it and its processes to their files. Returns it and the names of the columns."""
     from gmwm._text import duration_text
     from gmwm.simulation import simulate as simulated
 
@@ -119,7 +126,7 @@ def _written(
 
 
 def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
-    """What `gmwm.simulation.api` takes, from the values of --model.
+    """Parse the values of --model to the models that `gmwm.simulate` takes.
 
     >>> parse_models(["gyro=WN(sigma2=4e-8)", "accel_z=QN(q2=1e-6)"])
     {'gyro': 'WN(sigma2=4e-8)', 'accel_z': 'QN(q2=1e-6)'}
@@ -132,12 +139,13 @@ def parse_models(texts: Sequence[str]) -> dict[str, ModelLike] | str:
     models: dict[str, ModelLike] = {}
     for text, match in zip(texts, matches, strict=True):
         if match is None:
-            raise OptionError(f"with several --model each needs its axis, as gyro='{text}'; got {text!r}")
+            raise OptionError(argument="model", expected=f"AXIS=MODEL, such as gyro='{text}', if repeated", got=text)
         if match[1] not in (*SI_UNIT, *AXES):
-            raise OptionError(
-                f"--model takes [AXIS=]MODEL with an axis of {', '.join((*SI_UNIT, *AXES))}; got {match[1]!r}"
-            )
+            expected = f"[AXIS=]MODEL with an axis of {', '.join((*SI_UNIT, *AXES))}"
+            raise OptionError(argument="model", expected=expected, got=match[1])
         if match[1] in models:
-            raise OptionError(f"--model is given twice for {match[1]}; write its processes as one sum")
+            raise OptionError(
+                f"{match[1]} has two models", argument="model", got=match[1], advice="Write its processes as one sum."
+            )
         models[match[1]] = match[2].strip()
     return models

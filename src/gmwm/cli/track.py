@@ -1,4 +1,4 @@
-"""gmwm track: the hidden processes of a recording, its bias first of all, over time."""
+"""gmwm track: estimate the bias and the other processes of a model over time."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ EXAMPLES = (
     "gmwm track static.csv --model 'WN + RW' --axis gyro_x --predict 10min",
 )
 
-HASTY = 10.0
-"""Samples of correlation time below which a term in the bias is told of."""
+SHORT_CORRELATION = 10.0
+"""Correlation time (samples) below which a term of the bias is reported as noise (tests/cli/test_cli_track.py)."""
 
 
 @command
@@ -48,14 +48,14 @@ def track(
     kind: Annotated[
         Literal["smooth", "filter"],
         typer.Option(
-            help="Each sample from the whole recording, or from what came up to it, as in real time.",
+            help="Estimate each sample from the whole recording (smooth), or from the samples up to it (filter).",
             rich_help_panel=RESULT,
         ),
     ] = "smooth",
     predict: Annotated[
         str | None,
         typer.Option(
-            help="What follows the recording, for 90s, 10min, 1h30m or seconds, in place of the recording itself.",
+            help="Predict the time after the recording instead: 90s, 10min, 1h30m or seconds.",
             metavar="LENGTH",
             rich_help_panel=RESULT,
             show_default=False,
@@ -64,8 +64,8 @@ def track(
     label: Annotated[
         list[str] | None,
         typer.Option(
-            help="Process to write and draw: bias, level, or a term of the model such as GM[1]; repeat it. Default: "
-            "all to --output, the bias to --plot.",
+            help="Process for --output and --plot: bias, level, or a term of the model such as GM[1]. Repeat the "
+            "option for more. Default: all for --output, the bias for --plot.",
             metavar="LABEL",
             rich_help_panel=RESULT,
             show_default=False,
@@ -73,15 +73,17 @@ def track(
     ] = None,
     confidence: Annotated[
         float,
-        typer.Option(callback=checked_confidence, help="Level of the bands.", metavar="LEVEL", rich_help_panel=RESULT),
+        typer.Option(
+            callback=checked_confidence, help="Level of the confidence bands.", metavar="LEVEL", rich_help_panel=RESULT
+        ),
     ] = 0.95,
     output: Annotated[
         Path | None,
         typer.Option(
             "--output",
             "-o",
-            help="Write time, data, and each process with its standard deviation, in SI units, to this .csv or "
-            ".parquet file; missing samples are NaN.",
+            help="Write time, data, and each process with its standard deviation to this .csv or .parquet file, in SI "
+            "units. Missing samples are NaN.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
@@ -89,19 +91,18 @@ def track(
     plot: Annotated[
         Path | None,
         typer.Option(
-            help="Draw one axis, its data and its processes with their bands, to this .png, .pdf or .svg file.",
+            help="Plot the data and the processes of one axis, with their bands, to this .png, .pdf or .svg file.",
             rich_help_panel=RESULT,
             show_default=False,
         ),
     ] = None,
     datasheet: Datasheet = False,
 ) -> Outcome:
-    """Follow the bias, and every hidden process of a model, through a recording.
+    """Estimate the bias and every other process of a model over time, with a Kalman filter.
 
-    The Kalman filter of the model gives each process at each sample with its standard deviation. The bias is the sum
-    of the constant level and all processes that wander: what is left when white and quantization noise are taken off.
-    Gaps are samples that are missing: the filter steps over them, and the band grows. The band counts the values of
-    the model as known.
+    The result is each process at each sample, with its standard deviation. The bias is the constant level plus all
+    processes except white noise and quantization noise. Samples in gaps are missing: the filter predicts across them,
+    and the band widens. The band does not include the uncertainty of the parameters.
     """
     source = model_source(
         model, from_fits, likelihood=likelihood, robust=robust, efficiency=chosen_efficiency(robust, efficiency)
@@ -111,7 +112,12 @@ def track(
     imu = load(file, reading)
     signals = axes_of(source, chosen_axes(imu, axis), bool(axis))
     if plot is not None and len(signals) > 1:
-        raise OptionError(f"--plot draws one axis, {', '.join(signals)} are chosen; pass --axis with one of them")
+        raise OptionError(
+            f"--plot needs one axis, but {', '.join(signals)} are selected",
+            argument="plot",
+            got=list(signals),
+            advice="Select one with {--axis}.",
+        )
     tell_inspection(imu)
     models = axis_models(source, signals, file)
     tracks = _tracks(models, signals, kind, length)
@@ -122,7 +128,7 @@ def track(
         files.append(NewFile(output, partial(_write, tracks, label), f"writing {output.name}"))
     if plot is not None:
         first = next(iter(tracks.values()))
-        files.append(NewFile(plot, partial(_draw, first, label, confidence, datasheet), f"drawing {plot.name}"))
+        files.append(NewFile(plot, partial(_draw, first, label, confidence, datasheet), f"plotting {plot.name}"))
     axes = {name: as_dict(models[name], found, confidence) for name, found in tracks.items()}
     parts = [
         tracks_text(name, models[name], found=found, level=confidence, datasheet=datasheet)
@@ -138,20 +144,22 @@ def track(
 
 
 def _check_output(output: Path | None, file: Path) -> None:
-    """An error where --output cannot be written as a table, or is the recording itself."""
+    """Check that --output is a table and not the recording itself."""
     from gmwm.writers import table_path
 
     if output is None:
         return
     table_path(output)
     if output.exists() and output.resolve() == file.resolve():
-        raise OptionError(f"--output must be another file than FILE, got {output} for both")
+        raise OptionError(argument="output", expected="another file than FILE", got=str(output))
 
 
 def _length(text: str, kind: str) -> float:
     if kind != "smooth":
-        raise OptionError(f"--predict is made from the whole recording; leave --kind {kind} out")
-    return parse_length(text, "--predict")
+        raise OptionError(
+            "--predict uses the whole recording", argument="kind", got=kind, advice="Leave {--kind=filter} out."
+        )
+    return parse_length(text, "predict")
 
 
 def _tracks(
@@ -168,33 +176,34 @@ def _tracks(
         if ahead is not None:
             steps = round(ahead * signal.rate)
             if steps < 1:
-                raise OptionError(f"--predict must be a sample or more, {1 / signal.rate:g} s; got {ahead:g} s")
+                raise OptionError(argument="predict", expected=f"at least {1 / signal.rate:g} s, one sample", got=ahead)
             return predict_tracks(given, signal, steps)
         return smooth_tracks(given, signal) if kind == "smooth" else filter_tracks(given, signal)
 
-    return over_axes(one, signals, "following")
+    return over_axes(one, signals, "estimating")
 
 
 def _check_labels(tracks: Mapping[str, Tracks], labels: Sequence[str]) -> None:
     for name, found in tracks.items():
         unknown = [label for label in labels if label not in found.labels]
         if unknown:
-            raise OptionError(f"--label must be one of {', '.join(found.labels)} for {name}; got {unknown[0]!r}")
+            expected = f"one of {', '.join(found.labels)} for {name}"
+            raise OptionError(argument="label", expected=expected, got=unknown[0])
 
 
 def _fast_terms(axis: str, found: Tracks) -> Iterator[Remark]:
-    """Terms that are part of the bias and are correlated for a few samples only: they make half of it noise."""
+    """Remarks about terms of the bias that are correlated only for a few samples."""
     from gmwm.likelihood.tracks import wanders
 
     for term, process in zip(found.model.terms, found.model.processes, strict=True):
-        lasts = process.correlation_time(found.rate) or 0.0
-        if process.scale > 0 and wanders(process, found.rate) and lasts * found.rate < HASTY:
-            duration = Quantity(lasts, "s")
-            yield Remark.of("bias-has-noise", axis, term=term, duration=duration, samples=lasts * found.rate)
+        time = process.correlation_time(found.rate) or 0.0
+        if process.scale > 0 and wanders(process, found.rate) and time * found.rate < SHORT_CORRELATION:
+            duration = Quantity(time, "s")
+            yield Remark.of("bias-has-noise", axis, term=term, duration=duration, samples=time * found.rate)
 
 
 def _write(tracks: Mapping[str, Tracks], labels: Sequence[str] | None, path: Path) -> None:
-    """Time, and of each axis the data, each process, and its standard deviation."""
+    """Write the time, and for each axis the data and each process with its standard deviation."""
     from gmwm.writers import write_table
 
     columns: dict[str, Vector] = {"time [s]": next(iter(tracks.values())).times}

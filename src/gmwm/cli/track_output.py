@@ -1,4 +1,4 @@
-"""Tracks in short: as numbers, and as a table."""
+"""Summaries of tracks, as numbers and as tables."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from gmwm.likelihood import Tracks
 
 NUMBERS = ("mean", "rms_about_mean", "rms_error", "first", "first_reach", "last", "last_reach")
-"""What is told of each process, in the unit of the data: a reach is half the width of the band."""
+"""The numbers of each process, in the unit of the data. A reach is half the width of the confidence band."""
 
 
 def as_dict(model: AxisModel, found: Tracks, level: float) -> dict[str, Any]:
-    """Tracks in short, with the model they are of; the whole of them is what --output writes."""
+    """A summary of tracks with their model, as plain numbers and texts. --output writes the complete tracks."""
     return {
         **model.to_dict(), "kind": found.kind, "rate": found.rate, "unit": found.unit, "samples": len(found),
         "missing": _missing(found), "first_time": float(found.times[0]), "last_time": float(found.times[-1]),
@@ -32,7 +32,7 @@ def _missing(found: Tracks) -> int:
 
 
 def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
-    """A track in numbers: its mean, how far it goes from there, how well it is known, and its ends with their bands."""
+    """Summarize a track: mean, root mean square about the mean, standard error, first and last value with bands."""
     path, error = found.mean[label], found.error[label]
     known = np.isfinite(error)
     low, _ = found.band(label, level)
@@ -47,7 +47,7 @@ def _brief(found: Tracks, label: str, level: float) -> dict[str, float | None]:
 
 
 def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datasheet: bool) -> str:
-    """A table of what each process did, how well that is known, and where it ended."""
+    """Format a table with the summary of each process."""
     from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
 
@@ -55,25 +55,25 @@ def tracks_text(name: str, model: AxisModel, found: Tracks, level: float, datash
     rows = [_row(label, _brief(found, label, level), found.kind == "predict", shown.factor) for label in found.labels]
     duration = f"{len(found) / found.rate:g} s"
     missing = f", {counted(_missing(found), 'sample')} missing" if _missing(found) else ""
-    words = {
+    description = {
         "smooth": f"smoothed over {counted(len(found), 'sample')}, {duration}{missing}",
         "filter": f"filtered over {counted(len(found), 'sample')}, {duration}{missing}",
         "predict": f"predicted for the {duration} after the recording",
     }
-    head = f"{name}: {model.values.structure}, values {model.origin}\n{words[found.kind]}, in {shown.unit}"
+    head = f"{name}: {model.values.structure}, values {model.origin}\n{description[found.kind]}, in {shown.unit}"
     reach = f"± {100 * level:g} %"
-    middle = ["first", reach] if found.kind == "predict" else ["mean", "rms about it", "known to"]
+    middle = ["first", reach] if found.kind == "predict" else ["mean", "rms about mean", "rms error"]
     return f"{head}\n{table_text(['process', *middle, 'last', reach], rows)}"
 
 
 def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: float) -> list[str]:
-    """A track in words: its ends with their bands, or what it did and its end."""
+    """Format a row: first and last value of a prediction; otherwise mean, deviation, error and last value."""
 
     def number(key: str) -> str:
         value = brief.get(key)
         if value is None:
             return "unknown"
-        # Of a process that does not move, rounding leaves a little.
+        # A process that does not move has a deviation of the size of rounding errors.
         if value <= 1e-9 * (brief["rms_error"] or 0.0):
             return "0"
         return f"{factor * value:.{'3g' if factor * value >= 0.01 else '2e'}}"
@@ -82,9 +82,9 @@ def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: flo
         value, error = brief.get(key), brief.get(by)
         if value is None or error is None:
             return "unknown"
-        # Where a model says that there is no error, what rounding leaves of a value is still none.
+        # If the model has no error, the digits follow from the deviation instead of from rounding errors.
         least = 1e-4 * (brief.get("rms_about_mean") or 0.0)
-        return _to_the_error(factor * value, factor * max(error, least))
+        return _rounded_to_error(factor * value, factor * max(error, least))
 
     last = [known("last", "last_reach"), number("last_reach")]
     if ahead:
@@ -92,15 +92,15 @@ def _row(label: str, brief: Mapping[str, float | None], ahead: bool, factor: flo
     return [label, known("mean", "rms_error"), number("rms_about_mean"), number("rms_error"), *last]
 
 
-def _to_the_error(value: float, error: float) -> str:
-    """A value with as many digits as its error leaves meaning to.
+def _rounded_to_error(value: float, error: float) -> str:
+    """Format a value with the digits that are significant given its error.
 
-    >>> _to_the_error(9.80665123456, 2e-4), _to_the_error(-7e-21, 1e-3), _to_the_error(1.23456e-4, 1e-4)
+    >>> _rounded_to_error(9.80665123456, 2e-4), _rounded_to_error(-7e-21, 1e-3), _rounded_to_error(1.23456e-4, 1e-4)
     ('9.806651', '0', '1.23e-04')
     """
     if not error:
         return f"{value or 0.0:.3g}"
-    # Six digits are more than anyone reads, where a model leaves hardly an error.
+    # At most six digits, if the error is tiny.
     digits = math.floor(math.log10(abs(value))) if value else 0
     places = min(2 - math.floor(math.log10(error)), 6 - digits)
     value = round(value, places)

@@ -1,4 +1,4 @@
-"""gmwm watch: the curve and the estimates of a recording that is still being made."""
+"""gmwm watch: show the curves and estimates of a recording while it is written."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ EXAMPLES = (
 
 @command
 def watch(
-    file: Annotated[str, typer.Argument(help="Text that is being written, or - for standard input.", metavar="FILE|-")],
+    file: Annotated[
+        str, typer.Argument(help="Text file that is being written, or - for standard input.", metavar="FILE|-")
+    ],
     rate: Rate = None,
     units: Units = None,
     columns: Columns = None,
@@ -51,20 +53,20 @@ def watch(
         typer.Option(
             "--model",
             "-m",
-            help="A sum of processes, as gmwm fit takes it: fitted anew each time.",
+            help="Sum of processes, as for gmwm fit. It is fitted again at each update.",
             metavar="MODEL",
             show_default=False,
         ),
     ] = None,
     accuracy: Annotated[
         str,
-        typer.Option(help="Relative standard error that is enough: 0.1 or 10%, 0.5 the most.", metavar="SHARE"),
+        typer.Option(help="Wanted relative standard error: 0.1 or 10%; at most 0.5.", metavar="SHARE"),
     ] = "0.1",
-    every: Annotated[str, typer.Option(help="How often to look anew: 5s, 1min.", metavar="LENGTH")] = "5s",
+    every: Annotated[str, typer.Option(help="Time between updates: 5s, 1min.", metavar="LENGTH")] = "5s",
     idle: Annotated[
         str | None,
         typer.Option(
-            help="End when nothing has come for so long. Default: at Ctrl-C, or at the end of standard input.",
+            help="Stop after this time without new data. Default: stop at Ctrl-C or at the end of standard input.",
             metavar="LENGTH",
             show_default=False,
         ),
@@ -72,25 +74,25 @@ def watch(
     datasheet: Datasheet = False,
     json: Json = False,
 ) -> Outcome:
-    """Follow a recording while it is made: is it enough yet?
+    """Watch a recording while it is written, and show when it is long enough.
 
-    Shows the Allan deviation of each axis and how well it is known so far; with a model also the estimates, their
-    errors, and how long the recording must be for the accuracy that is wanted. A live view on a terminal, a line each
-    time elsewhere; the whole table at the end, which is Ctrl-C, the end of standard input, or --idle.
+    Shows the Allan deviation of each axis with its standard error. With --model, also shows the estimates, their
+    standard errors, and the time to record for the wanted accuracy. A terminal shows a live view; a file or pipe gets
+    one line for each update. The complete table is printed at the end: Ctrl-C, the end of standard input, or --idle.
 
-    The file is text, and grows line by line. A line that is half written waits for its rest; a file that is cut or
-    replaced ends the watch, with what came before.
+    The file must be text that grows line by line. An incomplete line is read when it is complete. If the file is cut or
+    replaced, the watch ends with the result up to there.
     """
     from gmwm import Model
     from gmwm.inference.planning import as_accuracy
     from gmwm.readers.growing_files import Lines, growing_stream
     from gmwm.streaming.passes import accumulators
 
-    seconds, patience = parse_length(every, "--every"), None if idle is None else parse_length(idle, "--idle")
+    seconds, patience = parse_length(every, "every"), None if idle is None else parse_length(idle, "idle")
     wanted = as_accuracy(parse_share(accuracy))
     parsed = None if model is None else Model.parse(model)
     if seconds <= 0:
-        raise OptionError(f"--every takes a length of time above 0, got {every!r}")
+        raise OptionError(argument="every", expected="longer than 0 s", got=every)
     reading = ReadOptionTexts(rate=rate, units=units, columns=columns, scale=scale, increments=increments).parsed()
     with _source(file) as (take, name), _interruptible() as stopped:
         view = _View(
@@ -109,20 +111,20 @@ def watch(
         command="watch",
         document={"file": file, "accuracy": wanted, "axes": as_dicts(curves, fits, wanted)},
         text=whole_text(curves, fits, failed=failed, accuracy=wanted, datasheet=datasheet),
-        remarks=(*remarks, *(Remark.of("not-fitted", one, reason=why.rstrip(".")) for one, why in failed.items())),
+        remarks=(*remarks, *(Remark.of("not-fitted", one, reason=reason) for one, reason in failed.items())),
         failure=failure,
     )
 
 
 def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
-    """Measure what comes until it ends; the error that ended it, if what came before it can be used."""
+    """Feed the accumulators until the source ends. Returns the error that ended it, if there is a result."""
     from gmwm.streaming.passes import feed
 
     with view.shown(measured):
         try:
             feed(source, measured)
         except KeyboardInterrupt:
-            pass  # Polars has its own handler, if Ctrl-C comes while it reads; an end like any other
+            pass  # While Polars reads, its own handler of Ctrl-C raises this: a normal end.
         except GmwmError as error:
             if not all(len(made) >= MINIMUM_SAMPLES for made in measured.values()):
                 raise
@@ -131,7 +133,7 @@ def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View
 
 
 class _View:
-    """What is seen while it runs: when it is made anew, and where it goes."""
+    """The view of a running watch: when to update it, and where to show it."""
 
     def __init__(
         self, every: float, idle: float | None, stopped: Callable[[], bool], model: Model | None, accuracy: float,
@@ -146,7 +148,7 @@ class _View:
         self._samples = 0
 
     def noting(self, take: Callable[[], bytes | None]) -> Callable[[], bytes | None]:
-        """The same source, of which is noted when something came."""
+        """Wrap a source to record the time at which data arrive."""
 
         def noted() -> bytes | None:
             data = take()
@@ -157,7 +159,7 @@ class _View:
         return noted
 
     def breathe(self) -> bool:
-        """Show what there is if it is time; False where it is time to end."""
+        """Update the view if it is due. Returns False if the watch must end."""
         now = time.monotonic()
         if self._measured and now - self._shown >= self._every:
             self._show()
@@ -166,7 +168,7 @@ class _View:
 
     @contextmanager
     def shown(self, measured: Mapping[str, WaveletAccumulator]) -> Iterator[None]:
-        """Show these from now on: live on a terminal, in lines elsewhere."""
+        """Show these accumulators while the block runs: live on a terminal, otherwise one line for each update."""
         self._measured = measured
         if not self._out.isatty():
             self._update = lambda text: print(text, file=self._out, flush=True)
@@ -181,7 +183,7 @@ class _View:
             try:
                 yield
             finally:
-                # What is higher than the terminal would else be printed whole before it is taken away.
+                # Otherwise Rich prints a view that is higher than the terminal completely before it removes it.
                 live.update(Text(""), refresh=True)
 
     def _show(self) -> None:
@@ -209,12 +211,17 @@ def _unwrapped(text: Text) -> Text:
 
 @contextmanager
 def _source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
-    """What is watched, and its name."""
+    """Open the file or standard input, with its name."""
     from gmwm.readers.growing_files import GrowingFile, GrowingPipe
 
     if file != "-" and not Path(file).is_file():
-        what = "is no file" if Path(file).exists() else "does not exist"
-        raise OptionError(f"{file} {what}; pass a text file that is being written, or - for standard input")
+        problem = "is not a file" if Path(file).exists() else "does not exist"
+        raise OptionError(
+            f"{file} {problem}",
+            argument="file",
+            got=file,
+            advice="Pass a text file that is being written, or - for standard input.",
+        )
     take = GrowingPipe(sys.stdin.buffer) if file == "-" else GrowingFile(Path(file))
     try:
         yield take, Path("standard input" if file == "-" else file)
@@ -224,7 +231,7 @@ def _source(file: str) -> Iterator[tuple[GrowingFile | GrowingPipe, Path]]:
 
 @contextmanager
 def _interruptible() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C was pressed: the first ends the watch in good order, the second at once."""
+    """Yield a function that returns whether Ctrl-C was pressed. A second Ctrl-C raises KeyboardInterrupt."""
     pressed = False
 
     def note(*_: Any) -> None:

@@ -1,4 +1,4 @@
-"""What a recording that is being made tells so far: its curve, its estimates, and whether it is enough."""
+"""The status of a watched recording: curves, estimates, and whether the recording is long enough."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[dict[str, Fit], dict[str, str]]:
-    """The model fitted to each axis, and why it could not be."""
+    """Fit a model to each axis. Returns the fits, and the reasons for the axes that could not be fitted."""
     from gmwm import fit
 
     fits: dict[str, Fit] = {}
@@ -29,12 +29,12 @@ def fitted(model: Model | None, curves: Mapping[str, WaveletVariance]) -> tuple[
                 warnings.simplefilter("ignore", FitWarning)
                 fits[axis] = fit(model, curve, certify=False)
         except GmwmError as error:
-            failed[axis] = f"not fitted: {error}"
+            failed[axis] = error.reason
     return fits, failed
 
 
 def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
-    """How long a recording must be for each parameter (s); None where that is not known, or beyond all lengths."""
+    """The duration (s) that each parameter needs for an accuracy; None if it is unknown or infinite."""
     from gmwm import Model, plan
 
     wv = fit.wavelet_variance
@@ -47,7 +47,7 @@ def _needed(fit: Fit, accuracy: float) -> dict[str, float | None]:
 
 
 def _errors(fit: Fit) -> dict[str, float]:
-    """Relative standard errors that were reached."""
+    """The relative standard errors of the estimates."""
     try:
         errors = fit.standard_errors
     except GmwmError:
@@ -59,7 +59,7 @@ def whole_text(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
     datasheet: bool, live: bool = False,
 ) -> str:  # fmt: skip
-    """Everything: a table of deviations for each sensor, one of estimates for each axis."""
+    """Format the complete status: a table of deviations for each sensor, and one of estimates for each axis."""
     from gmwm._text import duration_text
     from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
@@ -78,18 +78,18 @@ def whole_text(
         ]
         parts.append(table_text(["τ (s)", *group, "±"], rows, title=shown.height_label, texts=0))
     answers = [_estimates(axis, fit, accuracy) for axis, fit in fits.items()]
-    answers += [f"{axis}: {reason}" for axis, reason in failed.items()]
-    # A live view ends with the terminal: what is asked for comes first there.
+    answers += [f"{axis}: not fitted: {reason}" for axis, reason in failed.items()]
+    # A terminal cuts a live view at its height, so the most important part comes first.
     return "\n\n".join([parts[0], *answers, *parts[1:]] if live else [*parts, *answers])
 
 
 def _relative(wv: WaveletVariance) -> Any:
-    """Relative standard error of each deviation: half that of its square, of χ² with η degrees of freedom."""
+    """Relative standard error of each deviation, ½ √(2/η), from χ² with η degrees of freedom for its square."""
     return 0.5 * (2.0 / wv.degrees_of_freedom) ** 0.5
 
 
 def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
-    """The estimates of an axis, with intervals, and whether it is enough."""
+    """Format the estimates of an axis with intervals, and whether the recording is long enough."""
     from gmwm._text import duration_text
     from gmwm.cli.output import table_text
     from gmwm.inference.summary import IntervalMethod, intervals_if_known, rows
@@ -102,7 +102,7 @@ def _estimates(axis: str, fit: Fit, accuracy: float) -> str:
         if row.name in fit.model.fixed_names:
             enough = ""
         elif error is None or not math.isfinite(error):
-            enough = "not seen"
+            enough = "unknown"
         elif error <= accuracy:
             enough = "yes"
         else:
@@ -116,7 +116,7 @@ def one_line_of(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], failed: Mapping[str, str], accuracy: float,
     datasheet: bool,
 ) -> str:  # fmt: skip
-    """One line: how long it is, and of each axis the estimates, or the least deviation."""
+    """Format the status in one line: duration, and for each axis the estimates or the least deviation."""
     from gmwm._text import duration_text
     from gmwm.inference.summary import IntervalMethod, short_values
     from gmwm.plots.view import view_of
@@ -128,11 +128,13 @@ def one_line_of(
             values = ", ".join(f"{name} {value}" for name, value in short_values(fits[axis], IntervalMethod()).items())
             errors = _errors(fits[axis])
             free = [name for name in fits[axis].parameters if name not in fits[axis].model.fixed_names]
-            lacking = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
+            inaccurate = ", ".join(name for name in free if not errors.get(name, math.inf) <= accuracy)
             share = f"{100 * accuracy:g} %"
-            parts.append(f"{axis}: {values}; {f'not yet {share}: {lacking}' if lacking else f'enough for {share}'}")
+            parts.append(
+                f"{axis}: {values}; {f'not yet {share}: {inaccurate}' if inaccurate else f'all within {share}'}"
+            )
         elif axis in failed:
-            parts.append(f"{axis}: {failed[axis]}")
+            parts.append(f"{axis}: not fitted: {failed[axis]}")
         else:
             shown = view_of(curve.unit, "allan", "datasheet" if datasheet else "si")
             heights, times = shown.height(curve.variance), shown.time(curve.tau)
@@ -146,15 +148,15 @@ def one_line_of(
 def as_dicts(
     curves: Mapping[str, WaveletVariance], fits: Mapping[str, Fit], accuracy: float
 ) -> dict[str, dict[str, Any]]:
-    """Curves and fits as plain numbers, lists and texts."""
+    """The curves and fits, as plain numbers, lists and texts."""
     from gmwm.inference.summary import IntervalMethod, inference
 
     out = {}
     for axis, curve in curves.items():
         out[axis] = {"wavelet_variance": curve.to_dict()}
         if axis in fits:
-            found = fits[axis]
-            out[axis]["fit"] = found.to_dict() | inference(found, IntervalMethod())
-            out[axis]["relative_errors"] = _errors(found)
-            out[axis]["needed"] = _needed(found, accuracy)
+            fit = fits[axis]
+            out[axis]["fit"] = fit.to_dict() | inference(fit, IntervalMethod())
+            out[axis]["relative_errors"] = _errors(fit)
+            out[axis]["needed"] = _needed(fit, accuracy)
     return out

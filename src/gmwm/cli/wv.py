@@ -1,4 +1,4 @@
-"""gmwm wv: the wavelet variance of a recording, as table, CSV, picture or JSON."""
+"""gmwm wv: wavelet variance of a recording as a table, CSV, plot or JSON."""
 
 from __future__ import annotations
 
@@ -46,28 +46,28 @@ def wv(
     datasheet: Datasheet = False,
     csv: Annotated[
         Path | None,
-        typer.Option(help="Write every level of every axis to this CSV file (SI units).", rich_help_panel=RESULT),
+        typer.Option(help="Write all levels of all axes to this CSV file (SI units).", rich_help_panel=RESULT),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
     ] = None,
     overlay: Annotated[
         bool,
         typer.Option(
             "--overlay",
-            help="In the picture, lay x, y and z of a sensor over one another.",
+            help="Plot x, y and z of a sensor in one panel.",
             rich_help_panel=RESULT,
         ),
     ] = False,
 ) -> Outcome:
     """Print the wavelet variance of each axis, or its Allan deviation.
 
-    The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at
-    averaging time τ/2. Limits are 95 % chi-square.
+    The scale of level j is τ = 2^j samples. Twice the wavelet variance at scale τ is the Allan variance at averaging
+    time τ/2. The 95 % confidence intervals are those of a chi-square distribution.
 
-    The robust one leaves outliers out of account, 1 % of bad samples up to level 4 or so: each spoils 2^j
-    coefficients of level j. Where more than half of the coefficients are zero, as at fine levels of a coarsely
-    quantised sensor, it may be zero, and says so. gmwm compare draws both over one another.
+    --robust reduces the effect of outliers. With 1 % of bad samples it works up to about level 4, because each bad
+    sample affects 2^j coefficients of level j. If more than half of the coefficients are zero, as for a coarsely
+    quantized sensor, the robust variance may be zero; a warning says so. gmwm compare plots both curves.
     """
     strength = chosen_efficiency(robust, efficiency)
     recording = opened(
@@ -81,7 +81,7 @@ def wv(
     system: UnitSystem = "datasheet" if datasheet else "si"
     files = [] if csv is None else [text_file(csv, _csv_text(results))]
     if plot is not None:
-        files.append(NewFile(plot, partial(_draw, results, view, system, overlay), "drawing"))
+        files.append(NewFile(plot, partial(_draw, results, view, system, overlay), "plotting"))
     return Outcome(
         command="wv",
         document={"file": str(file), "axes": {name: result.to_dict() for name, result in results.items()}},
@@ -102,7 +102,7 @@ def _measured(
     scheduler: str | None,
     workers: int | None,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis, of a recording in memory or in chunks; cautions are told."""
+    """Compute the wavelet variance of each axis. The remarks of the inspection become warnings."""
     from gmwm import wavelet_variance
     from gmwm.cli.parallel import over_axes
     from gmwm.readers.streams import Stream
@@ -130,18 +130,18 @@ def _draw(
 
 
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
-    """One axis with its limits, or all of a sensor side by side."""
+    """Format one axis with its confidence intervals, or the axes of a sensor side by side."""
     from gmwm.plots.view import view_of
     from gmwm.signals import by_sensor
 
     sensors = by_sensor(results)
     first = next(iter(results.values()))
     alone = any(len(group) == 1 for group in sensors.values())
-    limits = f", {100 * first.confidence:g} % limits" if alone else ""
+    limits = f", {100 * first.confidence:g} % confidence intervals" if alone else ""
     robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""
     transform = "" if (first.filter, first.transform) == ("haar", "modwt") else f", {first.filter} {first.transform}"
     parts = [f"{first.extent}{transform}{robust}{limits}"]
-    # A deviation in deg/h or mg has a size that reads better without an exponent.
+    # Deviations in deg/h and mg are numbers of ordinary size, which are easier to read without an exponent.
     style = "#.5g" if view == "allan" and system == "datasheet" else ".4e"
     for group in sensors.values():
         one = next(iter(group.values()))
@@ -161,7 +161,7 @@ def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system:
 
 
 def _csv_text(results: Mapping[str, WaveletVariance]) -> str:
-    """One line for each level of each axis; the deviation and its time are Allan's."""
+    """CSV with one line for each level of each axis, including the Allan deviation and its averaging time."""
     from gmwm.plots.view import view_of
 
     lines = ["axis,unit,level,scale_samples,tau_s,variance,lower,upper,coefficients,averaging_time_s,allan_deviation"]

@@ -44,7 +44,9 @@ class Entry:
 
     Examples
     --------
-    >>> entry = Entry("N", "white noise density", 1.0e-4, 0.9e-4, 1.1e-4, "rad/s/√Hz", term="WN")
+    >>> entry = Entry(
+    ...     symbol="N", title="white noise density", value=1.0e-4, low=0.9e-4, high=1.1e-4, unit="rad/s/√Hz", term="WN"
+    ... )
     >>> entry.text()
     '0.344 (0.309 … 0.378) deg/√h'
     >>> entry.text("si")

@@ -27,6 +27,6 @@ from gmwm.processes.physical import Physical as Physical
 
 __all__ = [
     "AR", "AR1", "ARMA", "DR", "FGN", "FN", "GM", "MA", "MAT", "PL", "QN", "RW", "SARMA", "SIN", "WN", "Branch",
-    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "families",
-    "fixed", "registry",
+    "Fixed", "Model", "ModelLike", "Ordered", "Parameter", "Physical", "Process", "as_model", "every_class", "fixed",
+    "ordered_classes", "registry",
 ]  # fmt: skip

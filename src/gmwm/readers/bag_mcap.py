@@ -106,8 +106,8 @@ class McapStorage(Storage):
         kind, length = _HEAD.unpack_from(footer) if len(footer) == tail else (0, 0)
         if kind != _FOOTER or length != 20 or not footer.endswith(MAGIC):
             raise ReadError(
-                f"{self.path} has no end: it was cut off, or the recorder was killed. Copy it again, or repair it with "
-                "`mcap recover`"
+                f"{self.path} is cut off: the copy is incomplete, or the recorder was killed",
+                advice="Copy it again, or repair it with `mcap recover`.",
             )
         start = int(_LONG.unpack_from(footer, _HEAD.size)[0])
         if start > end:

@@ -74,7 +74,8 @@ class Ros1Storage(Storage):
         position = _LONG.unpack(head["index_pos"])[0]
         if not position:
             raise ReadError(
-                f"{self.path} has no index: the recorder was killed or is still at it. Repair it with `rosbag reindex`"
+                f"{self.path} has no index: the recorder was killed or is still running",
+                advice="Repair it with `rosbag reindex`.",
             )
         if head.get("encryptor"):
             raise ReadError(f"{self.path} is encrypted; decrypt it first")

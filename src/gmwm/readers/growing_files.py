@@ -257,5 +257,7 @@ def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
     readers = [reader for reader in registered() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:
-        raise ReadError(f"{path} is no text; only text can be watched while it grows: read the file when it is whole")
+        raise ReadError(
+            f"{path} is not a text file, and only text can be watched", advice="Read it when it is complete."
+        )
     return best, best.layout(_Head(path, head))

@@ -117,8 +117,8 @@ class PartReader:
                 break
         if part.stop is not None and row != part.stop:
             raise ReadError(
-                f"{part.path} has other rows than when it was divided: was it written to meanwhile, or is it read with "
-                "another version of gmwm here?"
+                f"{part.path} has other rows than when it was divided",
+                advice="Read a file that no program is writing, with the same version of gmwm on all machines.",
             )
         yield from builder.end(self._behind())
         self.summary = builder.summary()
@@ -151,13 +151,16 @@ class PartReader:
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
     """Split a recording into consecutive parts: see `Stream.parts`."""
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise OptionError(f"count must be a whole number of parts, 1 or more; got {count!r}")
+        raise OptionError(argument="count", expected="a whole number of parts from 1", got=count)
     origin = stream._origin
     if origin is None:
-        raise OptionError("a recording that is still being made cannot be divided; save it to a file and pass that")
+        raise OptionError(
+            "a growing recording cannot be divided into parts", advice="Save it to a file and pass the file."
+        )
     if stream._kept is not None:
         raise OptionError(
-            "a recording that start=, stop= or skip= cut is not divided; write what is kept to a file of its own"
+            "a recording from which time ranges are left out cannot be divided into parts",
+            advice="Write the time ranges to keep to a file of their own instead of {--start}, {--stop} or {--skip}.",
         )
     marks = origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))

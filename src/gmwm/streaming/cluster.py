@@ -139,7 +139,7 @@ def spread_pairs(
     as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
-        raise OptionError(f"passes must be 2 or 1, got {passes!r}")
+        raise OptionError(argument="passes", expected="2 or 1", got=passes)
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     with connected(scheduler, workers) as client:
         crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
@@ -272,11 +272,13 @@ class _Crew:
             answer = future.result()
         except self._distributed.KilledWorker as error:
             raise GmwmError(
-                f"{self._source}: the workers that were given {self._parts[k]!r} died, one after the other: have they "
-                "memory enough? Begin fewer of them on a machine, or pass a smaller chunk= to gmwm.stream"
+                f"{self._source}: several workers died while reading {self._parts[k]!r}, possibly for lack of memory",
+                advice="Start fewer workers per machine, or give `gmwm.stream` a smaller chunk.",
             ) from error
         except lost as error:
-            raise GmwmError(f"{self._source}: the scheduler was lost, or what it held; begin again") from error
+            raise GmwmError(
+                f"{self._source}: the connection to the Dask scheduler was lost", advice="Start again."
+            ) from error
         if isinstance(answer, _Measured):
             self._samples += answer.summary.stop - answer.summary.first
             if self._done is not None:

@@ -102,7 +102,7 @@ def measured_pairs(
     as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
-        raise OptionError(f"passes must be 2 or 1, got {passes!r}")
+        raise OptionError(argument="passes", expected="2 or 1", got=passes)
     first = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     samples = _pass(stream, first, threads, done)
     classical = in_threads(lambda _, one: one.result(confidence), first, threads=threads)
@@ -117,8 +117,8 @@ def measured_pairs(
             robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
         except DataError as error:
             raise DataError(
-                f"{stream.source} has changed between its two readings: {error}. Take a copy of it that does not "
-                "change, or read it once only: wavelet_variance(robust=True, passes=1)"
+                f"{stream.source} has changed between its two readings: {error}",
+                advice="Read a copy that no program writes to, or read it only once with {--passes=1}.",
             ) from error
     return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
 
@@ -164,7 +164,7 @@ def _until(chunk: Chunk, end: int) -> Chunk:
 def whole(source: Source) -> Stream:
     """What can be divided: a stream itself."""
     if not isinstance(source, Stream):
-        raise OptionError(f"a stream of gmwm.stream is divided among workers, got {type(source).__name__}")
+        raise OptionError(argument="source", expected="a stream from gmwm.stream", got=source)
     return source
 
 
