@@ -1,7 +1,7 @@
 """A recording with knocks, fitted classically and robustly: `python examples/contaminated.py [PICTURE]`.
 
-A Gauss-Markov gyroscope with white noise is simulated for 1000 s; in ten of them, 1 % of the time, something knocks
-against the unit. The classical curve takes the knocks for noise; the robust one leaves them out.
+The example simulates 1000 s of a gyroscope with Gauss-Markov and white noise, and adds ten knocks of one second each.
+The classical fit interprets the knocks as noise. The robust fit limits their influence.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ TRUTH = gmwm.Model.parse("GM(beta=0.5, sigma2=1e-6) + WN(sigma2=4e-6)")
 
 
 def recording(seed: int = 7) -> gmwm.Signal:
-    """Noise of the model, and ten knocks of a second that ring and die away."""
+    """Noise of the model with ten knocks of one second: oscillations with exponential decay."""
     rng = np.random.default_rng(seed)
     length = round(RATE)
     x = TRUTH.simulate(SECONDS * length, RATE, rng)
@@ -29,7 +29,7 @@ def recording(seed: int = 7) -> gmwm.Signal:
 
 
 def main(path: str = "contaminated.png") -> dict[str, gmwm.Fit]:
-    """Fit both ways, print the estimates beside the truth, draw both; the fits by name."""
+    """Fit both curves, print the estimates and the true values, plot both; return the fits by name."""
     signal = recording()
     fits = {
         "classical": gmwm.fit(TRUTH.structure, signal),

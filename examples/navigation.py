@@ -1,8 +1,9 @@
 """A fitted noise model in a navigation filter: `python examples/navigation.py [--runs M] [--output FIGURE] [--seed N]`.
 
-A gyroscope and two accelerometers of known noise stand still for hours; their models are fitted to that recording.
-Then a vehicle drives with such sensors and a satellite receiver, which fails twice, M times over. Filters with several
-noise models follow it, and are asked whether they are as wrong as they say. docs/navigation.md tells what came out.
+The example simulates a gyroscope and two accelerometers at rest for hours and fits their noise models. It simulates
+M drives of a vehicle with these sensors and a satellite receiver with two outages. Extended Kalman filters with several
+noise models estimate the track, and the example compares their errors with the errors that they predict.
+docs/navigation.md has the results.
 """
 
 from __future__ import annotations
@@ -23,30 +24,30 @@ from gmwm.plots.style import BLACK, BLUE, GREEN, GRID, ORANGE
 RATE, STEPS = 100.0, 10
 """Samples of the sensors, and steps of the filter, per second."""
 HOURS, SECONDS = 8.0, 480
-"""Length of the recording at rest, and of the drive."""
+"""Length of the recording at rest (h) and of the drive (s)."""
 OUTAGES = ((150, 210), (330, 390))
-"""Seconds without a satellite position."""
+"""Times without a satellite position (s)."""
 FIX = 1.0
-"""Standard deviation of a satellite position, in m; there is one every second."""
+"""Standard deviation of a satellite position (m). One arrives every second."""
 TRUTH = {
     "gyro_z": gmwm.Model.parse("GM(beta=0.02, sigma2=2e-8) + WN(sigma2=2e-7) + RW(gamma2=4e-13)"),
     "accel_x": gmwm.Model.parse("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
     "accel_y": gmwm.Model.parse("GM(beta=0.02, sigma2=9e-6) + WN(sigma2=3e-5) + RW(gamma2=4e-11)"),
 }
 TURN_ON = {"gyro_z": 1e-4, "accel_x": 2e-3, "accel_y": 2e-3}
-"""Standard deviation of the bias that is left when the drive starts, in rad/s and m/s²."""
+"""Standard deviation of the bias at the start of the drive (rad/s, m/s²)."""
 START = np.array([FIX, FIX, 0.2, 0.2, np.deg2rad(1.0)])
-"""Standard deviations of position (2), velocity (2) and heading at the start: the states that all filters share."""
+"""Standard deviations of position (2), velocity (2) and heading at the start: the states common to all filters."""
 SHOWN = ((slice(4, 5), np.rad2deg(1), "Heading error (deg)"), (slice(0, 2), 1, "Position error (m)"))
-"""What of these is told, and in what unit."""
+"""States that the table and the figure show, with factor and label."""
 DRAWN = ("fitted model", "white noise only", "N, B as a constant", "10 N, 10 K")
 
 
-# --- the sensors' noise as a filter needs it ----------------------------------------------------------
+# --- noise models in state-space form -----------------------------------------------------------------
 
 
 class Noise(NamedTuple):
-    """What a filter takes the errors of the three sensors to be: b' = F b + w, error = H b + v."""
+    """Model of the errors of the three sensors: b' = F b + w, error = H b + v."""
 
     F: np.ndarray
     Q: np.ndarray
@@ -56,17 +57,17 @@ class Noise(NamedTuple):
 
 
 def noise(models: Mapping[str, gmwm.Model], start: Mapping[str, float] = TURN_ON) -> Noise:
-    """The matrices of the three sensors side by side, in steps of the filter."""
-    # The filter steps more slowly than the sensors; at their own rate it would be model.state_space(RATE).
+    """The block-diagonal matrices of the three sensors, for the step of the filter."""
+    # The filter runs at a lower rate than the sensors. At their rate, use model.state_space(RATE).
     spaces = {axis: model.continuous(RATE).discrete(STEPS) for axis, model in models.items()}
-    # A walk has no stationary variance: at the start it is the bias that is left.
+    # A random walk has no stationary variance. Its variance at the start is that of the bias.
     first = [space.P0 + start[axis] ** 2 * np.diag(space.diffuse) for axis, space in spaces.items()]
     blocks = {name: [getattr(space, name) for space in spaces.values()] for name in ("F", "Q", "H", "R")}
     return Noise(**{name: block_diag(*block) for name, block in blocks.items()}, P0=block_diag(*first))
 
 
 def candidates(seed: int) -> dict[str, Noise]:
-    """The true model, the one fitted to a recording at rest, and four that are common."""
+    """The true model, the model fitted to a recording at rest, and four common choices."""
     fitted, white, steady, two, inflated, start = ({} for _ in range(6))
     print(f"Fitted to {HOURS:g} h at rest at {RATE:g} Hz: estimate / truth ± standard error")
     for k, (axis, truth) in enumerate(TRUTH.items()):
@@ -77,12 +78,12 @@ def candidates(seed: int) -> dict[str, Noise]:
         shares = (f"{name} {at[name] / v:.2f} ± {by[name] / v:.2f}" for name, v in truth.parameters.items())
         print(f"  {axis:<8} " + ", ".join(shares))
         fitted[axis] = fit.model
-        # N and B as they are read off the slopes of the Allan deviation.
+        # N and B from the slopes of the Allan deviation.
         read = gmwm.avlr(signal).coefficients
         white[axis] = gmwm.Model.parse(f"WN(sigma2={read['N'] ** 2 * RATE})")
         steady[axis] = white[axis] + gmwm.RW(gamma2=0.0)
         start[axis] = float(np.hypot(read["B"], TURN_ON[axis]))
-        # N and K that stand for the whole model over a second, and ten times as much.
+        # N and K that replace the model over one second, and ten times these values.
         both = gmwm.datasheets.effective_noise(fit, horizon=1.0)
         n2, k2 = both["N_eff"].value ** 2, both["K_eff"].value ** 2
         two[axis] = gmwm.Model.parse(f"WN(sigma2={n2 * RATE}) + RW(gamma2={k2 / RATE})")
@@ -101,7 +102,7 @@ def candidates(seed: int) -> dict[str, Noise]:
 
 
 class Drive(NamedTuple):
-    """Where the vehicle is at each sample, and what sensors without errors would say."""
+    """State of the vehicle at each sample, and the output of sensors without errors."""
 
     state: np.ndarray
     """Position (m), velocity (m/s) and heading (rad), (5, samples + 1)."""
@@ -126,7 +127,7 @@ def turned(angle: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray,
 
 
 def measured(way: Drive, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """What the sensors say in each run (runs, 3, samples), and the satellite receiver (runs, 2, seconds)."""
+    """Output of the sensors, (runs, 3, samples), and of the satellite receiver, (runs, 2, seconds)."""
     said = np.empty((runs, *way.sensed.shape))
     for k, (axis, truth) in enumerate(TRUTH.items()):
         rng = np.random.default_rng([seed, 10 + k])
@@ -140,19 +141,19 @@ def measured(way: Drive, runs: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Track(NamedTuple):
-    """Errors of a filter just before each fix (seconds, runs, 5), and the covariances that it gives them."""
+    """Errors of a filter just before each fix, (seconds, runs, 5), and their covariances according to the filter."""
 
     error: np.ndarray
     covariance: np.ndarray
 
     @property
     def nees(self) -> np.ndarray:
-        """Normalised squared error eᵀP⁻¹e, mean over the runs: 5 of a filter that is as wrong as it says."""
+        """Normalised estimation error squared eᵀP⁻¹e, mean over the runs: 5 for a consistent filter."""
         whitened = np.linalg.solve(self.covariance, self.error[..., None])[..., 0]
         return np.mean(np.sum(self.error * whitened, axis=2), axis=1)
 
     def size(self, states: slice) -> tuple[np.ndarray, np.ndarray]:
-        """Root mean square of the error of these states over the runs, and what the filter says it is."""
+        """Root mean square error of these states over the runs, and its value according to the filter."""
         variance = np.diagonal(self.covariance, axis1=2, axis2=3)[..., states].sum(axis=2)
         return np.sqrt(np.mean(np.sum(self.error[..., states] ** 2, axis=2), axis=1)), np.sqrt(variance.mean(axis=1))
 
@@ -160,7 +161,7 @@ class Track(NamedTuple):
 def follow(model: Noise, way: Drive, said: np.ndarray, fixes: np.ndarray, seed: int) -> Track:
     """An extended Kalman filter of the errors δ = truth − estimate, all runs at once.
 
-    δ = (position, velocity, heading, b). The estimates of b correct the sensors; the rest of it is what δ holds.
+    δ = (position, velocity, heading, b). The estimate of b corrects the sensors. δ contains the error of this estimate.
     """
     runs, states = len(said), 5 + len(model.F)
     x = way.state[:, 0] + START * np.random.default_rng([seed, 30]).standard_normal((runs, 5))
@@ -170,7 +171,7 @@ def follow(model: Noise, way: Drive, said: np.ndarray, fixes: np.ndarray, seed: 
     for step in range(SECONDS * STEPS):
         sensed = said[:, :, step * each : (step + 1) * each] - (b @ model.H.T)[:, :, None]
         x, by_heading, by_sensors = strapdown(x, sensed)
-        # The errors after the step: what they were, what they bring about, and what the sensors' errors add.
+        # Errors after the step: transition of the errors before it, plus the errors of the sensors.
         transition = np.tile(np.eye(states), (runs, 1, 1))
         transition[:, [0, 1], [2, 3]] = 1 / STEPS
         transition[:, :4, 4] = by_heading
@@ -193,10 +194,10 @@ def follow(model: Noise, way: Drive, said: np.ndarray, fixes: np.ndarray, seed: 
 
 
 def strapdown(x: np.ndarray, sensed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A step of the filter, sample by sample: the state after it, and what an error over the whole step brings about.
+    """Integrate the samples of one filter step; return the state after it and its derivatives by an error.
 
-    The derivatives of position and velocity by the heading, (runs, 4), and those of all five by an error of the
-    sensors, (runs, 5, 3), which makes them say too much, and the truth so much less.
+    The derivatives of position and velocity by the heading have the shape (runs, 4). Those of all five states by an
+    error of the sensors have the shape (runs, 5, 3). A positive error of a sensor is subtracted from its output.
     """
     dt, span = 1 / RATE, 1 / STEPS
     ahead = dt * np.cumsum(sensed[:, 0], axis=1)
@@ -205,7 +206,7 @@ def strapdown(x: np.ndarray, sensed: np.ndarray) -> tuple[np.ndarray, np.ndarray
     rise = gained[:, :, -1].T
     way = span * x[:, 2:4] + dt * (gained.sum(axis=2).T - rise / 2)
     after = x + np.concatenate([way, rise, ahead[:, -1:]], axis=1)
-    # A turn of the heading turns the velocity that is gained; over the step half of that adds to the way.
+    # A change of heading rotates the velocity increment; half of it over the step adds to the position.
     turn = np.stack([-rise[:, 1], rise[:, 0]], axis=1)
     c, s = dt * np.cos(angle).sum(axis=1), dt * np.sin(angle).sum(axis=1)
     by_sensors = np.zeros((len(x), 5, 3))
@@ -215,37 +216,37 @@ def strapdown(x: np.ndarray, sensed: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return after, np.concatenate([span / 2 * turn, turn], axis=1), by_sensors
 
 
-# --- what comes out -----------------------------------------------------------------------------------
+# --- results ------------------------------------------------------------------------------------------
 
 
 def main(arguments: list[str] | None = None) -> dict[str, Track]:
-    """Fit, drive, filter, tell; the tracks by noise model."""
+    """Fit, simulate, filter, print and plot; return the tracks by noise model."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100, help="drives, each with noise of its own")
+    parser.add_argument("--runs", type=int, default=100, help="number of drives, each with independent noise")
     parser.add_argument("--output", type=Path, default=Path("navigation.png"), help="file of the figure")
     parser.add_argument("--seed", type=int, default=2018)
     options = parser.parse_args(arguments)
     models, way = candidates(options.seed), drive()
     said, fixes = measured(way, options.runs, options.seed)
     tracks = {name: follow(one, way, said, fixes, options.seed) for name, one in models.items()}
-    tell(tracks, options.runs)
+    print_table(tracks, options.runs)
     draw({name: tracks[name] for name in DRAWN}, options.runs, options.output)
     print(f"wrote {options.output}")
     return tracks
 
 
 def band(runs: int) -> np.ndarray:
-    """Where the NEES of a filter that is right lies 95 % of the time."""
+    """The interval that contains 95 % of the mean NEES of a consistent filter."""
     return chi2.ppf([0.025, 0.975], 5 * runs) / runs
 
 
-def tell(tracks: Mapping[str, Track], runs: int) -> None:
-    """A line for each noise model."""
+def print_table(tracks: Mapping[str, Track], runs: int) -> None:
+    """Print one row for each noise model."""
     low, high = band(runs)
     away = [list(range(first, last + 1)) for first, last in OUTAGES]
     there = np.setdiff1d(np.arange(60, SECONDS), np.concatenate(away))
-    times = {"with fixes": there, "outage's end": [outage[-1] for outage in away]}
-    print(f"\n{runs} drives of {SECONDS} s: root mean square errors, and in brackets what the filter says they are")
+    times = {"with fixes": there, "outage end": [outage[-1] for outage in away]}
+    print(f"\n{runs} drives of {SECONDS} s: root mean square errors, in brackets those predicted by the filter")
     print(f"{'':<19} {'NEES':>7}  {'in band':>7}   {'heading, deg':<29} position, m")
     print(f"{'':<38}" + "".join(f"{name:<15}" for _ in range(2) for name in times).rstrip())
     for name, track in tracks.items():
@@ -256,11 +257,11 @@ def tell(tracks: Mapping[str, Track], runs: int) -> None:
                 rms, says = (factor * np.sqrt(np.mean(one[at] ** 2)) for one in track.size(states))
                 line += f"{f'{rms:.2f} ({says:.2f})':<15}"
         print(line.rstrip())
-    print(f"NEES of 5 states: mean over runs and time; how often the mean over runs lies in {low:.2f} … {high:.2f}")
+    print(f"NEES of 5 states: mean over runs and time; in band: mean over runs within {low:.2f} … {high:.2f}")
 
 
 def draw(tracks: Mapping[str, Track], runs: int, path: Path) -> None:
-    """A column for each noise model, the first also in the others: heading, position and NEES over time."""
+    """Plot heading error, position error and NEES over time, one column per noise model."""
     figure = Figure(figsize=(174 / 25.4, 138 / 25.4), layout="constrained")
     axes = figure.subplots(3, len(tracks), sharex=True, sharey="row")
     t, (first, reference) = np.arange(1, SECONDS + 1), next(iter(tracks.items()))
@@ -285,7 +286,7 @@ def draw(tracks: Mapping[str, Track], runs: int, path: Path) -> None:
         for outage in OUTAGES:
             ax.axvspan(*outage, color=GRID, alpha=0.7, lw=0, label="no satellite positions")
     for ax in axes[2]:
-        ax.set_yscale("symlog", linthresh=10)  # even up to 10, where the band is
+        ax.set_yscale("symlog", linthresh=10)  # linear up to 10, the range of the band
         ax.set_yticks([0, 5, 10, 100, 1000])
         ax.set_xlabel("Time (s)", fontsize=8)
         ax.yaxis.set_major_formatter("{x:g}")

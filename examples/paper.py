@@ -1,10 +1,11 @@
 """The paper's analysis, step by step: `python examples/paper.py [--output DIR] [--data DIR] [--reduced]`.
 
 J. Balamuta, S. Guerrier, R. Molinari and W. Yang, *A Computationally Efficient Framework for Automatic Inertial
-Sensor Calibration*: its appendix "Code used in paper" in this library, its tables beside ours, and its figures.
+Sensor Calibration*: the steps of its appendix "Code used in paper" with gmwm, its tables compared with ours, and its
+figures.
 
-Its Y gyroscope of a NavChip is simulated from the estimates of its Table 1, so that anyone can run this anywhere.
-Where the folder of data is there, its published wavelet variances (NavChip, MTi-G) and a recording are taken too.
+The example simulates the Y gyroscope of a NavChip from the estimates of Table 1, so it needs no data. If the folder of
+data exists, it also uses the published wavelet variances (NavChip, MTi-G) and a recording.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ CLASSICAL = gmwm.Model.parse(
     "GM(beta=8.48, sigma2=6.48e-9) + GM(beta=0.25, sigma2=7.08e-9) + GM(beta=6.28e-3, sigma2=1.28e-8)"
     "+ WN(sigma2=6.94e-7) + QN(q2=2.29e-6) + RW(gamma2=3.90e-14)"
 )
-"""Table 1 of the paper, shortest correlation time first: its Gauss-Markov processes 3, 1 and 2. This is the truth."""
+"""Table 1 of the paper, shortest correlation time first: its Gauss-Markov processes 3, 1 and 2. The simulated model."""
 ROBUST = gmwm.Model.parse(
     "GM(beta=12.5, sigma2=1.33e-8) + GM(beta=0.311, sigma2=6.57e-9) + GM(beta=7.26e-3, sigma2=1.12e-8)"
     "+ WN(sigma2=5.30e-7) + QN(q2=2.74e-6) + RW(gamma2=5.44e-14)"
@@ -46,15 +47,15 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def main(arguments: list[str] | None = None) -> dict[str, dict[str, Any]]:
-    """Run every step that can be run; what each found, by name."""
+    """Run every step whose data exist; return the results by name."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output", type=Path, default=Path("paper-output"), help="folder for the figures")
     parser.add_argument("--data", type=Path, default=DATA, help="folder with wavelet_variance/ and recordings")
-    parser.add_argument("--seed", type=int, default=2018, help="of what is simulated")
+    parser.add_argument("--seed", type=int, default=2018, help="seed of the simulation")
     parser.add_argument("--reduced", action="store_true", help="a third of the samples")
     options = parser.parse_args(arguments)
     with warnings.catch_warnings():
-        # What fits warn of is told by the tables: terms that are zero, or that act as others.
+        # The tables show what the fits warn about: terms that are zero, or that act as other processes.
         warnings.simplefilter("ignore", gmwm.errors.FitWarning)
         return every_step(options)
 
@@ -75,17 +76,17 @@ def every_step(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
         if (options.data / file).is_file():
             found[name] = step(options.data / file, output)
         else:
-            print(f"\nLeft out, as it is not there: {options.data / file}")
+            print(f"\nSkipped, because the file does not exist: {options.data / file}")
     print(f"\nFigures are in {output}. {time.perf_counter() - started:.0f} s.")
     return found
 
 
 def simulated_gyroscope(output: Path, samples: int, seed: int) -> dict[str, gmwm.Fit]:
-    """Steps 1 to 3 on a recording of known truth: classical and robust fit, Table 1, Figs. 2 and 3."""
+    """Steps 1 to 3 on a simulated recording: classical and robust fit, Table 1, Figs. 2 and 3."""
     head(f"The Y gyroscope of Table 1, simulated: {samples} samples at {RATE:g} Hz, seed {seed}")
     parts = CLASSICAL.simulate_terms(samples, RATE, seed)
     clean = sum(parts.values())
-    # The same recording, but for rounding errors of the same variance with a normal law instead of a uniform one.
+    # The same recording with normal instead of uniform rounding errors, of the same variance.
     errors = np.random.default_rng([seed, 1]).normal(size=samples + 1)
     normal = clean - parts["QN"] + np.sqrt(CLASSICAL.parameters["QN.q2"]) * np.diff(errors)
     fits = {
@@ -94,20 +95,21 @@ def simulated_gyroscope(output: Path, samples: int, seed: int) -> dict[str, gmwm
         "robust, normal errors": gmwm.fit(CLASSICAL.structure, gyroscope(normal), robust=True),
     }
     classical, robust, control = fits.values()
-    print("Classical: the truth, which is the paper's estimate, and ours")
+    print("Classical: the simulated values, which are the estimates of the paper, and our estimates")
     table_1(CLASSICAL, classical)
-    print("\nRobust, efficiency 0.6: the paper's estimate, of its recording, and ours, of the simulated one")
+    print("\nRobust, efficiency 0.6: the estimates of the paper from its recording, and ours from the simulated one")
     table_1(ROBUST, robust)
-    print("\nRobust, where rounding errors are normal: the truth and ours")
+    print("\nRobust, with normal rounding errors: the simulated values and our estimates")
     table_1(CLASSICAL, control)
     curves = (classical.wavelet_variance, robust.wavelet_variance)
     print()
     for line in gmwm.contamination(curves).summary().splitlines():
         print(textwrap.fill(line, 100))
     print(
-        "Nothing disturbs this recording, and still the robust estimates move the way the paper's do: more\n"
-        "quantization noise, less white noise, a third Gauss-Markov process that is faster. A robust estimator\n"
-        "takes its noise to be normal, and rounding errors have no tails; with normal ones it finds the truth."
+        "This recording has no outliers, but the robust estimates differ from the classical ones in the same way\n"
+        "as those of the paper: more quantization noise, less white noise, a faster third Gauss-Markov process.\n"
+        "The robust estimator assumes normal noise, and rounding errors are uniform. With normal rounding errors\n"
+        "it estimates the simulated values."
     )
     title = "Gyroscope Y, simulated from Table 1"
     gmwm.compare(*curves, title=title, path=output / "figure_2.png")
@@ -117,17 +119,17 @@ def simulated_gyroscope(output: Path, samples: int, seed: int) -> dict[str, gmwm
 
 
 def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.selection.Ranking]:
-    """Steps 4 to 7 on six axes of known truth."""
+    """Steps 4 to 7 on six simulated axes."""
     rate = 100.0
     truth = gmwm.reference_imu()
-    head(f"A unit of six axes, simulated: {samples} samples at {rate:g} Hz, seed {seed}")
+    head(f"A device with six axes, simulated: {samples} samples at {rate:g} Hz, seed {seed}")
     imu = gmwm.simulate(truth, rate=rate, samples=samples, rng=seed)
     curves = gmwm.wavelet_variance(imu)
     rankings = select_all(curves, "3*GM + WN + QN + RW", truth)
     right = [ranking[truth[axis].structure] for axis, ranking in rankings.items()]
     print(
-        f"The truth is recommended on {sum(c.recommended for c in right)} of {len(right)} axes, "
-        f"and not to be told from the best on {sum(c.equivalent for c in right)}."
+        f"The true model is recommended on {sum(c.recommended for c in right)} of {len(right)} axes, "
+        f"and equivalent to the best one on {sum(c.equivalent for c in right)}."
     )
     curves.plot(path=output / "figure_1a_simulated.png")
     curves.plot(split=False, path=output / "figure_1b_simulated.png")
@@ -138,26 +140,26 @@ def simulated_unit(output: Path, samples: int, seed: int) -> dict[str, gmwm.sele
 def navchip(file: Path, output: Path) -> dict[str, gmwm.Fit]:
     """Steps 1 and 2 on the published wavelet variances of the NavChip: Figs. 1 and 3, Table 1."""
     curves = published(file)
-    head("NavChip, from its published wavelet variances: the models of the appendix, weights from the limits")
+    head("NavChip, from its published wavelet variances: models of the appendix, weights from the limits")
     gmwm.plots.plot_imu(curves, path=output / "figure_1a.png")
     gmwm.plots.plot_imu(curves, split=False, path=output / "figure_1b.png")
     fits = {axis: gmwm.fit(model, curves[axis], weighting=weights(curves[axis])) for axis, model in NAVCHIP.items()}
-    print(f"  {'axis':<8} {'model':<25} {'objective':>9}  {'gain left':>9}   remarks")
+    print(f"  {'axis':<8} {'model':<25} {'objective':>9}  {'gap':>9}   remarks")
     for axis, fit in fits.items():
-        remarks = "; ".join(note.partition(":")[0] for note in fit.diagnostics.notes())
+        remarks = "; ".join(f"{remark.code} {remark.facts.get('term', '')}".rstrip() for remark in fit.remarks)
         left = f"< {100 * max(fit.gap, 1e-4):.2f} %"
         print(f"  {axis:<8} {NAVCHIP[axis]:<25} {fit.objective:9.4f}  {left:>9}   {remarks}".rstrip())
     gyro_y = fits["gyro_y"]
     paper = CLASSICAL.wavelet_variance(len(curves["gyro_y"]), RATE)
     missed = gyro_y.wavelet_variance.variance - paper
     objective = missed @ gyro_y.weighting_matrix @ missed
-    print(f"\nIts Y gyroscope: objective {objective:.2f} with the paper's estimates, {gyro_y.objective:.4f} with ours")
+    print(f"\nThe Y gyroscope: objective {objective:.2f} with the paper's estimates, {gyro_y.objective:.4f} with ours")
     table_1(CLASSICAL, gyro_y)
     print(
-        "The paper's estimates are not the optimum of these data; ours are. Neither is the last word: over 3.5\n"
-        "hours the test sees more than such a model can hold, and intervals take the model to be right. The\n"
-        "paper's standard errors of beta, near 1e-13, are not credible: such a recording tells it to 10 to 30 %.\n"
-        "Its robust column needs the recording itself, which is not published."
+        "The estimates of the paper are not the optimum for these data; ours are. The goodness-of-fit test rejects\n"
+        "the model over these 3.5 hours, so the confidence intervals are only approximate. The standard errors of\n"
+        "beta in the paper, near 1e-13, are implausible: such a recording determines beta to 10 to 30 %.\n"
+        "The robust column of the paper needs the recording, which is not published."
     )
     gyro_y.plot(path=output / "figure_3b_navchip.png")
     return fits
@@ -169,14 +171,14 @@ def mtig(file: Path, output: Path) -> dict[str, gmwm.selection.Ranking]:
     general = 4 * gmwm.AR1() + gmwm.WN() + gmwm.RW()
     head(f"MTi-G, from its published wavelet variances: chosen within {general.structure}")
     rankings = select_all(curves, general)
-    print("The paper shows its choices in a figure only.")
+    print("The paper shows its recommended models in a figure only.")
     gmwm.plots.plot_imu(curves, path=output / "figure_1a_mtig.png")
     gmwm.plots.plot_imu(fits_of(rankings), path=output / "figure_4.png")
     return rankings
 
 
 def recorded(file: Path, output: Path) -> gmwm.Calibration:
-    """The whole of it on a recording, coarsely rounded and with knocks: an ADIS 16405."""
+    """All steps on a recording of an ADIS 16405, with coarse quantization and knocks."""
     imu = gmwm.read(file, rate=100.0, units={"gyro": "deg/s", "accel": "g"})
     head(f"ADIS 16405, recorded for {imu.duration / 3600:.1f} h at {imu.rate:g} Hz")
     curves = {
@@ -193,7 +195,7 @@ def recorded(file: Path, output: Path) -> gmwm.Calibration:
 def select_all(
     curves: Mapping[str, gmwm.WaveletVariance], general: str | gmwm.Model, truth: Mapping[str, gmwm.Model] | None = None
 ) -> dict[str, gmwm.selection.Ranking]:
-    """The best of all models within the general one for each axis, in a table."""
+    """Choose a model within the general one for each axis, and print a table."""
     rankings = {axis: gmwm.select(general, curve) for axis, curve in curves.items()}
     print(f"  {'axis':<8} {'recommended':<18} {'least WIC':<18} {'equivalent':>10} {'p':>7}" + "   truth" * bool(truth))
     for axis, ranking in rankings.items():
@@ -227,7 +229,7 @@ def published(file: Path) -> dict[str, gmwm.WaveletVariance]:
 
 
 def weights(curve: gmwm.WaveletVariance) -> np.ndarray:
-    """The paper's: one over the squared width of the limits."""
+    """Weights of the paper: one over the squared width of the confidence limits."""
     return (curve.upper - curve.lower) ** -2.0
 
 
@@ -236,13 +238,13 @@ def gyroscope(samples: np.ndarray) -> gmwm.Signal:
 
 
 def table_1(paper: gmwm.Model, fit: gmwm.Fit) -> None:
-    """Parameters of the paper beside those of a fit with their intervals, and the test of the fit."""
+    """Print parameters of the paper and of a fit with confidence intervals, and the goodness-of-fit test."""
     intervals = fit.confidence_intervals()
     print(f"  {'parameter':<13} {'paper':>9} {'ours':>9}   95 % interval")
     for name, value in paper.parameters.items():
         low, high = intervals[name]
         shown = f"{low:.2e} … {high:.2e}" if low else f"at most {high:.2e}"
-        inside = "" if low <= value <= high else "   paper's is outside"
+        inside = "" if low <= value <= high else "   paper outside"
         print(f"  {name:<13} {value:9.2e} {fit.parameters[name]:9.2e}   {shown}{inside}")
     print(f"  goodness of fit: p {fit.goodness_of_fit().pvalue_in_words}")
 
