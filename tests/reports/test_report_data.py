@@ -170,7 +170,7 @@ def test_a_calibration_of_wavelet_variances_has_no_recording(imu):
     data = report_data(bare)
     assert data["title"] == "Calibration"
     assert dict(data["recording"]["facts"])["Sampling rate"] == "100 Hz"
-    assert data["outliers"][0]["words"] == ["not tested"]
+    assert data["outliers"][0]["remarks"] == ["not tested"]
 
 
 def test_recording_goes_through_the_file(calibration, tmp_path):

@@ -184,11 +184,8 @@ def _test(found: AxisCalibration, rejected: bool) -> str:
         return "No test: there are too few levels"
     alone = found.test.pvalue <= SIZE and not rejected
     summary = found.test.summary()
-    return (
-        summary[:1].upper()
-        + summary[1:]
-        + ("; it is not rejected at the 5 % level for all axes together" if alone else "")
-    )
+    whole = "; it is not rejected at the 5 % level for all axes together" if alone else ""
+    return f"{summary[:1].upper()}{summary[1:]}{whole}"
 
 
 def _ranked(ranking: Ranking) -> list[list[str]]:
