@@ -145,7 +145,8 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         'From theory, without simulation: standard error divided by the bound. "No ends" is the limit of a long '
-        "recording, where every level has as many coefficients as there are samples; the other rows use the exact covariance.",
+        "recording, where every level has as many coefficients as there are samples; the other rows use the exact "
+        "covariance.",
         "",
         "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
         "|---|---|---|---|---|",
