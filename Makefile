@@ -15,7 +15,7 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(shell find cpp -type f -not -path 
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 .DELETE_ON_ERROR:
-.PHONY: help demo test bench docs stub pictures validate lint cpp-test wheel format vendor clean
+.PHONY: help demo test quick bench docs stub pictures validate lint cpp-test wheel format vendor clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 18
@@ -23,8 +23,15 @@ help: ## list these commands
 demo: $(VENV)/.package ## simulate an IMU with known noise, calibrate it, compare with the truth
 	$(BIN)/gmwm demo --output demo-output
 
-test: lint cpp-test ## everything that guards main: lint, types, layers, C++ tests, Python tests
-	$(BIN)/python -m pytest -n logical --dist loadfile
+# A process that has done its tests takes over some of another's, each in the order of the files.
+PYTEST := $(BIN)/python -m pytest -n logical --dist worksteal
+
+test: $(VENV)/.dev ## everything that guards main: lint, types, layers, C++ tests, all Python tests
+	@$(MAKE) -j2 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target) lint cpp-test
+	$(PYTEST) --durations=30
+
+quick: lint ## while you work: lint, types, layers and the fast Python tests, in a minute or two
+	$(PYTEST) -q -m "not (slow or docs or cluster or browser)"
 
 bench: $(VENV)/.dev ## time, scaling and memory beside others (some minutes); with PAGE=1 into docs/benchmarks.md too
 	$(BIN)/python -m benchmarks --json build/benchmarks.json $(if $(PAGE),--page)
@@ -49,8 +56,10 @@ lint: $(VENV)/.dev ## ruff, mypy and the import layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
 
+# With the kernels that were built for the package last; they take longer than all the rest.
 cpp-test: $(VENV)/.dev ## the C++ tests alone
-	$(BIN)/cmake -S . -B build/cpp-tests -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=Release --log-level=WARNING
+	$(BIN)/cmake -S . -B build/cpp-tests -DGMWM_PYTHON=OFF -DGMWM_TESTS=ON -DCMAKE_BUILD_TYPE=Release \
+	  -DGMWM_KERNELS="$$(ls -t "$(CURDIR)"/build/cp*/libgmwm_kernels.a 2>/dev/null | head -1)" --log-level=WARNING
 	$(BIN)/cmake --build build/cpp-tests --parallel 2
 	$(BIN)/ctest --test-dir build/cpp-tests --output-on-failure --no-tests=error
 

@@ -11,6 +11,7 @@ from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.processes import Model
 from gmwm.statespace import StateSpace
+from tests.helpers import raises
 
 MODELS = (
     "WN(sigma2=4e-7)",
@@ -128,11 +129,11 @@ def test_matrices_are_read_only_and_checked():
     found = Model.parse("RW(gamma2=1.0)").continuous(10.0)
     with pytest.raises(ValueError, match="read-only"):
         found.A[0, 0] = 1.0
-    with pytest.raises(ModelError, match=r"Qc must be finite with shape \(2, 2\) \(H has 2 states\)"):
+    with raises(ModelError, "(2, 2)", "H has 2 states", argument="Qc", got=1.0):
         ContinuousStateSpace(A=np.eye(2), Qc=1.0, H=[1.0, 0.0])
-    with pytest.raises(OptionError, match="rate"):
+    with raises(OptionError, "rate", 0):
         found.discrete(0.0)
-    with pytest.raises(MissingTheoryError, match="has no state space"):
+    with raises(MissingTheoryError, "FN", "state space"):
         Model.parse("FN(b2=1.0) + WN(sigma2=1.0)").continuous(10.0)
-    with pytest.raises(ModelError, match="needs a value"):
+    with raises(ModelError, "GM.beta"):
         Model.parse("GM + WN").state_terms(10.0)

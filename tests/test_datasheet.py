@@ -19,7 +19,7 @@ from gmwm.errors import OptionError
 from gmwm.processes import Process, registry
 from gmwm.processes.parameter import Parameter, Value
 from gmwm.units import datasheet_units, noise_unit
-from tests.helpers import codes, only
+from tests.helpers import codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
@@ -92,7 +92,7 @@ def test_a_number_of_one_parameter_has_the_ends_of_its_interval():
         assert (found["N"].low, found["N"].high) == near((math.sqrt(low / RATE), math.sqrt(high / RATE)))
         low, high = ends["GM.beta"]
         assert (found["T_c"].low, found["T_c"].high) == near((1 / high, 1 / low))
-    with pytest.raises(OptionError, match="level must be between 0 and 1"):
+    with raises(OptionError, "level", 95):
         fit.datasheet(95)
 
 
@@ -133,7 +133,7 @@ def test_what_has_no_meaning_is_left_out_and_said():
     assert list(found) == ["N", "B"]
     facts = only(found.remarks, "no-numbers").facts
     assert (facts["term"], facts["because"]) == ("AR1", "none")
-    with pytest.raises(KeyError, match="gives no K; it gives N, B"):
+    with pytest.raises(KeyError, match=r"no K; .* N, B"):
         found["K"]
     assert found.get("K") is None
 
@@ -228,9 +228,9 @@ def test_allan_variance_is_twice_the_wavelet_variance(process):
         found = one.allan_variance(sizes, RATE)
         np.testing.assert_allclose(found, Process.allan_variance(one, sizes, RATE), rtol=1e-9)
         assert found.shape == (2, 2)
-    with pytest.raises(OptionError, match="clusters must be whole numbers of samples from 1"):
+    with raises(OptionError, "clusters"):
         one.allan_variance([0, 1], RATE)
-    with pytest.raises(OptionError, match="clusters must be whole numbers"):
+    with raises(OptionError, "clusters"):
         one.allan_variance([1.5], RATE)
 
 
@@ -379,7 +379,7 @@ def test_terms_are_white_or_walks_to_a_horizon():
     assert found["K_eff"].value == near(math.sqrt(k2), 1e-4)
     assert (found["N_eff"].unit, found["K_eff"].unit) == ("rad/s/√Hz", "rad/s/√s")
     for bad in (0.0, -1.0, math.inf, "1 s", True):
-        with pytest.raises(OptionError, match="horizon must be a positive time"):
+        with raises(OptionError, "positive", argument="horizon", got=bad):
             gmwm.datasheets.effective_noise(fit, bad)
 
 
@@ -541,7 +541,7 @@ def test_units_of_a_gyroscope_and_an_accelerometer():
         assert accel[symbol].in_units(unit)[0] == near(factor * accel[symbol].value)
     assert gyro["N"].in_units("°/√h") == gyro["N"].in_units("datasheet")
     assert gyro["T_c[1]"].in_units("datasheet")[3] == "s"
-    with pytest.raises(OptionError, match="'si', 'datasheet' or one of deg/√h, deg/s/√Hz, rad/s/√Hz; got 'mg'"):
+    with raises(OptionError, "'si', 'datasheet' or one of deg/√h, deg/s/√Hz, rad/s/√Hz", argument="units", got="mg"):
         gyro["N"].in_units("mg")
 
 

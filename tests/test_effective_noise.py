@@ -5,6 +5,7 @@ import pytest
 
 import gmwm
 from gmwm import GM, RW, WN
+from tests.helpers import raises
 from tests.test_datasheet import exact, near
 
 # Terms that the data do not need are what this is about.
@@ -40,5 +41,5 @@ def test_a_slow_term_counts_as_its_datasheet_says():
 
 @pytest.mark.parametrize("given", ["WN", WN(sigma2=1.0), WN(sigma2=1.0) + RW(gamma2=1.0), None])
 def test_only_a_fit_has_limits(given):
-    with pytest.raises(gmwm.errors.OptionError, match=r"fit must be a Fit, got .*gmwm\.fit\(model, data\)"):
+    with raises(gmwm.errors.OptionError, type(given).__name__, argument="fit", advises=["gmwm.fit(model, data)"]):
         gmwm.datasheets.effective_noise(given, 10.0)

@@ -3,6 +3,7 @@ import pytest
 
 from gmwm.errors import ModelError
 from gmwm.statespace import StateSpace
+from tests.helpers import raises
 
 DT = 0.1
 ROTATION = 0.98 * np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
@@ -65,7 +66,7 @@ def test_matrices_are_read_only_and_checked():
     space = oscillator()
     with pytest.raises(ValueError, match="read-only"):
         space.F[0, 0] = 1.0
-    with pytest.raises(ModelError, match=r"F must be finite with shape \(2, 2\)"):
+    with raises(ModelError, "(2, 2)", "H has 2 states", argument="F", got=[[1.0]]):
         StateSpace([[1.0]], np.eye(2), [1.0, 0.0])
-    with pytest.raises(ModelError, match="Q must be finite"):
+    with raises(ModelError, "finite", argument="Q"):
         StateSpace(1.0, np.nan, 1.0)

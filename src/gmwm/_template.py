@@ -1,4 +1,4 @@
-"""Templates of messages: one text that renders for Python, for the shell and for HTML."""
+"""Templates of messages, rendered for Python, for the shell or for HTML."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gmwm._text import counted, duration_text, listed, moment, rounded
 
 
 class Dialect(Enum):
-    """Who reads a message: a Python user, a user of the command line, or a reader of an HTML page."""
+    """The reader of a message: a Python user, a user of the command line, or a reader of an HTML page."""
 
     PYTHON = "python"
     SHELL = "shell"
@@ -29,7 +29,7 @@ class Quantity:
     ----------
     value : float
     unit : str
-        "s" for a length of time; "" for a plain number.
+        For example "s"; "" for a plain number.
     """
 
     value: float
@@ -37,14 +37,14 @@ class Quantity:
 
 
 Fact = Quantity | float | int | str | bool | None | tuple["Fact", ...]
-"""What a message may be filled with: numbers with units, counts, names, and sequences of these."""
+"""A value in a message: a number with its unit, a count, a name, or a sequence of these."""
 
-_SHELL_OPTIONS: Mapping[str, str] = {"rng": "--seed", "within": "--within", "axes": "--axis"}
-"""Options of the shell whose name is not that of the Python argument."""
+_SHELL_OPTIONS: Mapping[str, str] = {"rng": "--seed", "axes": "--axis"}
+"""Options of the shell whose name differs from the Python argument."""
 _MAPPINGS = ("units", "scale", "columns")
 """Arguments that are mappings in Python and `name=value` pairs in the shell."""
 _LISTS = ("columns", "increments")
-"""Arguments that are lists in Python and names between commas in the shell."""
+"""Arguments that are lists in Python and names separated by commas in the shell."""
 _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm info": "gmwm.inspect(recording)",
     "gmwm agree": "gmwm.agree(calibrations)",
@@ -52,25 +52,35 @@ _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm compare": "gmwm.compare(curves)",
 }
-"""What a Python user calls instead of a command."""
+"""The Python call that is equivalent to a command."""
 
 
-def render(template: str, facts: Mapping[str, Fact] | None = None, dialect: Dialect = Dialect.PYTHON) -> str:
+def render(
+    template: str,
+    facts: Mapping[str, Fact] | None = None,
+    dialect: Dialect = Dialect.PYTHON,
+    options: Mapping[str, str] | None = None,
+) -> str:
     """Fill a template with facts, for one kind of reader.
 
-    A field `{name}` is a fact, with an optional format: `{count:#knock}` a count with its noun, `{time:moment}` a time
-    to the millisecond, `{time:span}` a length of time in a readable unit, `{share:percent}`, or a number format such as
-    `.3g`. A field `{--skip}` or `{--gaps=longest}` is an option: `skip=` and `gaps='longest'` in Python, `--skip` and
-    `--gaps longest` in the shell; the value of `{--start=@first}` is a fact. `{--columns=time:none}` leaves a column
-    out:
-    `columns={'time': None}` in Python, `--columns time=` in the shell. `{gmwm info}` is a command, or the Python
-    call that does the same. Text between backticks is code.
+    Fields of a template:
+
+    - `{name}` is a fact. Formats: `{count:#knock}` is a count with its noun, `{time:moment}` a time to the millisecond,
+      `{time:span}` a duration in a readable unit, `{share:percent}` a percentage; or number formats such as `.3g`.
+    - `{--skip}` and `{--gaps=longest}` are options: `skip=` and `gaps='longest'` in Python, `--skip` and
+      `--gaps longest` in the shell. The value of `{--start=@first}` is the fact `first`. `{--columns=time:none}` leaves
+      a column out: `columns={'time': None}` in Python, `--columns time=` in the shell.
+    - `{gmwm info}` is a command in the shell, and the equivalent call in Python.
+
+    Text between backticks is code.
 
     Parameters
     ----------
     template : str
     facts : mapping of name to fact, optional
     dialect : Dialect
+    options : mapping of argument to option, optional
+        Options of the shell that differ from the name of the argument, for one command.
 
     Returns
     -------
@@ -98,7 +108,7 @@ def render(template: str, facts: Mapping[str, Fact] | None = None, dialect: Dial
         if name is None:
             continue
         if name.startswith("--"):
-            text = _option(name[2:] + (f":{spec}" if spec else ""), known, dialect)
+            text = _option(name[2:] + (f":{spec}" if spec else ""), known, dialect, options or {})
             parts.append(f"<code>{escape(text, quote=False)}</code>" if html else text)
         elif name.startswith("gmwm "):
             text = _PYTHON_COMMANDS[name] if dialect is Dialect.PYTHON else name
@@ -111,7 +121,7 @@ def render(template: str, facts: Mapping[str, Fact] | None = None, dialect: Dial
 
 
 def fact_text(fact: Fact, spec: str = "") -> str:
-    """Write a fact as text, in a format as `render` describes it.
+    """Format a fact as text; `render` describes the formats.
 
     >>> fact_text(Quantity(0.25, "deg/√h")), fact_text(("gyro_x", "gyro_y")), fact_text(0.123, "percent")
     ('0.25 deg/√h', 'gyro_x and gyro_y', '12 %')
@@ -139,7 +149,7 @@ def fact_text(fact: Fact, spec: str = "") -> str:
 
 
 def joined(names: Sequence[str], most: int = 6) -> str:
-    """Names in a sentence: "a, b and c"; of many names the first ones and the number of others.
+    """Join names for a sentence: "a, b and c"; of many names, the first ones and the number of the others.
 
     >>> joined(["a"]), joined(["a", "b"]), joined(["a", "b", "c"]), joined(list("abcdefgh"))
     ('a', 'a and b', 'a, b and c', 'a, b, c, d, e, f and 2 others')
@@ -150,7 +160,7 @@ def joined(names: Sequence[str], most: int = 6) -> str:
 
 
 def shell_option(argument: str) -> str:
-    """The shell's option for an argument of a Python function.
+    """The option of the shell for an argument of a Python function.
 
     >>> shell_option("gaps"), shell_option("rng"), shell_option("min_length")
     ('--gaps', '--seed', '--min-length')
@@ -158,20 +168,21 @@ def shell_option(argument: str) -> str:
     return _SHELL_OPTIONS.get(argument, f"--{argument.replace('_', '-')}")
 
 
-def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect) -> str:
-    """An option with its value, as Python or the shell writes it."""
+def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect, options: Mapping[str, str]) -> str:
+    """Format an option with its value for Python or the shell."""
     name, given, value = text.partition("=")
+    shell = options.get(name) or shell_option(name)
     fact = facts[value[1:]] if value.startswith("@") else None
     python = dialect is Dialect.PYTHON
     if not given:
-        return f"{name}=" if python else shell_option(name)
+        return f"{name}=" if python else shell
     if isinstance(fact, Quantity | float | int):
         number = fact.value if isinstance(fact, Quantity) else fact
-        return f"{name}={number:g}" if python else f"{shell_option(name)} {number:g}"
+        return f"{name}={number:g}" if python else f"{shell} {number:g}"
     literal = fact if isinstance(fact, str) else value
     if not python:
         pairs_of_shell = literal.replace(":none", "=").replace(":", "=") if name in _MAPPINGS else literal
-        return f"{shell_option(name)} {shlex.quote(pairs_of_shell)}"
+        return f"{shell} {shlex.quote(pairs_of_shell)}"
     if name in _MAPPINGS and ":" in literal:
         pairs = (pair.partition(":") for pair in literal.split(","))
         return f"{name}={ {key: _python_value(other) for key, _, other in pairs} }"
@@ -181,7 +192,7 @@ def _option(text: str, facts: Mapping[str, Fact], dialect: Dialect) -> str:
 
 
 def _python_value(text: str) -> str | int | None:
-    """A name, an index, or None where nothing stands, as Python users write it in a mapping or a list."""
+    """A name, an index or None in a mapping or list of Python."""
     return int(text) if text.isdecimal() else None if text in ("", "none") else text
 
 
@@ -189,7 +200,7 @@ _PYTHON_VALUES: Mapping[str, str] = {"yes": "True", "no": "False"}
 
 
 def _code_spans(text: str) -> str:
-    """Every second part between backticks as code."""
+    """Mark the text between backticks as code."""
     parts = text.split("`")
     if len(parts) % 2 == 0:
         return text

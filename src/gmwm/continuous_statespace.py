@@ -1,7 +1,7 @@
-"""The state-space form in continuous time, from steps of a sample and back to steps of any length.
+"""The state-space form in continuous time, from a discrete model and back to steps of any length.
 
-Like `statespace`, it knows no process. Sums of processes are block-diagonal, and blocks are stepped one by one: a slow
-process next to a fast one loses no digits.
+Like `statespace`, this module does not know any process. Sums of processes are block-diagonal. Each block is
+discretised alone, so that a slow process beside a fast one keeps its accuracy.
 """
 
 from __future__ import annotations
@@ -18,36 +18,38 @@ from gmwm.statespace import StateSpace, checked
 __all__ = ["ContinuousStateSpace"]
 
 _ROUNDING = 1e-9
-"""What is smaller than this share of the largest is taken for zero: steps are known to some 1e-12."""
+"""Relative size below which a value counts as zero: the matrix functions used are accurate to some 1e-12. Pinned by
+tests/test_continuous.py."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContinuousStateSpace:
-    """dx/dt = A x + w, w white of density Qc; y = H x + v, v white of density Rc, so that its mean over Δt has Rc/Δt.
+    """A continuous-time linear Gaussian state-space model of one signal with p states.
 
-    The states are those of the discrete form, one by one, so that both can stand in one filter. u is the unit of y.
+    dx/dt = A x + w with w white of spectral density Qc; y = H x + v with v white of spectral density Rc, so that the
+    mean of v over a time Δt has the variance Rc/Δt. The states are those of the discrete model. u is the unit of y.
 
     Parameters
     ----------
     A : (p, p) array
-        In 1/s.
+        System matrix, in 1/s.
     Qc : (p, p) array
-        Two-sided spectral density of the process noise, in u²/s: a walk has the variance Qc t after a time t.
+        Two-sided spectral density of the process noise, in u²/s: a random walk has the variance Qc t after a time t.
     H : (1, p) array
-        Observation of the states.
-    Rc : (1, 1) array
-        Two-sided spectral density of the observation noise, in u²/Hz: N² of angle or velocity random walk.
-    m0, P0, diffuse
-        Start of the states, as in `StateSpace`.
+        Observation matrix.
+    Rc : (1, 1) array, optional
+        Two-sided spectral density of the observation noise, in u²/Hz: N² of angle or velocity random walk. Default 0.
+    m0, P0, diffuse : optional
+        Initial states, as in `StateSpace`.
     terms : tuple of str
-        The term that each state belongs to.
+        The term of each state.
     left_out : tuple of str
-        Terms that exist in steps only, as quantization noise: no continuous system, in these states, has such steps.
+        Terms without a continuous-time model in these states, for example quantization noise.
 
     Raises
     ------
     ModelError
-        If the shapes do not fit, or a value is not finite.
+        If the shapes do not match, or a value is not finite.
 
     Examples
     --------
@@ -93,9 +95,15 @@ class ContinuousStateSpace:
 
     @classmethod
     def of(cls, space: StateSpace, rate: float) -> ContinuousStateSpace | None:
-        """The system that has the steps of `space` at `rate` (Hz); None where there is none in these states.
+        """Convert a discrete state space to continuous time; None if no continuous model has these steps.
 
-        A = f ln F, and Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds solved for Qc, which must be a covariance.
+        A = f ln F with f the rate; Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds is solved for Qc, which must be a covariance.
+
+        Parameters
+        ----------
+        space : StateSpace
+        rate : float
+            Sampling rate f = 1/Δt (Hz) of `space`.
         """
         rate = as_rate(rate)
         found = _driven(space, rate) if space.states else (space.F, space.Q)
@@ -105,24 +113,28 @@ class ContinuousStateSpace:
 
     @classmethod
     def sum(cls, parts: Mapping[str, ContinuousStateSpace | None]) -> ContinuousStateSpace:
-        """The signal that is the sum of independent `parts`, by label; those that are None are left out."""
+        """The state space of a sum of independent signals, by label of their terms; None parts are left out."""
         kept = {term: part for term, part in parts.items() if part is not None}
-        # The sum of discrete systems puts the blocks where they belong as well.
+        # The sum of discrete state spaces also makes the block-diagonal matrices needed here.
         s = StateSpace.sum(StateSpace(c.A, c.Qc, c.H, c.Rc, c.m0, c.P0, c.diffuse) for c in kept.values())
         terms = tuple(term for term, part in kept.items() for _ in range(part.states))
         left_out = tuple(term for term, part in parts.items() if part is None)
         return cls(s.F, s.Q, s.H, s.R, s.m0, s.P0, s.diffuse, terms, left_out)
 
     def discrete(self, rate: float) -> StateSpace:
-        """The system in steps of Δt = 1/rate: F = e^(AΔt), Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds, R = Rc/Δt.
+        """Discretise the model with steps of Δt = 1/rate: F = e^(AΔt), Q = ∫₀^Δt e^(As) Qc e^(Aᵀs) ds, R = Rc/Δt.
 
-        y is the mean over a step, in which the states are taken to be what they are at its start: make steps short next
-        to their correlation times.
+        y is the mean over a step, with the states constant during the step. Use steps that are short compared with the
+        correlation times.
 
         Parameters
         ----------
         rate : float
-            Steps per second (Hz): that of the recording gives its F, Q and R back, any other those of another filter.
+            Steps per second (Hz). The rate of the recording gives the F, Q and R of the discrete model.
+
+        Returns
+        -------
+        StateSpace
 
         References
         ----------
@@ -145,13 +157,13 @@ class ContinuousStateSpace:
 
 
 def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
-    """A and Qc, or None."""
+    """A and Qc, or None if there is no continuous model."""
     from scipy.linalg import expm, logm
     from scipy.special import exprel
 
     p, noisy = space.states, bool(np.any(space.Q))
     values = np.linalg.eigvals(space.F)
-    # Steps that forget or turn over have no logarithm: quantization noise, an alternating autoregression.
+    # Eigenvalues that are zero or negative have no real logarithm: quantization noise, AR1 with φ < 0.
     if np.any(np.abs(values) < np.finfo(float).tiny) or np.any((values.imag == 0) & (values.real <= 0)):
         return None
     if p == 1:
@@ -173,9 +185,9 @@ def _driven(space: StateSpace, rate: float) -> tuple[Matrix, Matrix] | None:
 
 
 def _keeps_its_range(space: StateSpace) -> bool:
-    """Whether F leads from where Q reaches to nowhere else, as the noise of a continuous system spreads within a step.
+    """Whether F maps the range of Q into itself, which is necessary because continuous noise spreads within a step.
 
-    An autoregression of two or more terms fails: its noise enters one state, and reaches the others a step later.
+    An autoregression of order 2 or more fails: its noise enters one state and reaches the others one step later.
     """
     root = np.sqrt(np.diag(_sizes(space.Q)))
     scaled = space.F * root / root[:, None]
@@ -186,7 +198,7 @@ def _keeps_its_range(space: StateSpace) -> bool:
 
 
 def _sizes(covariance: Matrix) -> Matrix:
-    """s_i s_j of the standard deviations, 1 where one is zero, to divide by: what is left has no units."""
+    """Products s_i s_j of the standard deviations, with 1 for zeros, to make a covariance dimensionless."""
     deviations = np.sqrt(np.diag(covariance))
     deviations = np.where(deviations > 0, deviations, 1.0)
     return np.asarray(np.outer(deviations, deviations), dtype=np.float64)
@@ -198,7 +210,7 @@ def _is_covariance(matrix: Matrix) -> bool:
 
 
 def _blocks(linked: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """The states that have to do with one another, group by group."""
+    """Indices of the states of each block of coupled states."""
     reach = linked | linked.T | np.eye(len(linked), dtype=np.bool_)
     for _ in range(len(linked).bit_length()):
         reach = reach @ reach
@@ -213,7 +225,7 @@ def _step(a: Matrix, density: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     p = len(a)
     if p == 1:
         return np.exp(a * dt), dt * density * exprel(2.0 * a * dt)
-    # Van Loan's exponential holds e^(−A dt), which must not outgrow the rest: a short step, then doubled.
+    # Van Loan's exponential contains e^(−A dt), which can be very large: take a short step and double it.
     halvings = max(0, int(np.frexp(np.linalg.norm(a) * dt)[1]))
     size = float(np.max(np.abs(density))) or 1.0
     whole = expm(np.block([[-a, density / size], [np.zeros((p, p)), a.T]]) * np.ldexp(dt, -halvings))

@@ -35,8 +35,8 @@ class GmwmError(Exception):
         Template of what to do, see `gmwm._template.render`; options are written `{--rate}`.
     facts : mapping of name to fact
         What the advice is filled with.
-    option : str or None
-        The shell's option for the argument, if it has another name.
+    options : mapping of argument to option
+        Options of the shell that differ from the name of the argument, for the command that raised the error.
     prefix : str
         The argument whose value holds the error. For example, a process in the text of `within`.
     subject : str
@@ -65,7 +65,7 @@ class GmwmError(Exception):
         self.message, self.argument, self.expected = message, argument, expected
         self.given, self.got = got is not _NOT_GIVEN, None if got is _NOT_GIVEN else got
         self.advice, self.facts = advice, facts
-        self.option: str | None = None
+        self.options: Mapping[str, str] = {}
         self.prefix = ""
         self.subject = ""
 
@@ -91,7 +91,7 @@ class GmwmError(Exception):
             message = f"{self._named(self.prefix, dialect)}: {message}"
         if self.subject:
             message = f"{self.subject}: {message}"
-        advice = render(self.advice, self.facts, dialect)
+        advice = render(self.advice, self.facts, dialect, self.options)
         return f"{message}. {advice}" if advice else message
 
     def at(self, place: str) -> Self:
@@ -115,7 +115,7 @@ class GmwmError(Exception):
         """The argument, or its option in the shell."""
         if dialect is Dialect.PYTHON or not (self.argument or self.prefix):
             return argument
-        return self.option or shell_option(argument)
+        return self.options.get(argument) or shell_option(argument)
 
     def __str__(self) -> str:
         return self.text()

@@ -1,6 +1,6 @@
-"""The linear Gaussian state-space form: matrices in, second-order theory and sample paths out.
+"""The linear Gaussian state-space form: second-order theory and sample paths from its matrices.
 
-It knows no process. A process hands over its matrices, and sums of processes are block-diagonal.
+This module does not know any process. A process provides its matrices, and sums of processes are block-diagonal.
 """
 
 from __future__ import annotations
@@ -21,25 +21,40 @@ __all__ = ["StateSpace"]
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """One observed signal driven by p hidden states, in steps of one sample.
+    """A discrete-time linear Gaussian state-space model of one signal with p states, in steps of one sample.
 
     x_{t+1} = F x_t + w_t, Var w = Q;  y_t = H x_t + v_t, Var v = R;  x_0 has mean m0 and covariance P0.
 
     Parameters
     ----------
     F : (p, p) array
-        Transition over one sample.
+        Transition matrix over one sample.
     Q : (p, p) array
         Covariance of the process noise per sample.
     H : (1, p) array
-        Observation of the states.
-    R : (1, 1) array
-        Variance of the observation noise.
-    m0, P0 : (p,) and (p, p) arrays
-        Mean and covariance of the state at t = 0; for stationary states P0 is the stationary covariance.
-    diffuse : (p,) array of bool
-        States without a stationary distribution, which a Kalman filter should start at unknown level;
-        P0 is then merely where a simulation starts.
+        Observation matrix.
+    R : (1, 1) array, optional
+        Variance of the observation noise; 0 by default.
+    m0, P0 : (p,) and (p, p) arrays, optional
+        Mean and covariance of the state at t = 0; 0 by default. For stationary states, P0 is the stationary covariance.
+    diffuse : (p,) array of bool, optional
+        States without a stationary distribution; none by default. A Kalman filter should start them at an unknown
+        level. P0 is then only the start of simulations.
+
+    Raises
+    ------
+    ModelError
+        If the shapes do not match, or a value is not finite.
+
+    Examples
+    --------
+    >>> walk = StateSpace(F=1.0, Q=2.0, H=1.0, diffuse=[True])
+    >>> walk.states, walk.haar_variance(3).tolist()
+    (1, [0.5, 0.75, 1.375])
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 3.
     """
 
     F: Matrix
@@ -67,12 +82,12 @@ class StateSpace:
 
     @property
     def states(self) -> int:
-        """Number of hidden states p."""
+        """Number of states p."""
         return int(self.H.size)
 
     @classmethod
     def sum(cls, parts: Iterable[StateSpace]) -> StateSpace:
-        """The signal that is the sum of independent ones, `parts`: block-diagonal states, added observation noise."""
+        """The state space of a sum of independent signals: block-diagonal states, and the sum of noise variances."""
         items = list(parts)
         return cls(
             F=_block_diagonal([s.F for s in items]),
@@ -88,10 +103,15 @@ class StateSpace:
         return StateSpace.sum((self, other))
 
     def haar_variance(self, levels: int | ArrayLike) -> Vector:
-        """Mean square of the Haar MODWT coefficients, ν_j² (J,), at levels 1 … `levels` by doubling blocks: O(J p³).
+        """Haar wavelet variance ν_j² (J,): the mean square of the MODWT coefficients, at a cost of O(J p³).
 
-        The mean is part of it (a drift has ω²τ²/16). Diffuse states must drop out of the difference of
-        two adjacent block sums, as those of a random walk do.
+        It includes the mean (a drift has ω²τ²/16). Diffuse states must cancel in the difference of two adjacent block
+        sums, as the level of a random walk does.
+
+        Parameters
+        ----------
+        levels : int or (J,) array of int
+            Number of levels, or the levels.
         """
         wanted = as_levels(levels)
         result = np.empty(wanted.size)
@@ -112,7 +132,7 @@ class StateSpace:
         return float(start @ self.P0 @ start) + noise + float(start @ self.m0) ** 2
 
     def block_variance(self, lengths: ArrayLike) -> Vector:
-        """Variance of the sum of m successive samples from t = 0, for each m ≥ 0 in `lengths`."""
+        """Variance of the sum of the first m samples, for each m ≥ 0 in `lengths`; in the shape (n,)."""
         sizes, where = np.unique(np.asarray(lengths, dtype=np.int64), return_inverse=True)
         values = np.zeros(sizes.size)
         for k, size in enumerate(sizes):
@@ -122,7 +142,7 @@ class StateSpace:
         return values[where.ravel()]
 
     def autocovariance(self, lags: ArrayLike) -> Vector:
-        """r(k) = H F^|k| P0 Hᵀ + R·1{k = 0} at `lags` k (samples); right where P0 is the stationary covariance."""
+        """Autocovariance r(k) = H F^|k| P0 Hᵀ + R·1{k = 0} at `lags` k (samples) of a stationary state space."""
         distances, where = np.unique(np.abs(np.asarray(lags, dtype=np.int64)), return_inverse=True)
         values = np.empty(distances.size)
         column, reached = self.P0 @ self.H[0], 0
@@ -130,7 +150,7 @@ class StateSpace:
         while at < distances.size:
             column = np.linalg.matrix_power(self.F, int(distances[at]) - reached) @ column
             reached = int(distances[at])
-            # Lags that follow one another are taken in runs, which double.
+            # Runs of consecutive lags are computed together by repeated doubling.
             run = int(np.argmin(np.append(distances[at:] - reached == np.arange(distances.size - at), False)))
             values[at : at + run] = self.H[0] @ powers(self.F, column, run)
             at += run
@@ -139,8 +159,19 @@ class StateSpace:
         return values[where.ravel()]
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Two-sided spectral density Δt (R + |H (zI − F)⁻¹ L|²), z = exp(2πifΔt), L Lᵀ = Q, in u²/Hz,
-        at `frequencies` f (Hz) and `rate` 1/Δt (Hz)."""
+        """Two-sided power spectral density Δt (R + |H (zI − F)⁻¹ L|²) with z = exp(2πifΔt) and L Lᵀ = Q, in u²/Hz.
+
+        Parameters
+        ----------
+        frequencies : array
+            f (Hz).
+        rate : float
+            Sampling rate 1/Δt (Hz).
+
+        Returns
+        -------
+        array in the shape of `frequencies`
+        """
         f = np.asarray(frequencies, dtype=np.float64)
         z = np.exp(2j * np.pi * f.ravel() / rate)
         resolvent = z[:, None, None] * np.eye(self.states) - self.F
@@ -150,7 +181,7 @@ class StateSpace:
         return np.asarray(density / rate, dtype=np.float64).reshape(f.shape)
 
     def simulate(self, n: int, rng: np.random.Generator, paths: int = 1) -> Matrix:
-        """Gaussian sample paths (paths, n), started at x_0 ~ (m0, P0); `rng` is a NumPy Generator."""
+        """Simulate Gaussian sample paths (paths, n) that start from x_0 ~ (m0, P0); `rng` is a NumPy Generator."""
         states = self.m0 + rng.standard_normal((paths, self.states)) @ _root(self.P0).T
         out = rng.standard_normal((paths, n)) * np.sqrt(self.R[0, 0])
         root = _root(self.Q).T
@@ -170,7 +201,7 @@ def checked(
     P0: ArrayLike | None,
     diffuse: ArrayLike | None,
 ) -> dict[str, NDArray[Any]]:
-    """The arrays of a linear system by name, in their shapes, finite and read-only."""
+    """Check the arrays of a linear system; returns them by name, in their shapes and read-only."""
     h = np.array(seen, dtype=np.float64).reshape(1, -1)
     p = h.size
     f, q, observed, r = names
@@ -186,7 +217,9 @@ def checked(
     for name, (values, shape) in shapes.items():
         array = np.array(values, dtype=np.float64)
         if array.size != prod(shape) or not np.all(np.isfinite(array)):
-            raise ModelError(f"{name} must be finite with shape {shape} ({observed} has {p} states), got {values!r}")
+            raise ModelError(
+                argument=name, expected=f"finite with shape {shape}, because {observed} has {p} states", got=values
+            )
         found[name] = freeze(array.reshape(shape))
     mask = np.zeros(p, dtype=np.bool_) if diffuse is None else np.array(diffuse, dtype=np.bool_).reshape(p)
     return {**found, "diffuse": freeze(mask)}
@@ -204,7 +237,7 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
     carry[:, p, p] = 1.0
     for level in range(1, int(wanted[-1]) + 1):
         if level > 1:
-            # A block, and the same again from where it ends.
+            # Join a block with the same block that starts from its end.
             carry[:, :p, :p], carry[:, p, :p] = transition, seen
             noise = carry @ noise @ np.swapaxes(carry, 1, 2) + noise
             seen = seen + (seen[:, None, :] @ transition)[:, 0]
@@ -221,7 +254,7 @@ def haar_variances(spaces: Sequence[StateSpace], levels: int | ArrayLike) -> Mat
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """m successive samples: end state = transition·x + w, their sum = sum_of·x + n, Var (w, n) = noise."""
+    """A block of m successive samples: end state = transition·x + w, sum = sum_of·x + n, Var (w, n) = noise."""
 
     transition: Matrix
     sum_of: Vector
@@ -233,7 +266,7 @@ class _Block:
 
     @classmethod
     def of(cls, space: StateSpace, length: int) -> _Block:
-        """A block of `length` ≥ 1 samples by squaring."""
+        """A block of `length` ≥ 1 samples, by repeated squaring."""
         power, result = cls.one_sample(space), None
         while True:
             if length & 1:
@@ -245,7 +278,7 @@ class _Block:
             power = power.followed_by(power)
 
     def followed_by(self, later: _Block) -> _Block:
-        """The two blocks as one: the later one starts from the state that this one ends with."""
+        """The two blocks joined: the later one starts from the end state of this one."""
         p = self.sum_of.size
         # How this block's noise (w, n) enters the joined (w, n).
         carry = np.zeros((p + 1, p + 1))

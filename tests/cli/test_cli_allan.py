@@ -57,8 +57,9 @@ def test_slopes(gmwm, recording, tmp_path):
 def test_all_cluster_sizes_say_their_cost_first_and_show_octaves(gmwm, unlabelled):
     outcome = gmwm("allan", unlabelled, "--rate", 100, "--units", "gyro=rad/s", "--clusters", "all")
     assert outcome.code == 0
-    assert outcome.err.splitlines()[0].startswith("up to 250 cluster sizes for each of 1 axes: about")
-    assert "250 cluster sizes; the table shows octaves" in outcome.out
+    assert outcome.err.splitlines()[0].startswith("up to 250 cluster sizes")
+    assert "\n250 cluster sizes" in outcome.out
+    assert "--csv" in outcome.out
     rows = [line.split() for line in outcome.out.partition("───")[2].splitlines()]
     assert [int(row[0]) for row in rows if row and row[0].isdecimal()] == [2**k for k in range(8)]
 
@@ -72,6 +73,6 @@ def test_all_axes_in_one_picture(gmwm, recording, tmp_path):
 def test_what_is_refused(gmwm, recording, broken):
     outcome = gmwm("allan", recording, "--kind", "hadamard", "--slopes")
     assert outcome.code == 2
-    assert "--slopes reads an Allan deviation" in outcome.err
+    assert all(fact in outcome.err for fact in ("--slopes", "hadamard", "--kind overlapping"))
     assert "--gaps longest" in gmwm("allan", broken).err
     assert gmwm("allan", recording, "--kind", "fancy").code == 2

@@ -1,4 +1,4 @@
-"""Recordings in chunks at the command line: what is said of them in memory, and by worker processes too."""
+"""Commands print the same for recordings in chunks and in memory, also with worker processes."""
 
 import pytest
 
@@ -17,7 +17,7 @@ def file(tmp_path_factory):
 
 
 def same(gmwm, *arguments):
-    """What both ways print, to the last digit that is shown."""
+    """The output of a command, which is the same in memory and in chunks."""
     whole, parts = (gmwm(*arguments, "--chunked", how) for how in ("no", "yes"))
     assert whole.code == parts.code == 0, parts.err
     assert whole.out == parts.out
@@ -54,8 +54,8 @@ def test_worker_processes(gmwm, file):
 def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
     monkeypatch.setattr(streams, "LARGE", 1000)
     read = []
-    stream = library.readers.stream
-    monkeypatch.setattr("gmwm.readers.stream", lambda *a, **k: read.append(a) or stream(*a, **k))
+    stream = streams.stream_file
+    monkeypatch.setattr(streams, "stream_file", lambda *a, **k: read.append(a) or stream(*a, **k))
     assert gmwm("wv", file).code == 0
     assert len(read) == 1
     for memory in (("--chunked", "no"), ("--filter", "la8"), ("--gaps", "longest")):
@@ -64,18 +64,19 @@ def test_large_files_are_read_in_chunks(gmwm, file, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "facts"),
     [
-        (("wv", "--filter", "la8", "--chunked", "yes"), "--filter la8 needs the whole recording in memory"),
-        (("wv", "--transform", "dwt", "--workers", "2"), "--transform dwt needs the whole recording in memory"),
-        (("calibrate", "--gaps", "longest", "--chunked", "yes"), "--gaps longest needs the whole recording"),
-        (("calibrate", "--chunked", "no", "--workers", "2"), "leave --chunked no out"),
-        (("fit", "--model", "WN", "--likelihood", "--chunked", "yes"), "--likelihood needs the whole recording"),
-        (("info", "--plot", "a.png", "--chunked", "yes"), "--plot needs the whole recording in memory"),
-        (("calibrate", "--scheduler", "10.0.0.5"), "must be an address as tcp://"),
+        (("wv", "--filter", "la8", "--chunked", "yes"), ["--filter la8", "--chunked yes"]),
+        (("wv", "--transform", "dwt", "--workers", "2"), ["--transform dwt", "--workers"]),
+        (("calibrate", "--gaps", "longest", "--chunked", "yes"), ["--gaps longest", "--chunked yes"]),
+        (("calibrate", "--chunked", "no", "--workers", "2"), ["--workers", "--chunked no"]),
+        (("fit", "--model", "WN", "--likelihood", "--chunked", "yes"), ["--likelihood", "--chunked yes"]),
+        (("info", "--plot", "a.png", "--chunked", "yes"), ["--plot", "--chunked yes"]),
+        (("calibrate", "--scheduler", "10.0.0.5"), ["--scheduler ", "tcp://", "10.0.0.5"]),
     ],
 )
-def test_what_does_not_go_together(gmwm, file, arguments, message):
+def test_options_that_contradict_each_other(gmwm, file, arguments, facts):
     found = gmwm(arguments[0], file, *arguments[1:])
     assert found.code == 2
-    assert message in " ".join(found.err.split())
+    assert found.err.startswith("error: ")
+    assert all(fact in found.err for fact in facts), found.err

@@ -51,7 +51,7 @@ def test_compare_recordings(gmwm, recording, tmp_path):
 def test_compare_needs_different_files(gmwm, recording):
     outcome = gmwm("compare", recording, recording)
     assert outcome.code == 2
-    assert "once" in outcome.err
+    assert f"{recording}, {recording}" in outcome.err
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +70,18 @@ def test_wv_robust(gmwm, recording):
     assert "robust with efficiency 0.6" in gmwm("wv", recording, "--axis", "accel_x", "--robust").out
 
 
-def test_zeros_are_told(gmwm, coarse):
+def test_zeros_are_remarked(gmwm, coarse):
     outcome = gmwm("wv", coarse, "--robust", "--json")
     assert outcome.json["axes"]["gyro_x"]["variance"][0] == 0
-    assert any("level 1" in warning and "quantised" in warning for warning in outcome.json["warnings"])
-    assert "warning: gyro_x: level 1" in outcome.err
-    assert "level 1" in gmwm("compare", coarse).err
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "robust-zero")
+    assert remark["subject"] == "gyro_x"
+    assert 1 in remark["facts"]["levels"]
+    assert f"warning: {remark['text']} [robust-zero]" in outcome.err.splitlines()
+    assert "[robust-zero]" in gmwm("compare", coarse).err
     refused = gmwm("fit", coarse, "--model", "WN", "--robust")
     assert refused.code == 2
-    assert "zero at level 1" in refused.err
+    assert refused.err.splitlines()[-1].startswith("error: gyro_x: ")
+    assert "level 1" in refused.err.splitlines()[-1]
 
 
 def test_fit_robust(gmwm, recording):

@@ -1,4 +1,4 @@
-"""gmwm convert: what can be read, as a table or as .imu records, whole or not at all."""
+"""gmwm convert: recordings as tables and as .imu records."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_tables_keep_every_digit_and_the_way_back_every_byte(gmwm, survey, tmp_p
     table, back = tmp_path / f"a{suffix}", tmp_path / "back.imu"
     outcome = gmwm("convert", survey, table, "--format", "imu:LN200")
     assert outcome.code == 0
-    assert f"wrote {table}: 3750 samples at 62.5 Hz, 60 s" in outcome.out
+    assert f"Wrote {table}: 3750 samples at 62.5 Hz, 60 s" in outcome.out
     before, after = read(survey, format="imu:LN200"), read(table)
     assert all(after[axis].values.tobytes() == before[axis].values.tobytes() for axis in AXES)
     assert gmwm("convert", table, back, "--to", "IMU:ln200").code == 0
@@ -54,47 +54,37 @@ def test_gaps_stay_unless_cut(gmwm, broken, tmp_path):
     assert gmwm("convert", broken, out, "--gaps", "longest", "--json").json["samples"] == 300
 
 
-def test_a_temperature_that_is_left_out_is_told(gmwm, tmp_path):
+def test_a_temperature_that_is_left_out_is_remarked(gmwm, tmp_path):
     source, out = tmp_path / "a.csv", tmp_path / "a.imu"
     values = np.random.default_rng(0).normal(size=(20, 6))
     rows = "".join(f"{k / 10},{','.join(map(str, row))},{20 + k}\n" for k, row in enumerate(values.tolist()))
     source.write_text(",".join(["time [s]", *(f"{a} [rad/s]" for a in AXES[:3]), *(f"{a} [m/s²]" for a in AXES[3:]),
                                 "temperature [°C]"]) + "\n" + rows)  # fmt: skip
     outcome = gmwm("convert", source, out, "--to", "imu:IXSEA", "--json")
-    assert [one["subject"] for one in outcome.json["remarks"] if one["code"] == "temperature-left-out"] == [str(out)]
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "temperature-left-out")
+    assert (remark["subject"], remark["facts"]) == (str(out), {"format": ".imu"})
 
 
 def test_errors_take_one_line_and_leave_no_file(gmwm, survey, unlabelled, tmp_path):
     out = tmp_path / "a.imu"
-    cases = {
-        "with --format; these fit: imu:LN200 and imu:LN200IG": (survey, tmp_path / "a.csv"),
-        "imu:NAVCHIP_FLT for a.imu; got None": (
-            survey,
-            out,
-            "--format",
-            "imu:LN200",
-        ),
-        "--to must be one of imu:IMAR": (survey, out, "--format", "imu:LN200", "--to", "imu:X"),
-        "--to must be left out for a file other than .imu": (
-            survey,
-            tmp_path / "a.csv",
-            "--format",
-            "imu:LN200",
-            "--to",
-            "imu:IMAR",
-        ),
-        "no gyro_y, gyro_z": (unlabelled, out, "--rate", 50, "--units", "gyro=deg/s", "--to", "imu:IMAR"),
-        "path that ends in .csv, .parquet or .imu; got 'a.xlsx'": (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR"),
-        "OUT must be another file than FILE": (survey, survey, "--format", "imu:LN200", "--to", "imu:LN200"),
-        "format must be one of": (survey, out, "--format", "imu"[:2]),
-        "does not exist": (tmp_path / "none.csv", out),
-    }
+    cases = [
+        (["survey.imu", "--format", "imu:LN200", "imu:LN200IG"], (survey, tmp_path / "a.csv")),
+        (["--to", "imu:IMAR"], (survey, out, "--format", "imu:LN200")),
+        (["--to must be ", "imu:IMAR", "'imu:X'"], (survey, out, "--format", "imu:LN200", "--to", "imu:X")),
+        (["--to", ".imu"], (survey, tmp_path / "a.csv", "--format", "imu:LN200", "--to", "imu:IMAR")),
+        (["gyro_y", "gyro_z"], (unlabelled, out, "--rate", 50, "--units", "gyro=deg/s", "--to", "imu:IMAR")),
+        ([".csv", ".parquet", ".imu", "a.xlsx"], (survey, tmp_path / "a.xlsx", "--format", "imu:IMAR")),
+        (["FILE", "OUT", str(survey)], (survey, survey, "--format", "imu:LN200", "--to", "imu:LN200")),
+        (["--format must be ", "'im'"], (survey, out, "--format", "im")),
+        ([str(tmp_path / "none.csv")], (tmp_path / "none.csv", out)),
+    ]
     before = survey.read_bytes()
-    for says, arguments in cases.items():
+    for facts, arguments in cases:
         outcome = gmwm("convert", *arguments)
-        assert outcome.code == 2, says
-        assert outcome.err.startswith(("error: ", "warning: ")), outcome.err
-        assert says in outcome.err
+        assert outcome.code == 2, facts
+        (line,) = (line for line in outcome.err.splitlines() if not line.startswith("warning: "))
+        assert line.startswith("error: ")
+        assert all(fact in line for fact in facts), (facts, line)
         assert outcome.out == ""
     assert not list(tmp_path.iterdir())
     assert survey.read_bytes() == before
@@ -109,7 +99,8 @@ def test_counts_and_increments_of_any_table(gmwm, tmp_path):
     imu = read(out)
     np.testing.assert_allclose(imu["gyro_x"].values, np.radians((k % 5 - 2) / 131), rtol=1e-12)
     np.testing.assert_allclose(imu["accel_z"].values, (163.84 + k % 3) / 163.84 * 9.80665, rtol=1e-12)
-    for wrong, says in (("gyro", "--scale takes a factor"), ("gyro=1/0", "--scale takes a factor"), ("mag=2", "scale")):
+    for wrong, got in (("gyro", "gyro"), ("gyro=1/0", "gyro=1/0"), ("mag=2", "mag")):
         outcome = gmwm("convert", counts, tmp_path / "b.csv", "--scale", wrong)
         assert outcome.code == 2
-        assert says in outcome.err
+        assert outcome.err.startswith("error: --scale must be ")
+        assert outcome.err.endswith(f"; got {got!r}\n")

@@ -111,9 +111,10 @@ def test_a_failure_follows_the_result(capsys):
 
 def test_errors_about_an_argument_name_its_option():
     with pytest.raises(OptionError) as caught, named_as_options({"format": "--to"}):
-        raise OptionError(argument="format", expected="one of imu:IMAR", got="x")
-    assert (caught.value.argument, caught.value.option) == ("format", "--to")
-    assert caught.value.text(Dialect.SHELL).startswith("--to ")
+        raise OptionError(argument="format", expected="one of imu:IMAR", got="x", advice="Leave {--format=x} out.")
+    assert caught.value.argument == "format"
+    assert caught.value.text(Dialect.SHELL) == "--to must be one of imu:IMAR; got 'x'. Leave --to x out."
+    assert caught.value.text() == "format must be one of imu:IMAR; got 'x'. Leave format='x' out."
 
 
 @pytest.mark.parametrize(

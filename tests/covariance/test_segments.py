@@ -8,6 +8,7 @@ from gmwm import DR, GM, QN, RW, WN
 from gmwm.covariance import as_design, covariance, ratio_variances, segments, variances, wavelet_covariance
 from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.model import as_model
+from tests.helpers import raises
 
 RATE = 100.0
 MODELS = {
@@ -110,5 +111,5 @@ def test_the_covariance_from_the_data_of_segments():
 
 @pytest.mark.parametrize("lengths", [(), (100, 0), (100, 2.5), (1, 1)])
 def test_lengths_that_are_none_are_refused(lengths):
-    with pytest.raises(gmwm.errors.OptionError, match="integer of at least 2"):
+    with raises(gmwm.errors.OptionError, "at least 2", argument="samples", got=lengths):
         wavelet_covariance(WN(1.0), lengths, RATE)

@@ -7,12 +7,14 @@ import json
 import os
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from tests.docs import pages, shown
+
+pytestmark = pytest.mark.docs
 
 RUNNING = {str(page.relative_to(pages.DOCS)): page for page in pages.pages() if pages.blocks(page)}
 ELSEWHERE = {
@@ -29,55 +31,58 @@ ELSEWHERE = {
 """Blocks that look like output, but are not that of the blocks above them, by their first words; and what they are."""
 
 
-@cache
-def run(name: str, folder: Path) -> tuple[subprocess.CompletedProcess[str], Path]:
-    """A page, run once for all that is asked of it."""
-    place = folder / name.replace("/", "-")
-    place.mkdir(exist_ok=True)
-    # Each in a process of its own: a page may add a process or a reader, which no other test should meet.
-    command = [sys.executable, pages.__file__, str(RUNNING[name])]
-    settings = {**os.environ, "MPLBACKEND": "Agg", "COLUMNS": "100"}
-    done = subprocess.run(command, cwd=place, env=settings, capture_output=True, encoding="utf-8", timeout=120)
-    return done, place
+class Run(NamedTuple):
+    """A page that was run in a folder of its own."""
+
+    name: str
+    done: subprocess.CompletedProcess[str]
+    place: Path
+
+    def printed(self) -> dict[str, str]:
+        return json.loads((self.place / pages.PRINTED).read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("pages")
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The page of this name, run once for the tests that follow one another; these ask for it by name."""
+    place = tmp_path_factory.mktemp("page")
+    # Each in a process of its own: a page may add a process or a reader, which no other test should meet.
+    command = [sys.executable, pages.__file__, str(RUNNING[request.param])]
+    settings = {**os.environ, "MPLBACKEND": "Agg", "COLUMNS": "100"}
+    done = subprocess.run(command, cwd=place, env=settings, capture_output=True, encoding="utf-8", timeout=120)
+    return Run(request.param, done, place)
 
 
 def test_there_are_pages_with_blocks():
     assert {"index.md", "start.md", "likelihood.md"} <= set(RUNNING)
 
 
-@pytest.mark.parametrize("name", RUNNING)
-def test_the_blocks_of_a_page_run(name, folder):
-    done, place = run(name, folder)
-    assert done.returncode == 0, f"{done.stdout[-1000:]}\n{done.stderr[-3000:]}"
+@pytest.mark.parametrize("run", RUNNING, indirect=True)
+def test_the_blocks_of_a_page_run(run):
+    assert run.done.returncode == 0, f"{run.done.stdout[-1000:]}\n{run.done.stderr[-3000:]}"
     # Written after the last block: a block that ends the process does not hide those below it.
-    assert (place / pages.PRINTED).is_file()
+    assert (run.place / pages.PRINTED).is_file()
 
 
-@pytest.mark.parametrize("name", [name for name, page in RUNNING.items() if pages.shown(page)])
-def test_what_a_page_shows_is_what_it_prints(name, folder):
-    blocks = [block for block in pages.shown(RUNNING[name]) if not elsewhere(name, block.text)]
-    _, place = run(name, folder)
-    printed = json.loads((place / pages.PRINTED).read_text(encoding="utf-8"))
+@pytest.mark.parametrize("run", [name for name, page in RUNNING.items() if pages.shown(page)], indirect=True)
+def test_what_a_page_shows_is_what_it_prints(run):
+    printed = run.printed()
     wrong = {}
-    for block in blocks:
+    for block in pages.shown(RUNNING[run.name]):
+        if elsewhere(run.name, block.text):
+            continue
         sources = ["".join(printed[str(line)] for line in block.above)]
-        sources += [beginning(place / file) for file in block.files if (place / file).is_file()]
+        sources += [beginning(run.place / file) for file in block.files if (run.place / file).is_file()]
         told = [shown.missing(block.text, source) for source in sources]
         if all(told):
-            wrong[f"{name}:{block.line}"] = told[0]
+            wrong[f"{run.name}:{block.line}"] = told[0]
     assert wrong == {}, "\n".join(f"{where}\n{what}" for where, what in wrong.items())
 
 
-def test_the_front_page_shows_what_start_prints(folder):
+@pytest.mark.parametrize("run", ["start.md"], indirect=True)
+def test_the_front_page_shows_what_start_prints(run):
     (block,) = pages.shown(pages.DOCS / "index.md")
-    _, place = run("start.md", folder)
-    printed = json.loads((place / pages.PRINTED).read_text(encoding="utf-8"))
-    assert shown.missing(block.text, "".join(printed.values())) == ""
+    assert shown.missing(block.text, "".join(run.printed().values())) == ""
 
 
 def test_blocks_that_are_not_printed_are_there():

@@ -10,6 +10,8 @@ import pytest
 
 from tests.docs.pages import DOCS
 
+pytestmark = pytest.mark.docs
+
 NOTEBOOKS = sorted((DOCS / "notebooks").glob("*.ipynb"))
 LARGEST = 500_000
 """Bytes of a notebook with its pictures."""

@@ -9,7 +9,7 @@ from gmwm.cli.main import app
 from gmwm.simulation import reference_imu, simulate
 from tests.docs import pages
 
-pytestmark = [pytest.mark.docs, pytest.mark.slow]
+pytestmark = pytest.mark.docs
 
 README = pages.DOCS.parent / "README.md"
 

@@ -15,6 +15,8 @@ import pytest
 import gmwm
 from tests.docs.pages import DOCS, pages
 
+pytestmark = pytest.mark.docs
+
 ENTRY = re.compile(r"^\.\. auto(?:function|class|exception):: gmwm\.(\S+)$", re.MULTILINE)
 
 
@@ -161,6 +163,7 @@ TOO_WIDE = """() => [...document.querySelectorAll('article *')].filter(thing => 
 """What goes beyond the window and cannot be scrolled into it: the theme cuts it off, and the page is never wide."""
 
 
+@pytest.mark.browser
 def test_no_page_is_wider_than_its_window(site, page):
     files = sorted(site.rglob("*.html"))
     assert len(files) > 40
@@ -175,6 +178,7 @@ def test_no_page_is_wider_than_its_window(site, page):
     assert wide == {}
 
 
+@pytest.mark.browser
 def test_what_is_too_wide_is_found(site, page):
     page.set_viewport_size({"width": 390, "height": 900})
     page.goto((site / "index.html").as_uri(), wait_until="load")
@@ -225,10 +229,12 @@ def found_by(page, site, words):
     return [re.sub(r"\?[^#]*", "", link) for link in links]
 
 
+@pytest.mark.browser
 def test_search_puts_on_top_what_is_meant(site, page):
     assert {words: found_by(page, site, words)[0] for words in FIRST} == FIRST
 
 
+@pytest.mark.browser
 def test_search_finds_what_takes_several_words(site, page):
     wanted = {
         "confidence interval coverage": "glossary.html",
@@ -239,6 +245,7 @@ def test_search_finds_what_takes_several_words(site, page):
     assert {words: where for words, where in wanted.items() if where not in found_by(page, site, words)} == {}
 
 
+@pytest.mark.browser
 def test_search_puts_history_behind_explanations(site, page):
     found = found_by(page, site, "kalibr")
     assert found.index("howto/feed.html") < found.index("changelog.html")
@@ -267,6 +274,7 @@ LEGIBLE = """() => {
 """Words whose contrast to what is behind them is less than WCAG 2 asks for (AA, 4.5)."""
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_words_and_code_stand_out(site, page, scheme):
     page.emulate_media(color_scheme=scheme)
@@ -277,6 +285,7 @@ def test_words_and_code_stand_out(site, page, scheme):
     assert "P." in page.evaluate(LEGIBLE)
 
 
+@pytest.mark.browser
 def test_pages_ask_for_nothing_but_files_and_complain_of_nothing(site, page):
     asked, said = [], []
     page.on("request", lambda request: asked.append(request.url))
@@ -308,6 +317,7 @@ def at(page):
     return page.evaluate("document.activeElement.id || document.activeElement.className")
 
 
+@pytest.mark.browser
 def test_keys_lead_only_to_what_is_seen_on_a_phone(site, page):
     page.set_viewport_size({"width": 390, "height": 800})
     page.goto((site / "start.html").as_uri(), wait_until="load")
@@ -321,6 +331,7 @@ def test_keys_lead_only_to_what_is_seen_on_a_phone(site, page):
     assert [name for name, _ in stops[:2]] == ["__navigation", "__toc"]
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize(("toggle", "drawer"), [("__navigation", ".sidebar-drawer"), ("__toc", ".toc-drawer")])
 def test_drawers_open_and_close_by_keys(site, page, toggle, drawer):
     page.set_viewport_size({"width": 390, "height": 800})
@@ -336,6 +347,7 @@ def test_drawers_open_and_close_by_keys(site, page, toggle, drawer):
     assert not page.is_checked(f"#{toggle}")
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_paper_stands_the_text_alone_and_it_can_be_read(site, page, scheme):
     page.emulate_media(media="print", color_scheme=scheme)

@@ -9,7 +9,7 @@ import gmwm
 from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, fixed
 from gmwm.errors import FitWarning
 from gmwm.estimation import Sampled
-from tests.helpers import only
+from tests.helpers import codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 
@@ -136,8 +136,8 @@ def test_roots_that_cancel_are_told():
     assert only(fit.remarks, "roots-cancel").about("").text() in fit.summary()
     assert gmwm.Fit.from_dict(fit.to_dict()).diagnostics.remarks == fit.diagnostics.remarks
     walk = np.cumsum(np.random.default_rng(1).standard_normal(3000))
-    with pytest.warns(FitWarning, match="next to the unit circle"):
-        gmwm.fit(AR(2), walk, rate=1.0)
+    with pytest.warns(FitWarning):
+        assert "ar-root-near-one" in codes(gmwm.fit(AR(2), walk, rate=1.0).remarks)
     assert gmwm.fit(ARMA(2, 1), measured(TRUTHS[1], 8)).diagnostics.remarks == ()
 
 
@@ -152,7 +152,7 @@ def test_a_thin_set_of_processes_beside_a_held_coefficient_is_found():
     wv = measured("AR(2, phi1=1.99, phi2=-0.995, sigma2=1)", 1)
     held = gmwm.fit("AR(2, phi1=fixed(1.99))", wv)
     assert held.parameters["AR(2).phi2"] == pytest.approx(-0.995, abs=2e-3)
-    with pytest.raises(gmwm.errors.ModelError, match="between -2 and 2"):
+    with raises(gmwm.errors.ModelError, "phi1", -2, 2):
         AR(2, phi1=fixed(5.0))
 
 

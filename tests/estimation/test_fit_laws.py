@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import gmwm
 from gmwm import AR1, DR, GM, QN, RW, WN, Model, WaveletVariance
+from gmwm.remarks import texts
 
 RATE = 100.0
 CHAIN = ("WN", "GM + WN", "GM + WN + RW", "2*GM + WN + RW", "2*GM + WN + RW + QN", "3*GM + WN + RW + QN + DR")
@@ -162,24 +163,34 @@ def test_held_values_stay_and_the_rest_is_the_best_given_them() -> None:
     assert started.objective == pytest.approx(free.objective, rel=1e-9)
 
 
+def acting(caught: pytest.WarningsRecorder) -> list[tuple[object, object]]:
+    """Each term that acts as another process, and that process."""
+    remarks = [warning.message.remark for warning in caught]
+    return [(one.facts["term"], one.facts["process"]) for one in remarks if one.code == "acts-as"]
+
+
 def test_a_term_at_the_edge_says_what_it_acts_as() -> None:
     # Quantization falls faster than white noise and a drift rises faster than a random walk: both push β to an edge.
     steep = (WN(1.0) + QN(0.1)).simulate(50_000, RATE, np.random.default_rng(7))
-    with pytest.warns(gmwm.errors.FitWarning, match="GM acts as WN"):
+    with pytest.warns(gmwm.errors.FitWarning) as caught:
         fit = gmwm.fit(GM() + DR(), steep, RATE)
+    assert acting(caught) == [("GM", "WN")]
     assert fit.diagnostics.acts_as == {"GM": "WN"}
     wandering = (RW(1e-2) + DR(1e-1)).simulate(50_000, RATE, np.random.default_rng(8))
-    with pytest.warns(gmwm.errors.FitWarning, match="GM acts as RW"):
+    with pytest.warns(gmwm.errors.FitWarning) as caught:
         gmwm.fit(GM() + QN(), wandering, RATE)
+    assert acting(caught) == [("GM", "RW")]
 
 
-def test_an_unsupported_term_is_zero_and_said() -> None:
+def test_an_unsupported_term_is_zero_and_has_a_remark() -> None:
     white = WN(1.0).simulate(50_000, RATE, np.random.default_rng(9))
-    with pytest.warns(gmwm.errors.FitWarning, match="not supported by these data"):
+    with pytest.warns(gmwm.errors.FitWarning):
         fit = gmwm.fit(WN() + DR() + QN() + RW(), white, RATE)
+    zero = [remark for remark in fit.remarks if remark.code == "term-zero"]
+    assert tuple(remark.facts["term"] for remark in zero) == fit.diagnostics.not_supported != ()
     for term in fit.diagnostics.not_supported:
         assert not fit.decomposition[term].any()
-    assert "not supported by these data" in fit.summary()
+    assert all(text in fit.summary() for text in texts(zero))
 
 
 def test_uncertified_fits_are_as_good_and_say_so() -> None:

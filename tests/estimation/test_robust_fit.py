@@ -7,6 +7,7 @@ import gmwm
 from gmwm import GM, RW, WN
 from gmwm.covariance.mixture import smoothed
 from gmwm.estimation.weighting import sampling_variance
+from tests.helpers import raises
 
 RATE = 100.0
 
@@ -69,18 +70,18 @@ def test_sampling_variance_is_a_safe_bound():
 def test_asking_for_what_the_data_are_not():
     x = np.random.default_rng(3).normal(size=5000)
     classical = gmwm.wavelet_variance(x, RATE)
-    with pytest.raises(gmwm.errors.OptionError, match="classical wavelet variance"):
+    with raises(gmwm.errors.OptionError, "classical", argument="robust", got=True):
         gmwm.fit(WN(), classical, robust=True)
     robust = gmwm.wavelet_variance(x, RATE, robust=True, efficiency=0.8)
-    with pytest.raises(gmwm.errors.OptionError, match=r"contradicts the wavelet variance's 0\.8"):
+    with raises(gmwm.errors.OptionError, 0.8, argument="efficiency", got=0.9):
         gmwm.fit(WN(), robust, robust=True, efficiency=0.9)
-    with pytest.raises(gmwm.errors.OptionError, match="efficiency must be"):
+    with raises(gmwm.errors.OptionError, "efficiency", 1.0):
         gmwm.fit(WN(), x, RATE, robust=True, efficiency=1.0)
 
 
 def test_a_level_that_is_zero_cannot_be_weighed():
     x = np.round(np.random.default_rng(4).normal(0, 0.2, size=5000))
-    with pytest.raises(gmwm.errors.DataError, match="robust=False"):
+    with raises(gmwm.errors.DataError, "zero at level 1", advises=["robust=False", "weighting='identity'"]):
         gmwm.fit(WN(), x, RATE, robust=True)
     assert gmwm.fit(WN(), x, RATE, robust=True, weighting="identity").parameters["WN.sigma2"] > 0
 

@@ -12,6 +12,7 @@ from gmwm import DR, GM, RW, WN, WaveletVariance
 from gmwm.covariance import Design, covariance
 from gmwm.estimation.weighting import precision
 from gmwm.inference.criterion import covariance_trace, implied_by_refits, optimism, problem_of
+from tests.helpers import raises
 
 RATE = 100.0
 TRUTHS = (
@@ -241,16 +242,16 @@ def test_refits_are_those_of_the_bootstrap_and_of_fit() -> None:
 
 
 def test_options_are_checked(fit: gmwm.Fit) -> None:
-    with pytest.raises(gmwm.errors.OptionError, match="method must be 'asymptotic' or 'bootstrap', got 'exact'"):
+    with raises(gmwm.errors.OptionError, "'asymptotic' or 'bootstrap'", argument="method", got="exact"):
         fit.wic("exact")
     for draws in (1, 2.5, True):
-        with pytest.raises(gmwm.errors.OptionError, match="draws must be a whole number of at least 2"):
+        with raises(gmwm.errors.OptionError, "at least 2,", argument="draws", got=draws):
             fit.wic("bootstrap", draws=draws)
-    with pytest.raises(gmwm.errors.OptionError, match="rng must be an integer that is not negative"):
+    with raises(gmwm.errors.OptionError, argument="rng", got=-1):
         fit.wic("bootstrap", rng=-1)
 
 
 def test_a_model_without_noise_has_no_criterion() -> None:
     wv = gmwm.wavelet_variance((DR(omega=1.0) + WN(sigma2=1e-6)).simulate(5000, RATE, 1), RATE)
-    with pytest.raises(gmwm.errors.ModelError, match="no noise at some level"):
+    with raises(gmwm.errors.ModelError, "no noise at some level"):
         gmwm.fit("DR", wv, weighting="identity", certify=False).wic()

@@ -12,6 +12,7 @@ from gmwm._text import duration_text
 from gmwm.covariance import Design, covariance
 from gmwm.errors import ModelError, OptionError
 from gmwm.inference.asymptotic import sandwich
+from tests.helpers import only, raises
 
 RATE = 100.0
 MODELS = {
@@ -100,20 +101,22 @@ def test_optimal_weights_lose_nothing():
             assert np.all(curve <= diagonal[name] * (1 + 1e-6))
 
 
-def test_what_cannot_be_seen_is_said():
+def test_an_uncertain_parameter_has_a_remark():
     plan = gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE, unit="rad/s")
     assert 0.5 < plan.at(60.0)["RW.gamma2"] < math.inf
     text = plan.summary(0.2)
-    assert "not to be seen in 60 s: RW.gamma2" in text
+    remark = only(plan.remarks, "plan-uncertain")
+    assert (remark.facts["parameters"], remark.facts["duration"].value) == (("RW.gamma2",), 60.0)
+    assert remark.text() in text
     assert "(rad/s)² per sample" in text
     row = next(line for line in text.splitlines() if "RW.gamma2" in line)
     assert row.split("  ")[-1].strip() == duration_text(plan.needed(0.2)["RW.gamma2"]) == "7.9 min"
-    long = gmwm.plan(MODELS["walk"], duration=7200.0, rate=RATE).summary()
-    assert "not" not in long
-    assert "5.2 %" in long
+    long = gmwm.plan(MODELS["walk"], duration=7200.0, rate=RATE)
+    assert long.remarks == ()
+    assert "5.2 %" in long.summary()
 
 
-def test_what_the_record_cannot_tell_apart_is_said():
+def test_parameters_with_the_same_effect_have_a_remark():
     plan = gmwm.plan(GM(beta=1e6, sigma2=1e-6) + WN(sigma2=1e-6) + RW(gamma2=1e-10), duration=600.0, rate=RATE)
     errors = plan.at(600.0)
     assert math.isinf(errors["WN.sigma2"])
@@ -121,7 +124,10 @@ def test_what_the_record_cannot_tell_apart_is_said():
     assert math.isfinite(errors["RW.gamma2"])
     assert math.isinf(plan.needed()["WN.sigma2"])
     text = plan.summary()
-    assert "not determined by 10 min: GM.beta, GM.sigma2, WN.sigma2; what they do" in text
+    remark = only(plan.remarks, "plan-undetermined")
+    assert remark.facts["parameters"] == ("GM.beta", "GM.sigma2", "WN.sigma2")
+    assert remark.facts["duration"].value == 600.0
+    assert remark.text() in text
     assert "> 69 d" in text
 
 
@@ -143,47 +149,52 @@ def test_as_plain_numbers_and_in_a_notebook():
 
 
 @pytest.mark.parametrize(
-    ("model", "error", "words"),
+    ("model", "error", "facts", "advice"),
     [
-        ("WN(sigma2=1.0) + RW", ModelError, r"needs a value for RW.gamma2: .* as RW\(gamma2=…\)"),
-        ("2*GM + WN", ModelError, r"for GM\[1\].beta, GM\[1\].sigma2, .*as GM\(beta=…, sigma2=…\)"),
-        ("WN(sigma2=1e-300) + RW(gamma2=1e-308)", ModelError, "leave the range of double precision; .* unit"),
-        ("WN(sigma2=1e-150)", ModelError, "leave the range of double precision"),
-        ("WN(sigma2=1e200)", ModelError, "leave the range of double precision"),
-        ("WN(sigma2=1e140) + RW(gamma2=1e140)", ModelError, "leave the range of double precision"),
-        (WN(sigma2=1.0) + RW(gamma2=0.0), ModelError, "RW is zero"),
-        (2 * GM(beta=1.0, sigma2=0.0) + WN(sigma2=1.0), ModelError, r"GM\[1\], GM\[2\] is zero"),
-        ("WN(sigma2=fixed(1.0))", ModelError, "nothing to estimate"),
-        ("GM(beta=1.0, sigma2=fixed(1.0)) + WN(sigma2=1.0)", ModelError, "sigma2 is held while beta"),
-        (DR(omega=1.0), ModelError, "no noise at some level"),
-        (WN, ModelError, "write WN()"),
+        ("WN(sigma2=1.0) + RW", ModelError, ["RW.gamma2"], "RW(gamma2=…)"),
+        ("2*GM + WN", ModelError, ["GM[1].beta, GM[1].sigma2, "], "GM(beta=…, sigma2=…)"),
+        ("WN(sigma2=1e-300) + RW(gamma2=1e-308)", ModelError, ["double precision"], "unit"),
+        ("WN(sigma2=1e-150)", ModelError, ["double precision"], "unit"),
+        ("WN(sigma2=1e200)", ModelError, ["double precision"], "unit"),
+        ("WN(sigma2=1e140) + RW(gamma2=1e140)", ModelError, ["double precision"], "unit"),
+        (WN(sigma2=1.0) + RW(gamma2=0.0), ModelError, ["RW is zero"], "Leave it out"),
+        (2 * GM(beta=1.0, sigma2=0.0) + WN(sigma2=1.0), ModelError, ["GM[1], GM[2] is zero"], "Leave it out"),
+        ("WN(sigma2=fixed(1.0))", ModelError, ["WN(sigma2=fixed(1.0))", "held"], "fixed("),
+        ("GM(beta=1.0, sigma2=fixed(1.0)) + WN(sigma2=1.0)", ModelError, ["sigma2 is held while beta"], "Hold beta"),
+        (DR(omega=1.0), ModelError, ["no noise at some level"], "WN"),
     ],
 )
-def test_models_that_cannot_be_planned(model, error, words):
-    with pytest.raises(error, match=words):
+def test_models_that_cannot_be_planned(model, error, facts, advice):
+    with raises(error, *facts, advises=[advice]):
         gmwm.plan(model, duration=60.0, rate=RATE)
 
 
 @pytest.mark.parametrize(
-    ("duration", "words"),
-    [(0.0, "positive"), (math.nan, "positive"), ("1h", "a number"), (True, "a number"), (0.07, "takes 8, 0.08 s"),
-     (1e12, "more than 2")],
+    ("duration", "fact"),
+    [(0.0, "positive"), (math.nan, "positive"), ("1h", "number"), (True, "number"), (0.07, "0.08 s (8 samples"),
+     (1e12, "2^40")],
 )  # fmt: skip
-def test_durations_that_cannot_be_planned(duration, words):
-    with pytest.raises(OptionError, match=words):
+def test_durations_that_cannot_be_planned(duration, fact):
+    with raises(OptionError, fact, argument="duration") as caught:
         gmwm.plan(MODELS["walk"], duration=duration, rate=RATE)
-    with pytest.raises(OptionError, match=words):
+    assert caught.value.got is duration
+    with raises(OptionError, fact, argument="duration"):
         gmwm.plan(MODELS["walk"], duration=60.0, rate=RATE).at(duration)
+
+
+def test_a_class_is_not_a_model():
+    with pytest.raises(ModelError, match=r"WN\(\)"):
+        gmwm.plan(WN, duration=60.0, rate=RATE)
 
 
 def test_options_that_are_none():
     plan = gmwm.plan(QN(q2=1.0) + WN(sigma2=1.0), duration=60.0, rate=RATE)
     for accuracy in (0.0, -0.1, 0.51, math.nan, "10 %", True):
-        with pytest.raises(OptionError, match=r"at most 0\.5"):
+        with raises(OptionError, 0.5, argument="accuracy"):
             plan.needed(accuracy)
-    with pytest.raises(OptionError, match="weighting must be"):
+    with raises(OptionError, "'diagonal' or 'optimal'", argument="weighting", got="identity"):
         gmwm.plan(WN(sigma2=1.0), duration=60.0, rate=RATE, weighting="identity")
-    with pytest.raises(OptionError, match="rate"):
+    with raises(OptionError, "rate", -1):
         gmwm.plan(WN(sigma2=1.0), duration=60.0, rate=-1.0)
 
 

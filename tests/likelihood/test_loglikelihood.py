@@ -16,6 +16,7 @@ from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 from gmwm.likelihood.system import assemble, require_state
 from gmwm.processes import every_class
+from tests.helpers import raises
 from validation.likelihood import concentrated
 
 ORACLES = Path(__file__).parents[1] / "oracles"
@@ -282,16 +283,16 @@ def test_a_process_without_a_state_space_is_refused(name):
     process = every_class()[name]
     shape = process.at_coordinates(process.scan(1000, RATE).mean(axis=1)[None, :])[0]
     model = process.standard(shape)
-    with pytest.raises(MissingTheoryError, match="has no finite state"):
+    with raises(MissingTheoryError, name.partition("(")[0], "finite state", advises=["Gauss-Markov"]):
         model.loglikelihood(np.random.default_rng(1).standard_normal(50), RATE)
 
 
-def test_a_process_of_the_user_s_is_told_what_it_does_not_define():
+def test_the_error_for_a_process_of_a_user_names_the_missing_method():
     class Mine:
         name = "MINE"
 
         def has(self, theory):
             return theory == "autocovariance"
 
-    with pytest.raises(MissingTheoryError, match=r"MINE defines no state_space, .* give the class one"):
+    with raises(MissingTheoryError, "MINE", "state_space", advises=["Define it"]):
         require_state(Mine())

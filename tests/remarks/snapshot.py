@@ -4,21 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gmwm.remarks import Dialect, Fact, Message, Remark, messages
-from gmwm.remarks.registry import Choice
+from docs.messages import examples
+from gmwm.remarks import Dialect, messages
 
 FOLDER = Path(__file__).parent
-
-
-def examples(message: Message) -> list[Remark]:
-    """The example of a message, once for each of its templates."""
-    facts = dict(message.example)
-    subject = str(facts.pop("subject", ""))
-    found: list[dict[str, Fact]] = [facts]
-    for text in (message.sentence, message.advice):
-        if isinstance(text, Choice):
-            found = [{**given, text.by: value} for given in found for value in text.templates]
-    return list(dict.fromkeys(Remark.of(message.code, subject, **given) for given in found))
 
 
 def rendered(dialect: Dialect) -> str:

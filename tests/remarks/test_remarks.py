@@ -5,9 +5,10 @@ import re
 
 import pytest
 
+from docs.messages import examples
 from gmwm.remarks import Dialect, Quantity, Remark, Severity, brief, gravest, merged, messages, sorted_remarks, texts
 from gmwm.remarks.registry import SECTIONS, Choice
-from tests.remarks.snapshot import examples, file_of, rendered
+from tests.remarks.snapshot import file_of, rendered
 
 ALL = [pytest.param(message, id=message.code) for message in messages().values()]
 

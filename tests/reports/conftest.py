@@ -1,6 +1,7 @@
 import pytest
 
 import gmwm
+from gmwm.remarks import Remark
 
 TRUTH = {
     "gyro_x": "WN(sigma2=4e-7) + RW(gamma2=2e-11)",
@@ -13,7 +14,7 @@ TEMPLATE = "{{ 7 * 7 }}{% raw %} %{x} <a href='https://example.org'>link</a>"
 
 @pytest.fixture(scope="session")
 def imu():
-    """Three axes, 1000 s at 100 Hz; gyro_y was knocked again and again."""
+    """Three axes, 1000 s at 100 Hz; gyro_y has knocks at regular intervals."""
     clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, rng=4)
     values = {axis: clean[axis].values.copy() for axis in clean}
     values["gyro_y"][10_000:80_000:7000] += 0.2
@@ -27,8 +28,8 @@ def calibration(imu):
 
 @pytest.fixture(scope="session")
 def hostile(imu):
-    """Names, unit and source as an enemy would write them."""
+    """Names, unit, source and remarks with text that tries to run as HTML, script or template."""
     values = imu["gyro_x"].values
     signals = {name: gmwm.Signal(values, 100.0, f"V {HOSTILE}", name) for name in (f"a {HOSTILE}", f"b {TEMPLATE}")}
-    noted = gmwm.Imu(signals, f"{HOSTILE}{TEMPLATE}.csv", (f"note {HOSTILE}",))
-    return gmwm.calibrate(noted, "WN + RW")
+    named = gmwm.Imu(signals, f"{HOSTILE}{TEMPLATE}.csv", (Remark.of("sensor-named", "file.csv", name=HOSTILE),))
+    return gmwm.calibrate(named, "WN + RW")

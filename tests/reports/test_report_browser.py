@@ -11,6 +11,8 @@ if CHROMIUM is None:
     pytest.skip("needs Chromium on the path: apt install chromium", allow_module_level=True)
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install '.[browser]'")
 
+pytestmark = pytest.mark.browser
+
 WIDTHS = (360, 390, 1280)
 
 

@@ -1,4 +1,4 @@
-"""What a report says: the dictionary, and the pictures as Plotly takes them."""
+"""The data of a report: the dictionary, and the figures for Plotly."""
 
 import dataclasses
 import hashlib
@@ -8,20 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gmwm.cautions import about_declared, about_steps, about_values
 
 import gmwm
-from gmwm._text import OVERRULED
 from gmwm.errors import OptionError
-from gmwm.inspection.knocks import Step
 from gmwm.plots.axes import signed_axis, time_axis, value_axis
 from gmwm.plots.figure import Band, Foot, Line, Panel, Stroke, Text
 from gmwm.plots.fit import fit_panel
+from gmwm.remarks import Quantity, Remark
 from gmwm.reports import report_data
 from gmwm.reports.citation import citation
 from gmwm.reports.plotly import Scale, plotly_panel
 from gmwm.reports.verdict import verdict
 from gmwm.reports.write import _worded
+from tests.helpers import raises
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -35,62 +34,87 @@ def test_it_is_plain(data):
     assert json.loads(json.dumps(data, allow_nan=False))["title"] == "Calibration of knocked.csv"
 
 
-def test_the_verdict_says_what_is_wrong(data, calibration):
-    points = data["verdict"]["points"]
+def points_of(data, code):
+    return [point for point in data["verdict"]["points"] if point["code"] == code]
+
+
+def test_the_verdict_has_the_outliers_and_the_axes(data, calibration):
     assert calibration.verdicts["gyro_y"].contaminated
-    said = [point for point in points if "outliers" in point["text"]]
-    assert [point["state"] for point in said] == ["look"]
-    assert "left out of gyro_y" in said[0]["text"]
-    assert data["verdict"]["state"] == "look"
-    assert points[0] == {"state": "good", "text": "All 3 axes are calibrated, from 17 min of recording at 100 Hz."}
+    assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict-usable", "look")
+    assert [point["state"] for point in points_of(data, "knocks")] == ["look"]
+    (outliers,) = [note for note in data["notes"] if note["code"] == "outliers-left-out"]
+    assert outliers["state"] == "good"
+    assert "gyro_y" in outliers["text"]
+    (calibrated,) = points_of(data, "axes-calibrated")
+    assert calibrated["state"] == "good"
+    assert all(text in calibrated["text"] for text in ("3 of 3", "17 min", "100 Hz"))
+
+
+def test_the_most_severe_points_come_first(data):
+    order = ["bad", "look", "good"]
+    places = [order.index(point["state"]) for point in data["verdict"]["points"]]
+    assert places == sorted(places)
+    assert {"look", "good"} <= {point["state"] for point in data["verdict"]["points"]}
 
 
 def test_the_verdict_of_a_lost_axis_and_of_a_moved_unit(calibration):
     lost = dataclasses.replace(calibration, failed={"accel_y": "the signal is constant"})
-    assert report_data(lost)["verdict"]["state"] == "bad"
-    assert "accel_y: the signal is constant" in report_data(lost)["verdict"]["points"][0]["text"]
-    moved = dataclasses.replace(calibration, recording=dataclasses.replace(calibration.recording, static=False))
-    assert report_data(moved)["verdict"]["state"] == "bad"
+    verdict = report_data(lost)["verdict"]
+    assert (verdict["code"], verdict["state"]) == ("verdict-some-unusable", "bad")
+    assert (verdict["points"][0]["code"], verdict["points"][0]["state"]) == ("not-calibrated", "bad")
+    assert "accel_y" in verdict["points"][0]["text"]
+    assert "the signal is constant" in verdict["points"][0]["text"]
+    moved = Remark.of("recording-moved", "gyro_x", time=Quantity(9.0, "s"), ratio=7.0)
+    recording = dataclasses.replace(calibration.recording, static=False)
+    verdict = report_data(dataclasses.replace(calibration, recording=recording, recording_remarks=(moved,)))["verdict"]
+    assert (verdict["code"], verdict["state"]) == ("verdict-wrong", "bad")
+    assert not [point for point in verdict["points"] if point["code"] == "at-rest"]
 
 
-def test_doubts_of_the_recording_reach_the_verdict():
+@pytest.mark.parametrize(
+    ("remarks", "state"),
+    [
+        ((Remark.of("layout-known", "imu.csv", format="Kalibr"),), "good"),
+        ((Remark.of("gravity-off", norm=Quantity(9.5), expected=Quantity(9.81), share=-3.0),), "look"),
+        ((Remark.of("unit-overruled", "gyro", unit="rad/s", stated="deg/s"),), "look"),
+        ((Remark.of("level-steps", "gyro_x", count=1, first=Quantity(3.0, "s")),), "look"),
+        ((Remark.of("gravity-wrong", norm=Quantity(19.6), expected=Quantity(9.81)),), "bad"),
+    ],
+)
+def test_remarks_on_the_recording_reach_the_verdict(remarks, state):
     imu = gmwm.simulate({"gyro_x": "WN(sigma2=4e-7)"}, rate=100.0, samples=20_000, rng=1)
-    good = gmwm.calibrate(imu, "WN + RW")
+    found = dataclasses.replace(gmwm.calibrate(imu, "WN + RW"), recording_remarks=remarks)
+    data = report_data(found)
+    assert data["verdict"]["state"] == state
+    where = data["notes"] if state == "good" else data["verdict"]["points"]
+    assert remarks[0].code in [point["code"] for point in where]
 
-    def state(*cautions):
-        verdict = report_data(dataclasses.replace(good, cautions=cautions))["verdict"]
-        assert verdict["state"] == "good" or "as it stands" not in verdict["headline"]
-        return verdict["state"]
 
-    def force(gravity):
-        return about_values({}, gravity)
-
+def test_a_gyroscope_that_is_too_noisy_gets_a_bad_verdict():
     noisy = gmwm.simulate({"gyro_x": "WN(sigma2=1e-2)"}, rate=100.0, samples=20_000, rng=1)
-    step = Step(time=3.0, axis="gyro_x", size=1e-3, times=9.0)
-    note = f"accel_x in g as declared; {OVERRULED} m/s²"
-    assert state(*force(9.80665), *force(9.7), *about_declared(["columns as named"]), "2 knocks") == "good"
-    assert state(*force(9.5)) == state(*about_declared([note])) == state(*about_steps((step,))) == "look"
-    points = report_data(dataclasses.replace(good, cautions=gmwm.inspect(noisy).warnings))["verdict"]["points"]
-    assert any(point["text"].startswith("gyro_x: a noise of") for point in points)
-    assert state(*force(19.6)) == state(*force(0.23)) == state(*gmwm.inspect(noisy).warnings) == "bad"
+    data = report_data(gmwm.calibrate(noisy, "WN + RW"))
+    assert data["verdict"]["state"] == "bad"
+    (point,) = points_of(data, "gyro-too-noisy")
+    assert "gyro_x" in point["text"]
 
 
-def test_axes_that_cannot_be_used_are_left_out_of_what_is_said_of_the_others():
+def test_the_points_about_numbers_leave_out_unusable_axes():
     truth = {"gyro_x": "WN(sigma2=4e-7)", "gyro_y": "WN(sigma2=4e-7) + RW(gamma2=2e-9)"}
     found = gmwm.calibrate(gmwm.simulate(truth, rate=100.0, samples=50_000, rng=4), "WN")
-    verdict = report_data(found)["verdict"]
-    texts = [point["text"] for point in verdict["points"]]
-    assert verdict["headline"].startswith("1 of 2 axes cannot be used (gyro_y); the others can be used")
-    assert verdict["state"] == verdict["points"][0]["state"] == "bad"
-    assert "gyro_y" in texts[0]
-    assert "times too small" in texts[0]
-    assert "does not describe the curve" in texts[0]
-    assert any(text.startswith("Gyroscopes (gyro_x only): white noise density N") for text in texts)
-    assert not any("the values describe the curve" in text for text in texts)
-    alone = dataclasses.replace(found, axes={"gyro_y": found.axes["gyro_y"]})
-    said = report_data(alone)["verdict"]
-    assert said["headline"] == "The calibration cannot be used."
-    assert not any("Gyroscopes" in point["text"] for point in said["points"])
+    data = report_data(found)
+    first = data["verdict"]["points"][0]
+    assert (data["verdict"]["code"], data["verdict"]["state"]) == ("verdict-some-unusable", "bad")
+    assert found.verdict.facts["names"] == ("gyro_y",)
+    assert (found.verdict.facts["unusable"], found.verdict.facts["axes"]) == (1, 2)
+    assert (first["code"], first["state"]) == ("model-misfit", "bad")
+    assert "gyro_y" in first["text"]
+    (numbers,) = points_of(data, "numbers-found")
+    density = found.datasheets["gyro_x"]["N"].in_units("datasheet")
+    assert f"N {density[0]:.3g}" in numbers["text"]
+    assert " to " not in numbers["text"]
+    alone = report_data(dataclasses.replace(found, axes={"gyro_y": found.axes["gyro_y"]}))
+    assert alone["verdict"]["code"] == "verdict-unusable"
+    assert points_of(alone, "numbers-found") == []
 
 
 def test_a_good_recording_gets_a_good_verdict():
@@ -130,7 +154,7 @@ def test_the_recording_and_its_file(calibration, tmp_path):
     assert "SHA-256" not in dict(report_data(calibration)["recording"]["facts"])
 
 
-def test_gaps_and_temperature_are_told(calibration):
+def test_gaps_and_temperature_are_in_the_recording(calibration):
     recording = dataclasses.replace(
         calibration.recording, segments=3, missing=7.5, temperature=(21.0, 24.5), jitter=2e-4
     )
@@ -146,7 +170,7 @@ def test_a_calibration_of_wavelet_variances_has_no_recording(imu):
     data = report_data(bare)
     assert data["title"] == "Calibration"
     assert dict(data["recording"]["facts"])["Sampling rate"] == "100 Hz"
-    assert data["outliers"][0]["words"] == ["not looked for"]
+    assert data["outliers"][0]["remarks"] == ["not tested"]
 
 
 def test_recording_goes_through_the_file(calibration, tmp_path):
@@ -178,20 +202,20 @@ def test_what_cannot_be_exported_says_why(imu):
 
 
 def test_something_else_is_refused():
-    with pytest.raises(OptionError, match="calibration must be a Calibration, got dict"):
+    with raises(OptionError, "dict", argument="calibration", advises=["calibrate(recording)"]):
         report_data({})
 
 
 def test_the_citation_is_that_of_the_repository():
     text = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    said = citation()
+    cited = citation()
     titles = re.findall(r"title: (.+)", text)
     names = re.findall(r"family-names: (.+)", text)
-    assert titles[1] in said["method"]
-    assert all(name in said["method"] and name in said["bibtex"] for name in names)
-    assert re.search(r"arXiv:[\d.]+", text)[0] in said["method"]
-    assert f"version {gmwm.__version__}" in said["software"]
-    assert re.search(r"abstract: (.+)\.", text)[1] in said["software"].replace("\n", " ")
+    assert titles[1] in cited["method"]
+    assert all(name in cited["method"] and name in cited["bibtex"] for name in names)
+    assert re.search(r"arXiv:[\d.]+", text)[0] in cited["method"]
+    assert f"version {gmwm.__version__}" in cited["software"]
+    assert re.search(r"abstract: (.+)\.", text)[1] in cited["software"].replace("\n", " ")
 
 
 def test_a_test_is_judged_among_those_of_all_axes(calibration):
@@ -201,15 +225,14 @@ def test_a_test_is_judged_among_those_of_all_axes(calibration):
         test = dataclasses.replace(found.test, pvalue=pvalue)
         axes = {**calibration.axes, "gyro_x": dataclasses.replace(found, test=test)}
         data = report_data(dataclasses.replace(calibration, axes=axes))
-        return data["axes"][0], [p["text"] for p in data["verdict"]["points"] if "by more than chance" in p["text"]]
+        return data["axes"][0], points_of(data, "model-rejected")
 
-    axis, said = of(0.03)
-    assert (axis["rejected"], said) == (False, [])
-    assert axis["test"].endswith("rejected at the 5 % level by itself, but not as one of several axes")
-    axis, said = of(1e-5)
+    axis, points = of(0.03)
+    assert (axis["rejected"], points) == (False, [])
+    assert axis["test"].endswith("it is not rejected at the 5 % level for all axes together")
+    axis, (point,) = of(1e-5)
     assert axis["rejected"]
-    assert len(said) == 1
-    assert said[0].startswith("On gyro_x")
+    assert "gyro_x" in point["text"]
 
 
 # --- pictures ---------------------------------------------------------------------------------------
@@ -282,13 +305,12 @@ def test_names_between_backticks_are_code_and_nothing_else_is():
     )
 
 
-def test_outliers_that_were_not_looked_for_on_all_axes_get_no_tick():
+def test_outliers_that_were_not_tested_on_all_axes_get_no_tick():
     rng = np.random.default_rng(1)
     fine, coarse = rng.normal(0.0, 1e-3, 20_000), np.round(rng.normal(0.0, 0.3, 20_000)) * 1e-3
-    said = {}
     for name, axes in (("some", {"gyro_x": fine, "gyro_y": coarse}), ("none", {"gyro_y": coarse})):
         imu = gmwm.Imu.from_arrays(axes, 100.0, units={"gyro": "rad/s"})
         points = verdict(gmwm.calibrate(imu, "WN"))["points"]
-        (said[name],) = [point for point in points if "utliers" in point["text"]]
-    assert said["some"] == {"state": "look", "text": "No outliers raise the curves; not tested: gyro_y."}
-    assert said["none"] == {"state": "look", "text": "Whether outliers raise the curves could not be tested."}
+        (point,) = [point for point in points if point["code"] in ("no-outliers", "outliers-not-tested")]
+        assert (point["code"], point["state"]) == ("outliers-not-tested", "look")
+        assert ("gyro_y" in point["text"], "gyro_x" in point["text"]) == (True, False), name

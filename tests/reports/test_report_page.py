@@ -1,4 +1,4 @@
-"""The page: whole, alone, small, and deaf to what names from a file say."""
+"""The report page is complete, self-contained, small, and safe against names from files."""
 
 import hashlib
 import re
@@ -9,6 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.errors import OptionError
+from tests.helpers import raises
 from tests.reports.conftest import HOSTILE
 
 MOST = 2_500_000
@@ -54,8 +55,13 @@ def test_it_says_all_of_it(page, calibration):
         for row in axis["parameters"]:
             assert row["value"] in text
         assert axis["test"] in text
-    for said in data["advice"]:
-        assert " ".join(said.split()) in text
+    plain = [Tags(point["text"]) for point in (*data["verdict"]["points"], *data["notes"])]
+    assert plain
+    for tags in plain:
+        assert " ".join(" ".join(tags.text).split()) in text
+    for point in data["verdict"]["points"]:
+        shown = f'<span class="code">{point["code"]}</span>' in page
+        assert shown is (point["state"] != "good")
     assert "arXiv:1603.05297" in text
     assert "gyroscope_noise_density:" in text
 
@@ -94,7 +100,7 @@ def test_hostile_names_are_text(hostile, page, tmp_path):
 
 @pytest.mark.parametrize("name", ["report.pdf", "report"])
 def test_another_ending_is_refused(calibration, tmp_path, name):
-    with pytest.raises(OptionError, match=r"path must end in \.html"):
+    with raises(OptionError, argument="path", expected="a file name that ends in .html", got=str(tmp_path / name)):
         calibration.report(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 

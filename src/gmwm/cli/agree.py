@@ -108,4 +108,4 @@ def names_of(files: Sequence[Path]) -> list[str]:
     paths = [str(file) for file in files]
     if len(set(paths)) == len(paths):
         return paths
-    raise OptionError(argument="files", expected="different calibrations", got=paths)
+    raise OptionError(f"a calibration is given twice: {', '.join(paths)}", argument="files", got=paths)

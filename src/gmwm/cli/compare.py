@@ -89,7 +89,7 @@ def _names(files: Sequence[Path]) -> list[str]:
     for names in ([file.stem for file in files], [file.name for file in files], [str(file) for file in files]):
         if len(set(names)) == len(names):
             return names
-    raise OptionError(argument="files", expected="different recordings", got=list(map(str, files)))
+    raise OptionError(f"a recording is given twice: {', '.join(map(str, files))}", argument="files", got=files)
 
 
 def _measured(signals: Mapping[str, Signal], kind: str, efficiency: float | None) -> dict[str, WaveletVariance]:

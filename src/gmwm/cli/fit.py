@@ -236,7 +236,7 @@ def _interval_method(confidence: float, draws: int | None, seed: int) -> Interva
     how = IntervalMethod(confidence)
     if draws is None:
         return how
-    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "--bootstrap-draws")
+    as_draws(draws, how.least_draws, f"a test at 5 % with intervals of {100 * confidence:g} %", "bootstrap_draws")
     return IntervalMethod(confidence, "bootstrap", draws, seed)
 
 
@@ -296,7 +296,7 @@ def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
         f"{first.model.structure}, {wv.extent}, {robust}weighting {first.weighting}",
         *(_sensor_text(group, how) for group in sensors.values()),
         f"±: relative standard error. ≤: upper limit at {50 + 50 * how.level:g} %. p: p-value of the\n"
-        "goodness-of-fit test. For confidence intervals, select one --axis, or use --json.",
+        "goodness-of-fit test. For confidence intervals, select one axis or use --json.",
     ]
     remarks = [
         remark.about(name)

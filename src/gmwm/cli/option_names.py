@@ -6,16 +6,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TypeVar
 
-from gmwm.errors import ModelError, OptionError
+from gmwm.errors import GmwmError, ModelError
 
 T = TypeVar("T")
 
 
 @contextmanager
 def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Give errors about an argument the option that the mapping has for it.
+    """Name the options of this mapping in errors and their advice, for arguments whose option has another name.
 
     >>> from gmwm._template import Dialect
+    >>> from gmwm.errors import OptionError
     >>> try:
     ...     with named_as_options({"format": "--to"}):
     ...         raise OptionError(argument="format", expected="one of imu:IMAR", got="x")
@@ -25,8 +26,8 @@ def named_as_options(options: Mapping[str, str]) -> Iterator[None]:
     """
     try:
         yield
-    except OptionError as error:
-        error.option = options.get(error.argument or "", error.option)
+    except GmwmError as error:
+        error.options = options
         raise
 
 

@@ -1,8 +1,9 @@
-"""The covariance of the wavelet variances of a model whose values are known."""
+"""The covariance of the wavelet variance: exact from a model, or estimated from the data."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +14,14 @@ from gmwm.covariance.design import Design as Design
 from gmwm.covariance.segments import pooled
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
+from gmwm.options import one_of
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.variance.biweight import biweight, require_robust
 from gmwm.variance.transform import Transform, deepest_level
 
 
 def covariance(model: Model, design: Design) -> Matrix:
-    """V = Cov(ν̂², ν̂²) (J, J) in u⁴ of a model whose values are complete; see `wavelet_covariance`."""
+    """V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment))
     noise, waves = lines.apart(model, design)
@@ -32,7 +34,7 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 
 def variances(model: Model, design: Design) -> Vector:
-    """The diagonal of `covariance` (J,), at about a tenth of the cost."""
+    """The diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
     if design.segments:
         return pooled(design, lambda segment: variances(model, segment))
     noise, waves = lines.apart(model, design)
@@ -45,10 +47,10 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Var log(ν̂_j²/ν̃_j²) (J,) of the classical over the robust estimate of a Gaussian signal, if it has no drift.
+    """Variance (J,) of log(ν̂_j²/ν̃_j²), classical over robust estimate, for a Gaussian signal without drift.
 
-    The classical one is the first term of the Hermite expansion of the robust one. So Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
-    ν̂_k²), and of the ratio is left what the robust one has beyond: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
+    The classical estimate is the first term of the Hermite expansion of the robust one, so Cov(ν̃_j², ν̂_k²) = Cov(ν̂_j²,
+    ν̂_k²). The variance of the ratio is the rest of the expansion: Σ_{q = 4, 6, …} c_q Σ_u n(u) ρ_j(u)^q / M_j².
     """
     if design.segments:
         return pooled(design, lambda segment: ratio_variances(model, segment))
@@ -69,46 +71,47 @@ def wavelet_covariance(
     robust: bool = False,
     efficiency: float = 0.6,
 ) -> Matrix:
-    """V = Cov(ν̂², ν̂²) of the wavelet variance of a model, for a record of any length; exact, without simulation.
+    """Compute the exact covariance V = Cov(ν̂², ν̂²) of the wavelet variance of a model, without simulation.
 
-    For a Gaussian signal
+    For a Gaussian signal,
 
         V_jk = 2 / (M_j M_k) Σ_u n(u) Cov(W_{j,t}, W_{k,t+u})² + 4 μ_j μ_k Σ_u n(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k),
 
-    with n(u) the number of pairs at lag u inside the record and μ_j the mean of W_j, which only a drift has. Rounding
-    errors are uniform, and squares of their sums scatter less than Gaussian ones: κ₄ Σ_i S_ji S_ki is added, κ₄ = −1.2
-    Q⁴, S_ji the mean square of what error i adds to the coefficients of level j. Of the robust estimate, with ρ the
-    correlation at lag u,
+    with n(u) the number of pairs at lag u in the recording, and μ_j the mean of W_j, which only a drift has.
+    Quantization noise is uniform and has smaller fourth moments: κ₄ Σ_i S_ji S_ki is added, with κ₄ = −1.2 Q⁴ and S_ji
+    the mean square of the contribution of error i to the coefficients of level j.
+
+    For the robust estimate, with ρ the correlation at lag u,
 
         V_jk = ν_j² ν_k² Σ_{q = 2, 4, …} c_q Σ_u n(u) ρ^q / (M_j M_k),   c_2 = 2, Σ c_q = 2 / efficiency,
 
-    with the same term for a drift. That rounding errors are uniform is left out there: where nothing else is felt, V is
-    some 10 % too large. Levels of one or two coefficients are not estimated robustly, and are as of the classical one.
+    with the same term for a drift. The term κ₄ is neglected here; for pure quantization noise, V is then about 10 % too
+    large. Levels with one or two coefficients are not estimated robustly, and have the V of the classical estimate.
 
-    A sinusoid of fixed amplitude is not Gaussian; 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k) is added, R
-    the covariance of its coefficients, and what its phase makes of their squares. Robust estimates have no V then.
+    A sinusoid of fixed amplitude is not Gaussian. It adds 4 Σ_u n(u) R_jk(u) Cov(W_{j,t}, W_{k,t+u}) / (M_j M_k), with
+    R the covariance of its coefficients, and the variance from its random phase. The robust estimate has no V then.
 
-    Of segments s between gaps, measured together and taken for independent,
+    If the recording has segments s between gaps, they count as independent:
 
-        V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj,
+        V_jk = Σ_s M_sj M_sk V_sjk / (M_j M_k),   M_j = Σ_s M_sj.
 
-    which is exact of white and quantization noise and of random walks, whose coefficients hold increments of their own
-    segment alone; a Gauss-Markov process that outlasts a gap correlates what lies on both sides of it a little, which
-    is left out, and a sinusoid is given a phase of its own in each. If more than 64 lengths differ, V_s M_s² is
-    interpolated between lengths an eighth of an octave apart, which makes V of the coarsest levels up to 1 % too large.
+    This is exact for white noise, quantization noise and random walks. It neglects the correlation of a Gauss-Markov
+    process across a gap, and gives a sinusoid an independent phase in each segment. If segments have more than 64
+    different lengths, V_s M_s² is interpolated between lengths an eighth of an octave apart, which makes V of the
+    coarsest levels up to 1 % too large.
 
     Parameters
     ----------
     model : Model, Process or str
-        With all its values.
+        The model with all its values.
     samples : int or sequence of int
-        Length N of the record, or that of each of its segments if it has gaps.
+        Length N of the recording, or the length of each segment if it has gaps.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     levels : int or (J,) array, optional
-        Number of levels, or the levels; all that have a coefficient by default, floor(log2 N) with the Haar filter.
+        Number of levels, or the levels; by default all levels with a coefficient, floor(log2 N) with the Haar filter.
     filter, transform, robust, efficiency
-        How the wavelet variance is measured, as of `wavelet_variance`.
+        Options of `wavelet_variance`.
 
     Returns
     -------
@@ -117,9 +120,14 @@ def wavelet_covariance(
     Raises
     ------
     OptionError
-        If the record is shorter than a level, or an option is not one of those it may be.
+        If the recording is too short for a level, or an option has a value that is not allowed.
     MissingTheoryError
-        If a process has too little theory for it.
+        If a process does not define the theory that is needed.
+
+    References
+    ----------
+    Percival (1995), On estimation of the wavelet variance, Biometrika 82, 619-631. Compared with simulations in
+    docs/validation/covariance.md.
 
     Examples
     --------
@@ -147,23 +155,28 @@ def as_design(
     transform: Transform,
     efficiency: float | None,
 ) -> Design:
-    """The design, checked: every level has a coefficient."""
+    """Make a design and check that every level has a coefficient."""
     rate, wavelet = as_rate(rate), find_filter(filter)
     lengths = list(samples) if isinstance(samples, Sequence) else [samples]
-    if not lengths or any(isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in lengths):
-        raise OptionError(f"samples must be an integer of at least 2, or the lengths of segments, got {samples!r}")
+    whole = [n for n in lengths if isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1]
+    if not lengths or len(whole) < len(lengths) or max(whole) < 2:
+        raise OptionError(
+            argument="samples", expected="a whole number of at least 2, or the lengths of segments", got=samples
+        )
     longest = int(max(lengths))
-    if longest < 2:
-        raise OptionError(f"samples must be an integer of at least 2, got {samples!r}")
-    if transform not in ("modwt", "dwt"):
-        raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+    one_of(transform, "transform", get_args(Transform))
     if efficiency is not None:
         biweight(efficiency)
     deepest = deepest_level(longest, wavelet, transform)
     wanted = as_levels(max(deepest, 1) if levels is None else levels)
     if wanted[-1] > deepest:
         needed = wavelet.width(int(wanted[-1]))
-        raise OptionError(f"level {wanted[-1]} needs {needed} samples, got samples={samples}; take fewer levels")
+        raise OptionError(
+            f"level {wanted[-1]} needs {needed} samples; got {samples}",
+            argument="samples",
+            got=samples,
+            advice="Use fewer {--levels}, or more samples.",
+        )
     segments = tuple(map(int, lengths)) if len(lengths) > 1 else ()
     return Design(
         levels=wanted,

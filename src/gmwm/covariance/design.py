@@ -1,4 +1,4 @@
-"""How a wavelet variance was measured: all that its covariance depends on, besides the model."""
+"""The design of a wavelet variance: everything except the model that its covariance depends on."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from gmwm.variance.transform import Transform, coefficient_counts, pooled_counts
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Levels, length of the record, rate, filter, transform and estimator of a wavelet variance.
+    """Levels, length of the recording, rate, filter, transform and estimator of a wavelet variance.
 
     Attributes
     ----------
     levels : (J,) int array
         Levels j, ascending from 1.
     samples : int
-        Length N of the record.
+        Length N of the recording.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     filter : WaveletFilter
     transform : "modwt" or "dwt"
     efficiency : float or None
-        Of a robust estimate; None of a classical one.
+        Efficiency of a robust estimate; None for a classical one.
     segments : tuple of int
-        Lengths of the segments that are measured together; () for a record without a gap.
+        Lengths of the segments; () for a recording without a gap.
     strides : tuple of int
-        Of each level, at every how many samples a coefficient was taken; () where all were.
+        For each level, the distance (samples) between the coefficients that were used; () if all were used.
     pooled : (J,) int array or None
-        Of one segment among several: how many coefficients they all have together.
+        For one segment among several, the number of coefficients of all segments together.
 
     Examples
     --------
@@ -54,12 +54,12 @@ class Design:
     pooled: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        # A copy of its own: freezing the caller's array would be a surprise.
+        # Copy the array, because the caller's array must stay writable.
         object.__setattr__(self, "levels", freeze(np.array(self.levels, dtype=np.int64)))
 
     @classmethod
     def of(cls, wv: WaveletVariance) -> Design:
-        """The design of `wv`."""
+        """The design of a wavelet variance."""
         return cls(
             levels=wv.levels,
             samples=wv.samples,
@@ -78,31 +78,31 @@ class Design:
 
     @property
     def longest(self) -> int:
-        """Length of the longest segment without a gap: how far back one coefficient can look."""
+        """Length of the longest segment without a gap."""
         return max(self.lengths)
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Number M_j of coefficients of each level (J,), of all segments, taken or not."""
+        """Number M_j of coefficients of each level (J,) in all segments, used or not."""
         return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[0]
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """η_j of a classical estimate without a model (J,)."""
+        """Degrees of freedom η_j (J,) of a classical estimate, without a model."""
         return pooled_counts(self.lengths, self.levels, self.filter, self.transform)[1]
 
     @property
     def few(self) -> NDArray[np.bool_]:
-        """At which levels there are too few coefficients, all segments together, to tell an outlier (J,)."""
+        """Which levels have too few coefficients for a robust estimate, all segments together (J,)."""
         return np.asarray((self.counts if self.pooled is None else self.pooled) <= FEW)
 
     def only(self, which: NDArray[np.bool_]) -> Design:
-        """The design with some of the levels only."""
+        """The design with only some of the levels."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
         return replace(self, levels=self.levels[which], strides=strides)
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
-        """The design of one segment alone, with its own levels and the `counts` of all; None without a level."""
+        """The design of one segment, with its own levels and the `counts` of all segments; None if it has no level."""
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
         reach = int(np.count_nonzero(own > 0))
         if reach == 0:

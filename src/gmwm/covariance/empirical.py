@@ -1,13 +1,13 @@
-"""The covariance of the wavelet variance from the data alone, Gaussian or not.
+"""The covariance of the wavelet variance from the data alone, for Gaussian and other signals.
 
 ν̂_j² is the mean of the squares S_j(t) = W_{j,t}², so Cov(ν̂_j², ν̂_k²) is the cross-spectrum of S_j and S_k at frequency
-0, over M. With K sine tapers v_q over the coefficients that two levels have in common it is the mean over q of
-y_j(q) y_k(q), y_j(q) = Σ_t v_q(t) [S_j(t) − ν̂_j²]. The tapers look at frequencies up to (K + 1) / (2M), which must lie
-well within 2^−k, the width of what the coarser level's squares have there; so K follows from the number M / 2^k of
-independent pieces of data.
+0, divided by M. With K sine tapers v_q over the common coefficients of two levels, it is estimated by the mean over q
+of y_j(q) y_k(q), with y_j(q) = Σ_t v_q(t) [S_j(t) − ν̂_j²]. The tapers use frequencies up to (K + 1) / (2M). These must
+be much smaller than 2^−k, the bandwidth of the squares of the coarser level. K therefore follows from the number
+M / 2^k of independent pieces of data.
 
-Where these are few, so is what the data tell: what is missing is taken from the Gaussian covariance of the mixture of
-all processes that is likeliest under the measured curve, which counts for as much as `PRIOR` tapers.
+At levels with few independent pieces, the estimate is combined with the Gaussian covariance of the most likely mixture
+of all processes under the measured curve, which has the weight of `PRIOR` tapers.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.transform import Transform, inner_coefficients
 
 PRIOR = 8.0
-"""Tapers that the theory counts for beside those of the data."""
+"""Weight of the theory, as a number of tapers. Pinned by tests/covariance/test_empirical.py with the two below."""
 BANDWIDTH = 0.125
-"""Frequencies that the tapers look at, as a share of 2^−k."""
+"""Bandwidth of the tapers, as a share of 2^−k."""
 MOST_TAPERS = 128
 _CELLS = 2048
-"""Cells that the record is summed into: tapers hardly change in one."""
+"""Number of cells into which squares are summed: 16 for each of 128 tapers, which hardly change within a cell."""
+_FROM_A_MODEL = "Compute the covariance of a model with `wavelet_covariance(model, samples, rate)`."
 
 
 def empirical_covariance(
@@ -45,30 +46,30 @@ def empirical_covariance(
     filter: str | WaveletFilter = "haar",
     transform: Transform = "modwt",
 ) -> Matrix:
-    """V = Cov(ν̂², ν̂²) of the wavelet variance of a signal, from the signal itself, whatever its law.
+    """Estimate the covariance V = Cov(ν̂², ν̂²) of the wavelet variance of a signal from the signal, Gaussian or not.
 
     Variances and correlations are
 
         V_jj = ν_j⁴ (K_j v̂_j + P v⁰_j) / (K_j + P),   r_jk = (K_k r̂_jk + P r⁰_jk) / (K_k + P),
 
-    k the coarser level, with v̂ = (mean over K_j sine tapers of y_j²) / ν̂_j⁴ and r̂ from the data, v⁰ and r⁰ of a
-    Gaussian mixture of processes that follows the curve, P = 8, and ν_j² where there are few data drawn to that curve.
-    K_k is M_k / 2^(k + 2) (M_k / 4 of the decimated transform), 128 at most; coarse levels, where it is below 2, are
-    those of the mixture. If the correlations are not positive definite they are drawn towards r⁰ until they are.
+    with k the coarser level and P = 8. v̂ = (mean over K_j sine tapers of y_j²) / ν̂_j⁴ and r̂ come from the data; v⁰
+    and r⁰ come from a Gaussian mixture of processes that follows the curve. At levels with few data, ν_j² is averaged
+    with this curve. K_k is M_k / 2^(k + 2) (M_k / 4 for the decimated transform), at most 128. Coarse levels, with K
+    below 2, have the values of the mixture. If the correlations are not positive definite, they are averaged with r⁰.
 
-    A level has a standard error of √(2 / K_j) of its variance, 12 % at best. At the coarsest three levels V_jj is
-    too large on average, by 1.3 to 2.5, as ν̂⁴ is.
+    V_jj has a relative standard error of √(2 / K_j), 12 % at best. At the coarsest three levels, V_jj is too large by a
+    factor of 1.3 to 2.5 on average, because ν̂⁴ is.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
-        Finite samples, at least 8 without a gap; segments of a Signal are measured together.
-    rate : float
-        Samples per second (Hz); taken from a Signal.
+        Finite samples, at least 8 without a gap. Segments of a Signal are used together.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `x` is an array.
     levels : int, optional
-        Number of levels J; all that have a coefficient by default.
+        Number of levels J; by default all levels with a coefficient.
     filter, transform
-        As of `wavelet_variance`.
+        Options of `wavelet_variance`.
 
     Returns
     -------
@@ -77,9 +78,9 @@ def empirical_covariance(
     Raises
     ------
     DataError
-        If the signal cannot have a wavelet variance, or that is zero at a level, or its coefficients do not vary.
+        If the signal has no wavelet variance, or it is zero at a level, or its coefficients do not vary.
     OptionError
-        If an option is not one of those it may be.
+        If an option has a value that is not allowed.
 
     References
     ----------
@@ -101,11 +102,12 @@ def empirical_covariance(
     if not np.all(wv.variance > 0):
         zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
         raise DataError(
-            f"the wavelet variance is zero at level {zero}: a constant or coarsely quantised signal, whose covariance "
-            "cannot be had from the data; take it from a model, wavelet_covariance(model, samples, rate)"
+            f"the wavelet variance is zero at level {zero}, because the signal is constant or coarsely quantized, so "
+            "the data do not determine its covariance",
+            advice=_FROM_A_MODEL,
         )
     design = Design.of(wv)
-    # By a power of two, which changes no digit, so that fourth powers stay in range.
+    # Scaling by a power of two changes no digit and keeps fourth powers in range.
     unit = 2.0 ** np.floor(0.5 * np.log2(wv.variance.max()))
     variance = wv.variance / unit**2
     values = (x.values if isinstance(x, Signal) else np.asarray(x, dtype=np.float64)) / unit
@@ -125,7 +127,7 @@ def empirical_covariance(
 
 
 def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
-    """The correlations, drawn towards the prior ones as far as they must be to be those of anything."""
+    """The correlations, averaged with the prior ones as far as needed to be positive definite."""
     least = 0.1 * float(np.linalg.eigvalsh(prior)[0])
     for share in np.linspace(0.0, 1.0, 21):
         mixed = np.asarray((1.0 - share) * correlation + share * prior)
@@ -138,14 +140,14 @@ def _definite(correlation: Matrix, prior: Matrix) -> Matrix:
 
 
 def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector, Matrix, Vector]:
-    """Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), which may be 0."""
+    """Var ν̂_j² / ν̂_j⁴ (J,), correlations (J, J), and the number of tapers of each level (J,), possibly 0."""
     size, cell = design.levels.size, -(-design.samples // _CELLS)
     count = -(-design.samples // cell)
     apart = np.ones(size) if design.transform == "dwt" else np.ldexp(1.0, design.levels)
     tapers = np.minimum(np.floor(2 * BANDWIDTH * design.counts / apart), MOST_TAPERS)
     tapers[tapers < 2] = 0.0
     sums, numbers, moving = np.zeros((size, count)), np.zeros((size, count)), np.ones(size, dtype=bool)
-    # Of a coefficient, a sum of as many products as the filter is long: its square by twice the root times that.
+    # Rounding error of a coefficient, a sum of as many products as the filter is long; the square has 2 |W| times it.
     rounding = 8 * np.finfo(float).eps * float(np.abs(values).max()) * design.filter.length
     for a, (places, squares) in enumerate(_squares(values, design)):
         sums[a] = np.bincount(places // cell, squares, count)
@@ -153,9 +155,9 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
         moving[a] = tapers[a] == 0 or np.ptp(squares) > 2 * rounding * np.sqrt(squares.max())
     if still := [str(j) for j, moved in zip(design.levels, moving, strict=True) if not moved]:
         raise DataError(
-            f"the wavelet coefficients of level {', '.join(still)} do not vary: a ramp or an alternating signal "
-            "without noise, whose covariance cannot be had from the data; take it from a model, "
-            "wavelet_covariance(model, samples, rate)"
+            f"the wavelet coefficients of level {', '.join(still)} do not vary, because the signal is a ramp or "
+            "alternates without noise, so the data do not determine its covariance",
+            advice=_FROM_A_MODEL,
         )
     share, correlation = np.zeros(size), np.eye(size)
     for b in np.flatnonzero(tapers):
@@ -164,7 +166,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
         part, number = sums[: b + 1, begin:], numbers[: b + 1, begin:]
         centred = part - number * (part.sum(axis=1) / number.sum(axis=1))[:, None]
         y = centred @ windows.T
-        # Subtracting the mean has taken from the even tapers, one of them in all if there are many.
+        # Subtracting the mean removes a part of the even tapers, in all up to one taper.
         left = tapers[b] - np.sum(8.0 / (np.pi * np.arange(1, int(tapers[b]) + 1, 2)) ** 2)
         length = np.sqrt(np.sum(y * y, axis=1))
         share[b] = (length[b] / (variance[b] * number[b].sum())) ** 2 * (count - begin) / left
@@ -173,7 +175,7 @@ def _measured(values: Vector, variance: Vector, design: Design) -> tuple[Vector,
 
 
 def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """Times and squares of the coefficients that no boundary reaches, level by level; times count gaps for nothing."""
+    """Times and squares of the coefficients inside the boundaries, level by level; times do not count gaps."""
     segments, first = [], 0
     for length in design.lengths:
         segment = design.segment(length, design.counts)
@@ -186,7 +188,7 @@ def _squares(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64]
 
 
 def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int64], Vector]]:
-    """The same of one segment."""
+    """Times and squares of the coefficients of one segment."""
     filter, wanted = design.filter, design.levels.tolist()
     if design.transform == "dwt":
         inner = inner_coefficients(values, filter, "dwt", wanted[-1])
@@ -202,6 +204,6 @@ def _squares_of(values: Vector, design: Design) -> Iterator[tuple[NDArray[np.int
 
 
 def _sine_tapers(size: int, count: int) -> Matrix:
-    """v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1, orthonormal: (count, n)."""
+    """Orthonormal sine tapers v_q(t) = √(2/(n+1)) sin(π (q+1)(t+1)/(n+1)), q = 0 … count − 1: (count, n)."""
     angle = np.pi * np.outer(np.arange(1, count + 1), np.arange(1, size + 1)) / (size + 1)
     return np.asarray(np.sqrt(2.0 / (size + 1)) * np.sin(angle))

@@ -2,15 +2,15 @@
 
 With A(m) the generalised covariance of the signal and D_j(v) = Σ_l h_{j,l} A(v − l),
 
-    C_jk(u) = Cov(W_{j,t}, W_{k,t+u}) = Σ_l h_{k,l} D_j(l − u):
+    C_jk(u) = Cov(W_{j,t}, W_{k,t+u}) = Σ_l h_{k,l} D_j(l − u).
 
-both are wavelet transforms with a covariance in the place of the signal, so that the pyramid does the work. The filters
-sum to zero: a constant in A drops out, and nothing is written as a difference of large numbers.
+Both are wavelet transforms of a covariance in place of a signal, so the pyramid algorithm computes them. The filters
+sum to zero. A constant in A therefore cancels, and no difference of large numbers occurs.
 
-C_jk hardly changes within a small part of 2^j lags, j the finer level. The scaling coefficients at every 2^i-th sample
-are a signal too, of covariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), r_g the autocorrelation of the scaling filter, and
-C_jk at every 2^i-th lag is C_{j−i,k−i} of it. So a pair costs the less the coarser its finer level is, and the less the
-shorter the memory of W_j for the signal: lags at which D_j is next to nothing are left out.
+C_jk hardly changes over a small part of 2^j lags, with j the finer level. The scaling coefficients at every 2^i-th
+sample are a signal with covariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), with r_g the autocorrelation of the scaling
+filter. C_jk at every 2^i-th lag is C_{j−i,k−i} of this signal, which makes coarse levels cheap. Lags at which D_j is
+negligible are left out.
 """
 
 from __future__ import annotations
@@ -30,19 +30,20 @@ from gmwm.processes import filtered
 from gmwm.processes.model import Model
 
 LONGEST = 2**26
-"""Samples of the longest record: half a gigabyte for each of a few arrays."""
+"""Samples of the longest recording: half a gigabyte for each of a few arrays."""
+# tests/covariance/test_filtered.py compares the sums with all lags, and pins the constants below.
 OVERSAMPLED = 4
-"""A pair of levels is summed over lags 2^(j − 4) apart, j the finer one, or less where V_jj changes by `_ALIKE`."""
+"""A pair of levels is summed over lags 2^(j − 4) apart, j the finer level, or less if V_jj changes by `_ALIKE`."""
 FEWEST = 2**15
-"""Lags of one sign that are taken at least, where the record has so many."""
+"""Smallest number of lags of one sign, if the recording has so many."""
 _ALIKE = 2e-5
-"""How much of V_jj twice as many lags may change."""
+"""Relative change of V_jj with twice as many lags that is accepted."""
 _TAPS = 256
-"""Taps up to which the filter of a level shows that errors are not Gaussian; through more of them they nearly are."""
+"""Length of filters up to which the cumulant of uniform errors counts; a sum over longer ones is nearly Gaussian."""
 _NOTHING = 1e-9
-"""Covariances of a coefficient and the signal up to this share of the largest are taken for nothing far out."""
+"""Share of the largest covariance of a coefficient and the signal below which far lags are left out."""
 _FELT = 1e-6
-"""Squared correlation up to which a robust estimate is as a classical one: the next term is of the square of it."""
+"""Squared correlation up to which only the first term of the robust expansion counts; the next is its square."""
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -61,14 +62,14 @@ def variances(model: Model, design: Design) -> Vector:
 
 
 def ratio_variances(model: Model, design: Design) -> Vector:
-    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: what V_jj of the robust one has beyond that of the other."""
+    """Var log(ν̂_j²/ν̃_j²) (J,), classical over robust: the difference of the relative V_jj of the two estimates."""
     lags = Lags(model, design, beyond=True)
     excess = np.array([lags.row(a, lags.stage(a), a + 1)[0] for a in range(design.levels.size)])
     return np.asarray(excess / np.where(lags.own > 0, lags.own, 1.0) ** 2)
 
 
 class Lags:
-    """The sums over lags of a model in a design; `beyond`: of what a robust estimate has beyond the classical one."""
+    """Sums over lags for a model and a design; with `beyond`, only terms of the robust estimate beyond the first."""
 
     def __init__(self, model: Model, design: Design, *, beyond: bool = False) -> None:
         self.design, self.beyond, self.few = design, beyond, design.few
@@ -77,14 +78,14 @@ class Lags:
         self.cross: dict[tuple[int, int], tuple[int, Vector]] = {}
         self.mean = means(model, design)
         self.own = _own_variances(self.known[0], design)
-        # A robust estimate hardly feels that uniform errors have no tails: it is left as it is.
+        # The cumulant of uniform errors hardly changes a robust estimate and is left out.
         present = [] if design.efficiency is not None else [p for p in model.processes if p.scale > 0]
         self.cumulant = sum(process.error_cumulant for process in present)
         deepest = int(design.levels[-1]) if self.cumulant else 0
         self.error_filters = filtered.error_filters(design.filter, deepest, _TAPS)
 
     def stage(self, a: int) -> int:
-        """The coarsest sequence of lags, 2^stage apart, that will do for the level at place a and those above."""
+        """The coarsest spacing of lags, 2^stage, that is accurate for the level at index a and coarser ones."""
         level = int(self.design.levels[a])
         if self.design.transform == "dwt":
             return level - 1
@@ -98,7 +99,7 @@ class Lags:
         return stage
 
     def row(self, a: int, stage: int, end: int) -> Vector:
-        """V_jk of the level j at place a with those from there up to `end`, from lags 2^stage apart."""
+        """V_jk of the level j at index a with the levels from there up to `end`, from lags 2^stage apart."""
         design = self.design
         sums = [
             weighed(self._terms(values, a, b), first, stage=stage, design=design, a=a, b=b)
@@ -108,7 +109,7 @@ class Lags:
         return np.asarray(total / design.counts[a] / design.counts[a:end])
 
     def covariances(self, a: int, stage: int, end: int) -> Iterator[tuple[int, int, Vector]]:
-        """Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: the place of k, the first lag over 2^stage, the values."""
+        """Cov(W_{j,t}, W_{k,t+u}) at lags 2^stage apart: index of k, first lag divided by 2^stage, and values."""
         while len(self.known) <= stage:
             self.known.append(_halved(self.known[-1], self.design.filter))
         below = (self.design.levels[a:end] - stage).tolist()
@@ -117,22 +118,22 @@ class Lags:
             yield b, first, values
 
     def _with_signal(self, stage: int, level: int) -> tuple[int, Vector]:
-        """Cov(W_{j,t}, X_{t+u}) of the signal of a stage, the level counted from there: the first lag, the values.
+        """Cov(W_{j,t}, X_{t+u}) with the signal of a stage, and the level relative to it: first lag and values.
 
-        All lags at which the record has a pair, but for those at either end where it is next to nothing.
+        These are all lags at which the recording has a pair, without negligible ones at either end.
         """
         filter, known = self.design.filter, self.known[stage]
         done, smooth = self.smooth.get(stage, (0, np.concatenate([known[:0:-1], known])))
         while done < level:
             done += 1
             smooth, detail = _step(smooth, filter, done)
-            # Those at either end of the record that need lags beyond it are left out; D_j(−u) is wanted.
+            # Values that need lags beyond the recording are left out; the result is D_j(−u).
             self.cross[stage, done] = _cropped(detail[filter.width(done) - 1 :][::-1], 1 - known.size)
         self.smooth[stage] = done, smooth
         return self.cross[stage, level]
 
     def _terms(self, values: Vector, a: int, b: int) -> Vector:
-        """Covariance of the squares of two coefficients, or of what a robust estimate has in place of squares."""
+        """Covariance of the squares of two coefficients, or of their robust replacements."""
         terms = values * values
         if self.design.efficiency is None or self.few[a] or self.few[b]:
             terms *= 2.0
@@ -159,7 +160,7 @@ class Lags:
 
 
 def _pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Matrix:
-    """n(u) at any lags."""
+    """The number of pairs n(u) at any lags."""
     if design.transform == "dwt":
         apart = 1 << int(design.levels[a])
         return np.where(lags % apart == 0, _decimated_pairs(design, a, b, lags // apart), 0.0)
@@ -187,8 +188,9 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
     if design.samples > LONGEST:
         slow = next(p for p in model.processes if p.scale > 0 and not p.has("coefficient_covariance"))
         raise MissingTheoryError(
-            f"the covariance of {slow.name} is a sum over all lags, which is taken of up to {LONGEST} samples, got "
-            f"{design.samples}; take a shorter record"
+            f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST} samples; got "
+            f"{design.samples}",
+            advice="Use a shorter part of the recording.",
         )
     lags = np.arange(design.samples)
     total = np.zeros(design.samples)
@@ -199,7 +201,7 @@ def _signal_covariance(model: Model, design: Design) -> Vector:
 
 
 def _halved(known: Vector, filter: WaveletFilter) -> Vector:
-    """A_i at all lags that the record has, from A_{i−1}."""
+    """A_i at all lags of the recording, from A_{i−1}."""
     reach, g = filter.length - 1, filter.scaling / np.sqrt(2.0)
     both = np.concatenate([known[reach:0:-1], known])
     return np.convolve(both, np.correlate(g, g, "full"), "valid")[::2].copy()
@@ -208,15 +210,15 @@ def _halved(known: Vector, filter: WaveletFilter) -> Vector:
 def _against(
     cross: tuple[int, Vector], n: int, filter: WaveletFilter, levels: list[int]
 ) -> Iterator[tuple[int, Vector]]:
-    """Cov(W_{j,t}, W_{k,t+u}) of the first of the levels with each of them: the first lag, the values.
+    """Cov(W_{j,t}, W_{k,t+u}) of the first level with each of the levels: first lag and values.
 
-    `cross` is that of the first with the signal, n the number of lags of the signal's covariance.
+    `cross` is the covariance of the first level with the signal; n is the number of lags of the signal's covariance.
     """
     first, smooth = cross
     last = n - filter.width(levels[0])
     for level in range(1, levels[-1] + 1):
         reach = (filter.length - 1) << (level - 1)
-        # Zeros before, which the circular step takes for what comes before; zeros behind, as far as the record goes.
+        # Zeros before, for the circular step, and zeros behind, up to the end of the recording.
         behind = min(reach, last + 1 - first - smooth.size)
         padded = np.zeros(reach + smooth.size + behind)
         padded[reach : reach + smooth.size] = smooth
@@ -227,7 +229,7 @@ def _against(
 
 
 def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
-    """The values without what is next to nothing at either end, after the lag of the first that is left."""
+    """The values without negligible ones at either end, and the lag of the first one."""
     size = np.abs(values)
     there = np.flatnonzero(size > _NOTHING * size.max())
     begin, end = (there[0], there[-1] + 1) if there.size else (0, 1)
@@ -235,20 +237,20 @@ def _cropped(values: Vector, first: int) -> tuple[int, Vector]:
 
 
 def _step(values: Vector, filter: WaveletFilter, level: int) -> tuple[Vector, Vector]:
-    """Scaling and wavelet coefficients of a level; the first of them are of no use, as they run into the end."""
+    """Scaling and wavelet coefficients of a level; the first ones are invalid, because the step is circular."""
     root = np.sqrt(2.0)
     return _core.pyramid_step(values, filter.scaling / root, filter.wavelet / root, 1 << (level - 1))
 
 
 def _own_variances(known: Vector, design: Design) -> Vector:
-    """Variances of the coefficients (J,), which only a robust estimate asks for."""
+    """Variances of the coefficients (J,), which only a robust estimate needs; else ones."""
     if design.efficiency is None:
         return np.ones(design.levels.size)
     return filtered.autocovariance_variance(known, design.filter, design.levels)
 
 
 def means(model: Model, design: Design) -> Vector:
-    """Means of the coefficients (J,): of a drift, under a filter that does not remove it."""
+    """Means of the coefficients (J,), which come from a drift if the filter does not remove it."""
     if design.filter.vanishing_moments > 1:
         return np.zeros(design.levels.size)
     slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
@@ -275,7 +277,7 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
         total += step * float(np.arange(part.size) @ part) + nearest * float(part.sum())
     total *= step
     if step > 1:
-        # Where n(u) bends: the difference of the Euler-Maclaurin sums over these lags and over all.
+        # At a kink of n(u): the difference of the Euler-Maclaurin sums over these lags and over all lags.
         lags = float(step) * np.arange(first, first + terms.size)
         for bend, turn in ((rise, 1), (0, -1), (coarse - fine, -1), (fall, 1)):
             beyond = (bend / step) % 1.0
@@ -287,8 +289,8 @@ def weighed(terms: Vector, first: int, stage: int, design: Design, a: int, b: in
 def _decimated_pairs(design: Design, a: int, b: int, lags: NDArray[np.int64]) -> Vector:
     """Number of pairs of inner decimated coefficients whose last samples lie 2^j lags apart, j the finer level.
 
-    Coefficient n of level j ends at sample 2^j (n + 1) − 1; those of the coarser level with n + 1 from `low` to `high`
-    have one of the finer level at the other end of the lag.
+    Coefficient n of level j ends at sample 2^j (n + 1) − 1. The coefficients of the coarser level with n + 1 from `low`
+    to `high` have a partner in the finer level at this lag.
     """
     fine, coarse = int(design.levels[a]), int(design.levels[b])
     ratio, ends = 1 << (coarse - fine), (design.samples >> fine, design.samples >> coarse)

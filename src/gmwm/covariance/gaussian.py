@@ -1,7 +1,7 @@
 """The covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
-The coefficients are second differences of a running sum, whose covariances are closed forms with a few kinks; sums
-over lags take the kinks one by one, and a Gauss rule for integers in each smooth piece between.
+The coefficients are second differences of a running sum. Their covariances are closed forms with a few kinks. Sums over
+lags use a Gauss rule for integers on each smooth piece between the kinks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gmwm.processes.model import Model
 
 
 def knows(model: Model, design: Design) -> bool:
-    """Whether this module has the covariance: Haar MODWT, and a closed form of every process."""
+    """Whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
     return design.running_sum and model.has("coefficient_covariance")
 
 
@@ -55,7 +55,7 @@ def ratio_variances(model: Model, design: Design) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Places of pairs of levels in the setting, in the order of the kernel; all half-scales h and counts M."""
+    """Indices of pairs of levels in the order of the kernel; half-scales h and counts M of all levels."""
 
     finer: NDArray[np.int64]
     coarser: NDArray[np.int64]
@@ -82,12 +82,12 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
 
 
 def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
-    """V_jk of a level of which every s-th coefficient is taken, with itself and all coarser ones.
+    """V_jk of a level of which only every s-th coefficient is used, with itself and all coarser levels.
 
-    A coarser level takes every 2^d-th of these places. Seen from sample to s-th sample both are levels of a record of
-    N/s samples: lags between them are multiples of s, in all of them, so that the sums are those over lags of that
-    record with all of its coefficients. A level whose coefficients are all taken has with a strided one what it has
-    with all coefficients: the lags between them take every value alike.
+    In steps of s samples, this level and the coarser ones are levels of a recording of N/s samples. All lags between
+    their coefficients are multiples of s, so the sums are the sums over all lags of that shorter recording. The
+    covariance of a strided level with a level that uses all coefficients equals the covariance without strides,
+    because all lags between them occur equally often.
     """
     levels = design.levels[place:]
     within = replace(
@@ -102,7 +102,7 @@ def _strided(model: Model, design: Design, place: int, stride: int) -> Vector:
     ends = np.append(starts[1:], weight.size)
     kept = np.concatenate([np.arange(starts[k], ends[k]) for k in first])
     sizes = (ends - starts)[first]
-    # At multiples of an even number of samples nothing alternates.
+    # At multiples of an even number of samples, an alternating covariance does not alternate.
     odd = np.zeros(kept.size, dtype=np.uint8) if _alternates(present, design.rate) else None
     grid = LagGrid(stride * at.fine[kept], stride * at.coarse[kept], stride * at.lag[kept], odd)
     counts = design.counts.astype(np.float64)
@@ -134,7 +134,7 @@ def _over_lags(
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
         squares = np.where(design.few[pairs.finer] | design.few[pairs.coarser], squares, robust)
     elif cumulant := sum(process.error_cumulant for process in present):
-        # Not of a robust estimate: it scatters less too, but about a larger value, and the two nearly cancel.
+        # Not for a robust estimate: its scatter is smaller too, but its mean is larger, and the two nearly cancel.
         squares += cumulant * _excess(pairs, design.samples) / stride / scale**2
     total += squares
     return np.asarray(total / pairs.outer(pairs.counts))
@@ -143,7 +143,7 @@ def _over_lags(
 def _lags(
     present: list[Process], design: Design, *, diagonal: bool, decays_of: float | None = None, stride: int = 1
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """Nodes of all pairs, their weights, and where each pair starts; decays per `stride` samples at a rate."""
+    """Nodes of all pairs, their weights, and the first node of each pair; with decays over `stride` samples."""
     rate = design.rate if decays_of is None else decays_of
     # Steps of several samples do not alternate: strides are even.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
@@ -160,7 +160,7 @@ def _alternates(present: list[Process], rate: float) -> bool:
 
 
 def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) -> Vector:
-    """2^(j+k) Cov(W_j, W_k), over the nodes."""
+    """2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
         total += process.coefficient_covariance(at, rate)
@@ -195,7 +195,8 @@ def _robust_sum(
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:
-    """Σ_a Σ_b c_a² c_b² n(b − a), c = (1, −2, 1) at 0, h, 2h: pairs of coefficients that share an error, per κ₄."""
+    """Σ_a Σ_b c_a² c_b² n(b − a) with c = (1, −2, 1) at 0, h, 2h: the factor of κ₄ from coefficients with a common
+    error."""
     fine, coarse = pairs.half[pairs.finer], pairs.half[pairs.coarser]
     total = np.zeros(fine.size)
     for a, weight_a in ((0, 1.0), (1, 4.0), (2, 1.0)):

@@ -1,18 +1,19 @@
-"""What sinusoids of fixed amplitude and random phase add to the covariance of a wavelet variance.
+"""The contribution of sinusoids with fixed amplitude and random phase to the covariance of a wavelet variance.
 
-Of a signal X = Y + Σ_l A_l cos(ω_l t + U_l), Y Gaussian and the U_l uniform and independent, the coefficients are W_j =
-G_j + L_j. L_j² is nearly constant, so that it adds next to nothing by itself; what scatters is its product with noise:
+The signal is X = Y + Σ_l A_l cos(ω_l t + U_l) with Y Gaussian and U_l uniform and independent. Its coefficients are
+W_j = G_j + L_j. L_j² is nearly constant, so the main contribution comes from its product with noise:
 
     V_jk = V_jk of Y + 4/(M_j M_k) Σ_u n(u) R_jk(u) C_jk(u) + Cov(mean L_j², mean L_k²),
 
-C_jk(u) = Cov(G_{j,t}, G_{k,t+u}), R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], P = A²/2, H the gain of a filter at ω_l.
-The second term is a sum over lags while these are few, or can be taken far apart as the line is slow. Else the line
-turns many hundred times in the record, and it is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) / max(M_j, M_k), S the spectral density
-of Y: its error is a share of about 2^k / M_k, small at the levels at which such a line is felt.
+with C_jk(u) = Cov(G_{j,t}, G_{k,t+u}), R_jk(u) = Σ_l P_l Re[H_j* H_k e^(iω_l u)], P = A²/2, and H the gain of a filter
+at ω_l. The second term is summed over lags if there are few lags, or if the sinusoid is slow and lags can be far apart.
+Otherwise the sinusoid has many hundred periods in the recording, and the term is 4 Σ_l P_l |H_j|² |H_k|² S(ω_l) /
+max(M_j, M_k), with S the spectral density of Y. Its relative error is about 2^k / M_k, which is small at the levels
+that contain such a sinusoid.
 
-The last term is what of L_j² depends on the phases: of a line c_j = ½A² H_j² D_j(2ω), D_j(Ω) the mean of e^(iΩt) over
-the coefficients, A_l A_m H_j H_j D_j(ω_l ± ω_m) of a pair, and 2μ_j A H_j D_j(ω) of a line with the mean μ_j that a
-drift has; each adds ½ Re(c_j c_k*).
+The last term comes from the random phases. One sinusoid has c_j = ½A² H_j² D_j(2ω), with D_j(Ω) the mean of e^(iΩt)
+over the coefficients. A pair has A_l A_m H_j H_j D_j(ω_l ± ω_m), and a sinusoid with the mean μ_j of a drift has
+2μ_j A H_j D_j(ω). Each adds ½ Re(c_j c_k*).
 """
 
 from __future__ import annotations
@@ -31,23 +32,24 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 
 FEW_LAGS = 2**14
-"""A record of so many samples is summed over all its lags; of a longer one as many are taken, where a line is slow."""
+"""Number of lags in the sum: all lags up to this many samples; wider spaced lags of longer recordings with a slow
+sinusoid. tests/covariance/test_lines.py pins this and the next."""
 _TURN = 32
-"""Lags in a turn of a line, at least."""
+"""Smallest number of lags in a period of a sinusoid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A sinusoid as the wavelet filters of a design see it.
+    """A sinusoid and the gains of the wavelet filters of a design at its frequency.
 
     Attributes
     ----------
     power : float
         P = A²/2, in u².
     cycles : float
-        Turns per sample, within ±½.
+        Frequency in cycles per sample, within ±½.
     gain : (J,) complex array
-        H_j.
+        Gains H_j.
     """
 
     power: float
@@ -56,12 +58,12 @@ class Line:
 
 
 def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]:
-    """The noise of a model, itself if it has no sinusoids and None if it has nothing else, and its lines.
+    """Separate the noise of a model (None if it has none; the model itself without sinusoids) from its sinusoids.
 
     Raises
     ------
     MissingTheoryError
-        If there are lines, and the estimate is a robust one.
+        If there are sinusoids, and the estimate is robust.
     """
     seen = [process.line(design.rate) for process in model.processes]
     if not any(seen):
@@ -69,16 +71,16 @@ def apart(model: Model, design: Design) -> tuple[Model | None, tuple[Line, ...]]
     felt = [(process, at) for process, at in zip(model.processes, seen, strict=True) if at and all(at)]
     if felt and design.efficiency is not None:
         raise MissingTheoryError(
-            f"{felt[0][0].name} has a fixed amplitude: its wavelet coefficients are not Gaussian, which a robust "
-            "estimate takes for granted. It is biased where they are felt, and its covariance is not known; measure "
-            "the wavelet variance with robust=False"
+            f"the covariance of the robust wavelet variance is unknown for {felt[0][0].name}, because a sinusoid of "
+            "fixed amplitude is not Gaussian",
+            advice="Use the classical wavelet variance with {--robust=no}.",
         )
     rest = tuple(process for process, at in zip(model.processes, seen, strict=True) if at is None)
     return (Model(rest) if rest else None), tuple(Line(*at, _gains(at[1], design)) for _, at in felt)
 
 
 def excess(noise: Model | None, lines: tuple[Line, ...], design: Design, *, diagonal: bool) -> Matrix:
-    """What the lines add to V (J, J) of the noise, or to its diagonal (J,), in u⁴."""
+    """The contribution of sinusoids to V (J, J), or to its diagonal (J,), in u⁴."""
     total = _of_phases(noise, lines, design)
     if noise is not None:
         for line in lines:
@@ -101,7 +103,7 @@ def _gains(cycles: float, design: Design) -> NDArray[np.complex128]:
 
 
 def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> Matrix:
-    """½ Re Σ c_j c_k* (J, J) over all that turns with a phase of its own."""
+    """½ Re Σ c_j c_k* (J, J), the covariance from random phases."""
     mean = np.zeros(design.levels.size) if noise is None else filtered.means(noise, design)
     turning = []
     for k, line in enumerate(lines):
@@ -117,14 +119,14 @@ def _of_phases(noise: Model | None, lines: tuple[Line, ...], design: Design) -> 
 
 
 def _mean_turn(cycles: float, design: Design) -> NDArray[np.complex128]:
-    """Mean of e^(2πi t cycles) over the places t of the coefficients of each level (J,)."""
+    """Mean of e^(2πi t cycles) over the times t of the coefficients of each level (J,)."""
     count = design.counts.astype(np.float64)
     if design.transform == "dwt":
         step = np.ldexp(1.0, design.levels)
         last = step * (design.samples >> design.levels) - 1.0
     else:
         step, last = np.ones_like(count), np.full_like(count, design.samples - 1.0)
-    # Half the angle of a step and of all of them; a whole number of turns a step is none.
+    # Half the angle of a step and of all steps; a whole number of cycles for each step counts as zero.
     half, whole = (np.pi * np.fmod(step * cycles * times, 2.0) for times in (1.0, count))
     still = np.abs(np.sin(half)) < 1e-12
     size = np.where(still, np.cos(whole) / np.cos(half), np.sin(whole) / (count * np.where(still, 1.0, np.sin(half))))
@@ -162,7 +164,7 @@ def _with_noise(noise: Model, line: Line, design: Design, *, diagonal: bool) -> 
 
 
 def _stages(line: Line, design: Design) -> NDArray[np.int64]:
-    """How far apart, 2^stage, the lags are for each level with those above (J,); −1 where the spectrum is taken."""
+    """Spacing 2^stage of the lags for each level with coarser ones (J,); −1 if the spectral density is used."""
     if design.transform == "dwt":
         return design.levels - 1
     stage = max(-(-design.samples // FEW_LAGS) - 1, 0).bit_length()
@@ -186,7 +188,7 @@ def _density(noise: Model, cycles: float, design: Design) -> float:
 
 
 def _summed_density(process: Process, cycles: float, design: Design) -> float:
-    """S = Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1) that of the differences."""
+    """S = Σ_m c(m) cos ωm / |1 − e^(iω)|² from the covariance c(m) = 2A(m) − A(m − 1) − A(m + 1) of differences."""
     known = process.generalised_covariance(np.arange(-1, design.samples + 1), design.rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))

@@ -1,8 +1,8 @@
-"""The likeliest mixture under a wavelet variance: a smooth curve where the data alone scatter.
+"""The most likely mixture of all processes under a wavelet variance: a smooth curve for levels with large scatter.
 
-A level with one degree of freedom is now and then a thousand times smaller than it should be: a weight 1/ν̂⁴ would let
-it decide a whole fit. The curve here is the mixture of all processes there are, at many correlation times, that is
-likeliest under the chi-square law of the levels; no model is asked for, so that all are judged by the same one.
+A level with one degree of freedom can be a thousand times smaller than its mean, and its weight 1/ν̂⁴ would then decide
+a whole fit. The curve here is the mixture of all processes at many correlation times with the largest chi-square
+likelihood of the levels. It does not depend on a model, so that all models are compared under the same weights.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 PRIOR = 30.0
-"""Degrees of freedom that the smooth curve counts for beside those of a level."""
+"""Degrees of freedom of the smooth curve when it is averaged with a level. Pinned by
+tests/estimation/test_weights.py: a level with one coefficient does not decide a fit."""
 _PLACES = 48
 _ROUNDS = 30
 _SETTLED = 1e-3
 
 
 def smoothed(wv: WaveletVariance) -> Vector:
-    """ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), ν̃² the smooth curve: the data where they are many, the curve where few.
+    """Average of data and smooth curve ν̃²: ν̄² = (η ν̂² + 30 ν̃²)/(η + 30), with η the degrees of freedom.
 
-    A curve with a level of zero variance is left as it is.
+    A wavelet variance with a level of zero variance is not changed.
     """
     if not np.all(wv.variance > 0):
         return wv.variance
@@ -42,14 +43,14 @@ def smoothed(wv: WaveletVariance) -> Vector:
 
 
 def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
-    """Each level drawn towards the curve, which counts for `PRIOR` degrees of freedom."""
+    """Average of each level with the curve, which has `PRIOR` degrees of freedom."""
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
 def mixture(variance: Vector, freedom: Vector, design: Design) -> tuple[Vector, Model]:
-    """The smooth curve (J,) of positive variances (J,) with these degrees of freedom (J,), and the model behind it.
+    """The smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a model.
 
-    Of processes whose covariance is known alone.
+    The mixture has only processes whose covariance is known.
     """
     processes, shapes = _candidates(tuple(design.levels.tolist()), design.longest, design.rate, design.filter)
     known = [k for k, process in enumerate(processes) if process.has("generalised_covariance")]
@@ -60,14 +61,14 @@ def mixture(variance: Vector, freedom: Vector, design: Design) -> tuple[Vector, 
 
 
 def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:
-    """The curve (J,), and the weights of the shapes (n, J) that it is the sum of."""
-    # No wavelet variance falls much faster than quantization noise, by four from level to level.
+    """The most likely curve (J,), and the weights of the shapes (n, J) whose sum it is."""
+    # No wavelet variance falls much faster than quantization noise, by a factor of four from level to level.
     curve = observed.copy()
     for k in range(1, curve.size):
         curve[k] = max(curve[k], curve[k - 1] / 4)
     weights = np.zeros(len(shapes))
     for _ in range(_ROUNDS):
-        # Fisher scoring of the gamma likelihood: least squares with the weights of the last curve.
+        # Fisher scoring of the gamma likelihood: least squares with weights from the last curve.
         root = np.sqrt(freedom / 2) / curve
         rows = shapes * root
         length = np.linalg.norm(rows, axis=1, keepdims=True)
@@ -83,7 +84,7 @@ def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vecto
 def _candidates(
     levels: tuple[int, ...], samples: int, rate: float, filter: WaveletFilter
 ) -> tuple[tuple[Process, ...], Matrix]:
-    """Every process at unit scale, in one parametrisation, with a search at many places; their wavelet variances."""
+    """All processes at unit scale, searched ones at many correlation times, and their wavelet variances."""
     number = np.asarray(levels, dtype=np.int64)
     kinds: dict[str, type[Process]] = {}
     for kind in registry.values():

@@ -1,4 +1,4 @@
-"""The law of the classical over the robust wavelet variance in Gaussian noise: its spread, and how it is skewed."""
+"""The distribution of the ratio of the classical to the robust wavelet variance in Gaussian noise."""
 
 from __future__ import annotations
 
@@ -14,32 +14,34 @@ from gmwm.processes.model import ModelLike, as_model
 from gmwm.variance.result import WaveletVariance
 
 _OVERLAP = 1.3
-"""Overlapping coefficients make the ratio the more skewed: 1.1 to 1.45 times, in simulations."""
+"""Factor of the skewness for overlapping coefficients, 1.1 to 1.45 in simulations. tests/covariance/test_ratio.py and
+docs/validation/contamination-test.md have the size of the resulting test."""
 _MEDIAN_EFFICIENCY = 0.3675
-"""Of (MAD / 0.67449)², to which the robust estimate falls back."""
+"""Gaussian efficiency of (MAD / 0.67449)², the fallback of the robust estimate (Rousseeuw and Croux 1993, JASA 88)."""
 
 
 def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: ModelLike | None) -> Vector:
-    """Standard errors of log(classical / robust) at those levels that are `tested`, in noise with the robust variance.
+    """Standard errors of log(classical / robust) at the levels that are `tested`, in noise with the robust variance.
 
     Parameters
     ----------
     robust : WaveletVariance
-        J levels.
+        Robust wavelet variance with J levels.
     tested : (J,) bool array
+        Levels to compute.
     model : Model, Process or str, optional
-        For the correlations, with all its values; by default the likeliest mixture of all processes.
+        Model with all its values, for the correlations; by default the most likely mixture of all processes.
 
     Returns
     -------
-    array, one for each level that is tested
+    array with one number for each tested level
     """
     if not np.any(tested):
         return np.empty(0)
     whole = Design.of(robust)
     if model is None:
         there = robust.variance > 0
-        # By a power of two, which changes no digit, so that fourth powers stay in range.
+        # Scaling by a power of two changes no digit and keeps fourth powers in range.
         unit = 4.0 ** np.floor(0.5 * np.log2(robust.variance.max()))
         design = whole.only(there)
         _, noise = mixture(robust.variance[there] / unit, robust.degrees_of_freedom[there], design)
@@ -48,7 +50,7 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
     square = ratio_variances(noise, whole.only(tested))
     assert robust.efficiency is not None
     beyond = 2 / robust.efficiency - 2
-    # Where the curve is that of a drift alone, or of no noise that there is: as if one coefficient in 2^j told more.
+    # If the curve has no noise, as for a drift alone, count one independent coefficient in 2^j.
     square = np.where(square > 0, square, beyond / whole.degrees_of_freedom[tested])
     outcomes = robust.diagnostics.get("robust", {}).get("outcome", ["root"] * len(robust))
     fallen = np.array([outcome == "mad" for outcome in outcomes])[tested]
@@ -57,10 +59,10 @@ def ratio_errors(robust: WaveletVariance, tested: NDArray[np.bool_], model: Mode
 
 
 def ratio_law(place: Vector, error: Vector, efficiency: float) -> tuple[Vector, Vector]:
-    """The gamma law of the skewness that the ratio has: its shape, and where it has what `place` is for the ratio.
+    """Gamma approximation of the distribution of the ratio, with its skewness: shape k and argument for `gammaincc`.
 
-    log(classical / robust) / error is taken for (G − k) / √k, G of a gamma law of shape k. So `gammaincc` of the two is
-    the probability of a larger one; `place` counts from 0 in standard errors.
+    log(classical / robust) / error is distributed approximately as (G − k) / √k, with G gamma-distributed with shape k.
+    `gammaincc` of the two results is the probability of a larger ratio. `place` is in standard errors from 0.
     """
     shape = (2 / (_OVERLAP * ratio_skewness(efficiency) * error)) ** 2
     return shape, np.maximum(shape + place * np.sqrt(shape), 0.0)

@@ -1,4 +1,4 @@
-"""What the robust estimate makes of correlated Gaussian coefficients: its Hermite expansion."""
+"""The Hermite expansion of the robust estimate for correlated Gaussian coefficients."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from gmwm._arrays import Vector, freeze
 from gmwm.variance.biweight import biweight
 
 HIGHEST = 16
-"""Order of the last Hermite polynomial that is taken one by one."""
+"""Order of the last Hermite polynomial; tests/covariance/test_sums.py pins the weights."""
 _TAIL = 12.0
-"""Standard deviations beyond the cut-off after which nothing is left of a Gaussian law."""
+"""Standard deviations beyond the cut-off at which a Gaussian density is negligible: e^(−72)."""
 
 
 def hermite_weights(efficiency: float) -> Vector:
-    """c_2, c_4, …, c_16 of the robust estimate, with which
+    """Weights c_2, c_4, …, c_16 of the Hermite expansion of the robust estimate.
 
         Cov(ν̂_j², ν̂_k²) = ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ_jk(u)^q / (M_j M_k)
 
-    for a Gaussian signal, ρ_jk(u) = Corr(W_{j,t}, W_{k,t+u}). With b_q = E[ρ(r) He_q(r)] / q! of the biweight ρ, c_q =
-    q! b_q² / b_2², so that c_2 = 2, as of the classical estimate, which has no others; Σ c_q = 2 / efficiency. What is
-    beyond q = 16 is added to the last, so that uncorrelated coefficients have exactly the efficiency that they should.
+    for a Gaussian signal, with ρ_jk(u) = Corr(W_{j,t}, W_{k,t+u}). With b_q = E[ρ(r) He_q(r)] / q! of the biweight ρ,
+    c_q = q! b_q² / b_2². The classical estimate has only c_2 = 2; the robust one has Σ c_q = 2 / efficiency. The rest
+    beyond q = 16 is added to the last weight, so that uncorrelated coefficients have exactly the efficiency.
 
     >>> hermite_weights(0.6).round(5)[:4]
     array([2.     , 1.0747 , 0.22872, 0.02811])
@@ -36,7 +36,7 @@ def _weights(efficiency: float) -> Vector:
     c = biweight(efficiency).c
     nodes, gauss = np.polynomial.legendre.leggauss(128)
     r = c * (1 + nodes) / 2
-    # ρ is even and ends at c: Gauss rule for a polynomial times a density, both signs of r at once.
+    # ρ is even and constant beyond c: Gauss rule for a polynomial times a density, for both signs of r together.
     rho = c * gauss / math.sqrt(2 * math.pi) * np.exp(-(r**2) / 2) * r**2 * (1 - (r / c) ** 2) ** 4
     before, here, moments = np.ones_like(r), r, []
     for q in range(1, HIGHEST + 1):
@@ -50,7 +50,7 @@ def _weights(efficiency: float) -> Vector:
 
 @lru_cache(maxsize=64)
 def ratio_skewness(efficiency: float) -> float:
-    """Skewness of log(ν̂²/ν̃²), classical over robust, of uncorrelated Gaussian coefficients, per standard deviation.
+    """Skewness of log(ν̂²/ν̃²), classical over robust, for uncorrelated Gaussian coefficients, per standard deviation.
 
     To second order in means over the M coefficients r = W/ν, with b the coefficient b_2 of `hermite_weights`,
 
@@ -65,7 +65,7 @@ def ratio_skewness(efficiency: float) -> float:
     """
     law = biweight(efficiency)
     nodes, gauss = np.polynomial.legendre.leggauss(128)
-    # ρ and all that comes from it end at c: one rule before, one behind.
+    # ρ and its derivatives have a kink at c: one Gauss rule on each side.
     r = np.concatenate([law.c * (1 + nodes) / 2, law.c + _TAIL * (1 + nodes) / 2])
     step = np.concatenate([law.c * gauss, _TAIL * gauss])
     density = step * np.exp(-(r**2) / 2) / math.sqrt(2 * math.pi)

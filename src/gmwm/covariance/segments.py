@@ -1,4 +1,4 @@
-"""The covariance of a wavelet variance of several segments between gaps, from those of the segments by themselves."""
+"""The covariance of the wavelet variance of a recording with gaps, from the covariances of its segments."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from gmwm._arrays import Matrix
 from gmwm.covariance.design import Design
 
 EXACT = 64
-"""So many different lengths are taken one by one; of more, some stand for all."""
+"""Largest number of different lengths that are computed one by one; with more, lengths are interpolated."""
 _OCTAVE = 8
-"""Lengths in an octave that stand for those between."""
+"""Nodes of the interpolation in an octave of length: an error of at most 1 % (tests/covariance/test_segments.py)."""
 
 
 def pooled(design: Design, alone: Callable[[Design], Matrix]) -> Matrix:
-    """Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s of segments by themselves (J, J), or of its diagonal (J,).
+    """Σ_s M_sj M_sk V_sjk / (M_j M_k) from V_s (J, J) of single segments, or from its diagonal (J,).
 
-    Segments are taken for independent, and those of one length have one V_s.
+    Segments count as independent. Segments of the same length have the same V_s.
     """
     counts, total = design.counts, None
     for length, times in _lengths(design.lengths):
@@ -40,10 +40,10 @@ def _outer(values: Matrix, dimensions: int) -> Matrix:
 
 
 def _lengths(lengths: tuple[int, ...]) -> Iterator[tuple[int, float]]:
-    """Lengths, and how many segments each stands for.
+    """Lengths, and the number of segments that each represents.
 
-    M² V is a convex function of the length, nearly a straight line from a few scales on: between two lengths near each
-    other a segment counts as part of each.
+    M² V is a convex function of the length, and nearly linear beyond a few scales. A segment between two nodes
+    therefore counts as a part of each.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     if sizes.size > EXACT:

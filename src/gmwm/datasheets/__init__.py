@@ -1,4 +1,4 @@
-"""The numbers of a fit in the terms of datasheets and filters: Q, N, B, K, R, and what Gauss-Markov terms are."""
+"""Datasheet numbers of a fit: Q, N, B, K, R, T_c and q_c, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -26,21 +26,22 @@ from gmwm.variance.slope_line import LAWS
 __all__ = ["Datasheet", "Entry", "datasheet", "effective_noise"]
 
 _SHORT = 0.1
-"""Correlation times (s) below which a term looks like white noise where the standard reads N, at τ = 1 s."""
+"""Correlation time (s) below which a term is white noise at τ = 1 s, where the standard defines N: a tenth of 1 s.
+Pinned by tests/test_datasheet.py."""
 
 _FLICKER = f"{SYMBOL}_f"
-"""Symbol of what a flicker term says of itself."""
+"""Symbol of the coefficient of a flicker term."""
 
 _ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
 
 
 _TIMES = {1.0: "s", -1.0: "Hz"}
-"""Units of what has no unit of the signal."""
+"""Units of numbers that do not contain the unit of the signal, by power of time."""
 
 
 @dataclass(frozen=True)
 class _Judged:
-    """A fit without terms that act as others, what its terms were called, and what its data say of each parameter."""
+    """A fit without terms that act as another process, the labels of its terms in the original fit, and intervals."""
 
     fit: Fit
     labels: tuple[str, ...]
@@ -48,7 +49,7 @@ class _Judged:
     z: float
 
     def weak(self, term: str, process: Process) -> bool:
-        """Whether a process of known shape cannot be told from none."""
+        """Whether a process without a free shape cannot be distinguished from zero."""
         scale = process.scale_parameter()
         if free_shape(process) or process.is_fixed(scale.name) or self.intervals is None:
             return False
@@ -56,33 +57,31 @@ class _Judged:
 
 
 def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
-    """What a fitted model says in the terms of datasheets, each number with its confidence interval.
+    """Convert a fit to datasheet numbers with confidence intervals.
 
         N = √(σ²Δt)   Q = Q_d Δt   K = √(γ²f)   R = ωf   T_c = 1/β   q_c = √(2βσ²_GM)
-        B = √B² of a flicker term, or else min over τ of the model's Allan deviation / √(2 ln 2/π)
-        A = √(2P)   f_0 of a line
+        B = √B² of a flicker term, otherwise min over τ of the model's Allan deviation / √(2 ln 2/π)
+        A = √(2P)   f_0 of a sinusoid
 
-    Where the model has a flicker term that is not zero, B is its coefficient, as the standard defines it; else it is
-    read at the lowest point of the whole curve without its lines, whatever its terms are. The latter holds what of N
-    and K there is at that point, and is no less than the former; the two are not compared. Of a flicker term that is
-    estimated as zero, an upper limit is given as B_f where there is one.
+    Bias instability: if the model has a flicker term that is not zero, B is its coefficient, as the standard defines
+    it. Otherwise B is read at the lowest point of the Allan deviation of the whole model without its sinusoids. It then
+    includes the parts of N and K at that point. If a flicker term is estimated as zero, its upper limit is B_f.
 
-    Terms that act as another process to these data are counted to that one: a Gauss-Markov term that acts as white
-    noise adds to N², one that acts as a random walk to K². What the model has no term for is not invented. An AR1 has
-    T_c and q_c of the Gauss-Markov process with its samples; with φ ≤ 0 there is none, and it is left out.
+    Terms that act as another process are included in the numbers of that process: a Gauss-Markov term that acts as
+    white noise adds to N², and one that acts as a random walk adds to K². There are no numbers for processes that the
+    model does not have. An AR1 with φ > 0 has the T_c and q_c of the equivalent Gauss-Markov process.
 
-    Intervals are those of the logarithm, by the delta method with the joint covariance of the estimates (for a number
-    that depends on a single parameter these are the transformed ends of its interval); R, which has a sign, has R ±
-    z SE. Numbers that the data only bound, since their term is zero or cannot be told from zero, are upper limits, as
-    in `Fit.confidence_intervals`; so is B where the curve has no minimum that the data show.
+    Confidence intervals are symmetric on the scale of the logarithm, by the delta method with the joint covariance of
+    the estimates; R, which has a sign, has R ± z SE. A number is an upper limit if its term cannot be distinguished
+    from zero (as in `Fit.confidence_intervals`), and B is one if the curve has no certain minimum.
 
     Parameters
     ----------
     fit : Fit
-        Of a wavelet variance whose unit says what the sensor measures; without a known unit the numbers are in "u",
-        the unit of the data, and have no datasheet units.
+        A fit to a wavelet variance with a unit. Without a unit, numbers are in "u", the unit of the data, and have no
+        datasheet units.
     level : float
-        Confidence level.
+        Confidence level, from 0.5 to below 1.
 
     Returns
     -------
@@ -92,7 +91,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     Raises
     ------
     OptionError
-        If `level` is not between 0 and 1.
+        If `level` is out of range.
 
     References
     ----------
@@ -121,7 +120,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         intervals = confidence_intervals(written, level)
     except (MissingTheoryError, ModelError) as error:
         intervals = None
-        remarks.append(Remark.of("no-intervals", axis, reason=str(error).rstrip(".")))
+        remarks.append(Remark.of("no-intervals", axis, reason=error.message or str(error)))
     judged = _Judged(written, labels, intervals, NormalDist().inv_cdf((1 + level) / 2))
     entries: list[Entry] = []
     for term, label, process in zip(written.model.terms, labels, written.model.processes, strict=True):
@@ -150,7 +149,7 @@ def _acts(fit: Fit, term: str) -> str | None:
 
 
 def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[list[Entry], Remark | None]:
-    """The numbers of one term, or a remark why there is none."""
+    """The numbers of one term, or a remark that says why there are none."""
     wv = judged.fit.wavelet_variance
     if process.scale == 0 and free_shape(process):
         return [], Remark.of("no-numbers", wv.axis, term=label, because="zero", process="")
@@ -166,7 +165,7 @@ def _of_term(judged: _Judged, term: str, label: str, process: Process) -> tuple[
 def _entry(judged: _Judged, term: str, label: str, process: Process, number: Physical, weak: bool) -> Entry:
     wv = judged.fit.wavelet_variance
     unit, factor = noise_unit(number.time_power, wv.unit) if number.signal_power else (_TIMES[number.time_power], 1.0)
-    # Of terms that may be there several times, the number that the term has in the fit.
+    # Symbols of repeatable terms have the index of the term in the fit.
     _, bracket, place = label.partition("[") if process.repeatable else ("", "", "")
     slopes = {f"{term}.{name}": slope for name, slope in number.slopes.items() if not process.is_fixed(name)}
     value, held, upper_only = number.value, not slopes, False
@@ -199,7 +198,7 @@ def _entry(judged: _Judged, term: str, label: str, process: Process, number: Phy
 
 
 def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[str, float]) -> Interval:
-    """Ends at z standard errors on the scale of the logarithm; of a number with a sign, on its own."""
+    """Interval of ±z standard errors on the scale of the logarithm; for a number with a sign, on its own scale."""
     found = judged.fit.sandwich
     place = [found.names.index(name) for name in slopes]
     g = np.array(list(slopes.values()))
@@ -211,39 +210,40 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
 
 
 def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
-    """N with the terms that are white noise where it is read, at τ = 1 s; a remark that says which."""
+    """N with the terms that are white noise at τ = 1 s, where N is defined, and a remark that names these terms."""
     axis, names = fit.wavelet_variance.axis, tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" for e in fast)
     try:
         found = noise_in_use(fit, Use(_SHORT), level)["N_eff"]
     except (MissingTheoryError, ModelError) as error:
-        return None, Remark.of("n-without", axis, terms=names, reason=str(error).rstrip("."))
+        return None, Remark.of("n-without", axis, terms=names, reason=error.message or str(error))
     title = next((entry.title for entry in entries if entry.symbol == "N"), "white noise density")
     whole = {**found.to_dict(), "symbol": "N", "title": title}
     return Entry.from_dict(whole), Remark.of("n-includes", axis, terms=names)
 
 
 def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
-    """The bias instability, or a remark why there is none."""
+    """The bias instability, or a remark that says why there is none."""
     try:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
-        return None, Remark.of("no-bias-instability", judged.fit.wavelet_variance.axis, reason=str(error).rstrip("."))
+        axis = judged.fit.wavelet_variance.axis
+        return None, Remark.of("no-bias-instability", axis, reason=error.message or str(error))
 
 
 def _as_bias(entry: Entry) -> Entry:
-    """The coefficient of flicker noise is the bias instability of the standard."""
+    """The coefficient of flicker noise as bias instability, as the standard defines it."""
     return replace(entry, symbol=SYMBOL, title=f"{LAWS[SYMBOL].name} of {entry.title}")
 
 
 def _renamed(entry: Entry, label: str) -> Entry:
-    """A second number of one name says which term it is of."""
+    """The entry with its term in the symbol, if another term has the same symbol."""
     return Entry.from_dict({**entry.to_dict(), "symbol": f"{entry.symbol} of {label}"})
 
 
 def _sheet(fit: Fit, entries: tuple[Entry, ...], level: float, remarks: tuple[Remark, ...]) -> Datasheet:
     wv = fit.wavelet_variance
     unit, factor = noise_unit(0.0, wv.unit)
-    # Twice the Haar wavelet variance, whatever the filter of the fit.
+    # The Allan variance is twice the Haar wavelet variance, for any filter of the fit.
     deviation = factor * np.sqrt(2.0 * fit.model.wavelet_variance(wv.levels, wv.rate))
     return Datasheet(
         entries=entries,

@@ -22,39 +22,47 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.slope_line import LAWS
 
 _PER_OCTAVE = 24
+"""Points of an octave at which `lowest` evaluates a curve first; a sum of processes has few turns in an octave."""
 _ZOOM = 32
+"""Points of each refinement of `lowest`."""
 _LEVEL = 1e-9
-"""A curve whose ends differ by no more than this share is flat, as that of flicker noise alone: all of it is B."""
+"""Relative difference up to which a curve counts as flat, as the curve of flicker noise alone is; it has no end then.
+tests/test_bias_limits.py pins it."""
 
 SYMBOL: Literal["B"] = "B"
 
 
 def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | None]:
-    """B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all averaging times that the record shows.
+    """Bias instability: B = min over τ of the model's Allan deviation / √(2 ln 2/π), over all τ of the recording.
 
-    At the minimum a change of τ matters to second order only, so that with A = σ²(τ)
+    At the minimum, a change of τ has a second-order effect only. With A = σ²(τ),
 
         ∂ ln B/∂ ln θ = ½ ∂ ln A/∂ ln θ at the τ of the minimum,
 
-    and the interval is B exp(±z SE(ln B)). The errors are those in which terms that are zero are free. Where the curve
-    still falls at the last τ, or nowhere after its minimum is above it by z standard errors of the difference, or rises
-    from the first τ on, B is only bounded, by the upper end of that interval. Lines are left out: between its teeth the
-    curve of a line is low without any noise being low there.
+    and the interval is B exp(±z SE(ln B)). The standard errors count terms that are zero as free. Sinusoids are left
+    out, because their Allan deviation has zeros that say nothing about the noise.
 
-    Such a bound trusts the model where the data hardly reach: flicker noise that it does not have lies above it. B is
-    at most σ(τ) at any τ, so that the upper confidence limit of the measured σ at one level is a limit without a model.
-    The least of these upper limits, at the confidence of the curve, is taken if it is the larger one.
+    B is only an upper limit, the upper end of this interval, if the curve still falls at the last τ, rises from the
+    first τ on, or does not rise above its minimum by z standard errors of the difference.
+
+    This limit depends on the model where the data have little information: flicker noise that the model does not have
+    can be larger. B is at most σ(τ) at any τ, so the smallest upper confidence limit of the measured σ is a limit
+    without a model. The larger one of the two limits is used.
 
     Parameters
     ----------
     fit : Fit
-        Without terms that act as others.
+        A fit without terms that act as another process.
     z : float or None
-        Reach of the interval in standard errors; None if these are not known.
+        Half width of the interval in standard errors; None if there are no standard errors.
 
     Returns
     -------
     Entry or None, and a Remark or None
+
+    References
+    ----------
+    IEEE Std 952-1997, annex C.
     """
     wv = fit.wavelet_variance
     noises = tuple(process for process in fit.model.processes if process.line(wv.rate) is None)
@@ -101,14 +109,14 @@ def bias_instability(fit: Fit, z: float | None) -> tuple[Entry | None, Remark | 
 
 
 def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: int) -> float | None:
-    """Least upper limit of the measured Allan deviation without its lines.
+    """The smallest upper confidence limit of the measured Allan deviation without its sinusoids.
 
-    With the Haar filter the Allan variance is 2 ν²; with another one it is that of the model times the ratio of data to
-    model. None where the levels beside the model's lowest point are not there: the data may say nothing of it.
+    With the Haar filter the Allan variance is 2 ν². With another filter it is the Allan variance of the model times the
+    ratio of data to model. None if the levels next to the model's minimum were not measured.
     """
     implied = model.wavelet_variance(wv.levels, wv.rate, wv.filter)
     added = sum((line.wavelet_variance(wv.levels, wv.rate, wv.filter) for line in lines), np.zeros(len(wv)))
-    # A variance of zero is that of a coarse output, not of its noise.
+    # A variance of zero comes from the coarse resolution of the output and not from its noise.
     seen = (wv.variance > 0) & (wv.upper > added) & (implied > 0)
     if not {n.bit_length(), (n - 1).bit_length() + 1} <= set(wv.levels[seen].tolist()):
         return None
@@ -119,7 +127,7 @@ def _of_data(wv: WaveletVariance, model: Model, lines: tuple[Process, ...], n: i
 
 
 def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
-    """The whole number of samples from 1 to `last` at which a curve is lowest; exact where it has few turns an octave.
+    """The number of samples from 1 to `last` at which a curve is lowest; exact if it has few extrema in an octave.
 
     >>> lowest(lambda n: (n - 1000.3) ** 2, 10**6)
     1000
@@ -131,14 +139,14 @@ def lowest(curve: Callable[[NDArray[np.int64]], Vector], last: int) -> int:
         low, high = int(sizes[max(k - 1, 0)]), int(sizes[min(k + 1, sizes.size - 1)])
         if high - low <= 2:
             return int(sizes[k])
-        # Whole numbers between the neighbours; where there are few enough, all of them.
+        # Whole numbers between the neighbours; all of them if there are few.
         sizes = np.unique(np.linspace(low, high, min(_ZOOM, high - low) + 1).astype(np.int64))
 
 
 def _bounded(model: Model, n: int, last: int, rate: float, curve: Curve | None, z: float | None) -> str | None:
-    """Why the minimum is only a bound: "falls" to the end, "rises" from the start, or "unsure"; None if it is none."""
+    """Why the minimum is only an upper limit: "falls", "rises" or "unsure"; None if the minimum is certain."""
     ends, least = model.allan_variance([1, last], rate), model.allan_variance([n], rate)[0]
-    # Of a flat curve n is wherever rounding has its least value.
+    # On a flat curve, rounding decides n.
     if ends.max() <= (1 + _LEVEL) * least:
         return None
     if n == last:

@@ -1,4 +1,4 @@
-"""How the Allan deviation of a fitted model moves with the data."""
+"""Standard errors of the Allan variance of a fitted model."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from gmwm.inference.intervals import free_shape
 from gmwm.processes.base import Process
 
 _STEP = 0.01
-"""Relative step of the differences by which the curve's derivatives are taken."""
+"""Relative step of the differences of order 6 for derivatives, whose error is about _STEP⁶ = 1e-12."""
 ENDLESS = 300.0
-"""Most powers of e that an interval reaches over."""
+"""Largest half width of an interval on the logarithm; e^300 is near the end of double precision."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """How the curve of a fit moves with the data: its parameters, and how they do.
+    """The free parameters of a fit and their covariance, for standard errors of its Allan variance.
 
     Parameters
     ----------
     moving : tuple of (process, parameter name or None)
-        What its derivatives are taken by: the logarithm of a parameter; the scale coefficient of a term that is zero.
+        Logarithms of parameters, or (with None) the scale coefficients of terms that are zero.
     scatter : (p, p) array
-        Covariance of what the data make of these.
+        Covariance of the estimates of these.
     rate : float
+        Sampling rate (Hz).
     """
 
     moving: tuple[tuple[Process, str | None], ...]
@@ -40,7 +41,7 @@ class Curve:
 
     @classmethod
     def of(cls, fit: Fit) -> Curve:
-        """The curve of a fit without terms that act as others."""
+        """The curve of a fit that has no terms that act as another process."""
         design, model = Design.of(fit.wavelet_variance), fit.model
         processes = dict(zip(model.terms, model.processes, strict=True))
         names, _ = columns_of(model, {})
@@ -54,7 +55,7 @@ class Curve:
         weighted = root @ np.column_stack([relative_jacobian(model, design, names), *columns])
         length = np.linalg.norm(weighted, axis=0)
         length[length == 0] = 1.0
-        # Directions that do not move the curve are left out: they do not matter to it.
+        # Directions that do not change the curve are left out.
         gain = (np.linalg.pinv(weighted / length, rcond=COLLINEAR) / length[:, None]) @ root
         split = (name.rpartition(".") for name in names)
         moving: list[tuple[Process, str | None]] = [(processes[term], name) for term, _, name in split]
@@ -62,21 +63,21 @@ class Curve:
         return cls(tuple(moving), gain @ fit.sandwich.wavelet @ gain.T, design.rate)
 
     def without_lines(self) -> Curve:
-        """That of the noise alone."""
+        """The curve of the noise alone, without sinusoids."""
         kept = [k for k, (process, _) in enumerate(self.moving) if process.line(self.rate) is None]
         return replace(self, moving=tuple(self.moving[k] for k in kept), scatter=self.scatter[np.ix_(kept, kept)])
 
     def slopes(self, n: int) -> Vector:
-        """Derivatives of σ²(n) (p,)."""
+        """Derivatives (p,) of σ²(n) at n samples."""
         return np.array([slope(process, name, n, self.rate) for process, name in self.moving])
 
     def error(self, slopes: Vector) -> float:
-        """Standard error of what has these derivatives."""
+        """Standard error of a quantity with these derivatives (p,)."""
         return math.sqrt(max(float(slopes @ self.scatter @ slopes), 0.0))
 
 
 def slope(process: Process, name: str | None, n: int, rate: float) -> float:
-    """∂σ²(n)/∂ ln θ of one process: exact for the scale, by differences of order 6 for the shape."""
+    """∂σ²(n)/∂ ln θ for one process: exact for the scale, by differences of order 6 for the shape."""
     if name is None:
         return float(process.allan_variance([n], rate)[0])
     parameter = next(p for p in process.parameters if p.name == name)

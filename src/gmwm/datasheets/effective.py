@@ -1,4 +1,4 @@
-"""Two numbers for a filter that has only two: white noise and a random walk, for a stated horizon."""
+"""Effective white noise and random walk of a fit over a horizon, for filters with only these two numbers."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from gmwm.processes.physical import Physical
 from gmwm.units import noise_unit
 
 _FAR = 1e6
-"""Correlation times after which a process is white: its Allan variance is N²/τ but for some 1/`_FAR`."""
+"""Averaging time, in correlation times, at which a fast process is read: its Allan variance is N²/τ up to 1e-6."""
 
 WHITE, WALK = 0.5, -0.5
-"""Powers of the second in the units of N and K."""
+"""Powers of time in the units of N and K."""
 
 GONE = 1e-6
-"""A limit that is a smaller share of what there is nearby is zero but for rounding."""
+"""Relative size below which a difference of Allan variances counts as rounding."""
 
 _AT_ITS_TIME = 4 * math.exp(-1.0) - math.exp(-2.0) - 1
 """Allan variance of a Gauss-Markov process of variance 1 at its correlation time."""
@@ -34,16 +34,16 @@ _AT_ITS_TIME = 4 * math.exp(-1.0) - math.exp(-2.0) - 1
 
 @dataclass(frozen=True)
 class Use:
-    """What a filter or a simulator makes of two numbers.
+    """How a filter or a simulator uses the two numbers.
 
     Parameters
     ----------
     horizon : float
-        T_h (s).
+        Horizon T_h (s).
     time : float or None
-        Correlation time (s) of the Gauss-Markov bias that K drives there; None where it is a random walk.
+        Correlation time (s) of the Gauss-Markov bias that K drives; None if the bias is a random walk.
     flicker : str
-        Its parameter for flicker noise, which then is not counted; "" where it has none.
+        Name of its parameter for flicker noise, which is then not included; "" if it has none.
     """
 
     horizon: float
@@ -52,42 +52,43 @@ class Use:
 
 
 def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, Entry]:
-    """N and K of the white noise and the random walk that stand for the whole model over a horizon T_h.
+    """Compute the white noise N_eff and the random walk K_eff that approximate a whole model over a horizon T_h.
 
-    A term whose correlation time is below T_h is white noise to it, one beyond it a random walk:
+    A term counts as white noise if its correlation time is below T_h, otherwise as a random walk:
 
         N_eff² = N² + Σ lim τσ²(τ)    K_eff² = K² + Σ q_c²
 
-    where the limit is the level of a fast term at long averaging times, 2σ²_GM/β for β far below the rate. Quantization
-    noise averages out, and a ramp or a line is no noise: none is counted. A term whose correlation time is near T_h is
-    neither white nor a walk, and is counted as the nearer of the two.
+    The limit is the level of a fast term at long averaging times, 2σ²_GM/β if β is far below the rate. Quantization
+    noise averages out, and a drift or a sinusoid is no noise; these are not included. A term with a correlation time
+    near T_h is neither white noise nor a random walk, and counts as the nearer of the two.
 
-    Flicker and power-law noise have no correlation time, and other slow terms than Gauss-Markov's no driving noise q_c:
-    they count as the random walk that has their Allan variance at T_h, K² = 3σ²(T_h)/T_h, or, where that still falls
-    there, as such white noise, N² = T_h σ²(T_h); of a slow term whose Allan variance falls at T_h, which holds both, as
-    the two that have it at T_h and at half of T_h. Beside flicker noise such a walk is √(τ/T_h) as large at τ.
+    Flicker and power-law noise have no correlation time, and slow terms other than Gauss-Markov have no q_c. They count
+    as the process with the same Allan variance at T_h: a random walk, K² = 3σ²(T_h)/T_h; or, if the Allan variance
+    falls at T_h, white noise, N² = T_h σ²(T_h). A slow term whose Allan variance falls at T_h counts as the sum of both
+    that has its Allan variance at T_h and T_h/2. At τ < T_h, the random walk that replaces flicker noise is √(τ/T_h)
+    times as large as the flicker noise.
 
     Parameters
     ----------
     fit : Fit
     horizon : float
-        T_h in s: how long a filter relies on the sensor alone.
+        T_h (s): how long the filter relies on the sensor alone.
     level : float
-        Confidence level.
+        Confidence level, from 0.5 to below 1.
 
     Returns
     -------
     mapping of "N_eff" and "K_eff" to Entry
-        An upper limit where the data cannot tell it from zero. The value is never zero, which a filter would take for
-        knowledge: where the model has nothing of the kind, or it is estimated as zero, it is the limit `high`, as the
-        exporters write it, found in the model with such a term added; infinite where the data give none.
+        An entry is an upper limit if the data cannot distinguish it from zero. Its value is never zero, because a
+        filter would treat zero as exact: if the model has no such noise, the value is the upper limit `high` from a fit
+        with this noise added, and infinite if the data give no limit.
 
     Raises
     ------
     OptionError
-        If `fit` is not one, `horizon` is not a positive time, or `level` not between 0 and 1.
+        If `fit` is not a Fit, `horizon` is not a positive time, or `level` is out of range.
     MissingTheoryError
-        If the covariance or the Allan variance of a process is not known.
+        If the covariance or the Allan variance of a process is unknown.
 
     Examples
     --------
@@ -100,8 +101,10 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
     """
     if not isinstance(fit, Fit):
         raise OptionError(
-            f"fit must be a Fit, got {type(fit).__name__}; the numbers come with limits, which take data: "
-            "gmwm.fit(model, data), or calibration[axis]"
+            f"fit must be a Fit, because limits need data; got {type(fit).__name__}",
+            argument="fit",
+            got=fit,
+            advice="Pass `gmwm.fit(model, data)`, or an axis of a calibration.",
         )
     level = as_confidence(level, "level")
     entries = noise_in_use(fit, Use(checked_horizon(horizon)), level)
@@ -109,7 +112,7 @@ def effective_noise(fit: Fit, horizon: float, level: float = 0.95) -> dict[str, 
 
 
 def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
-    """The limit in place of a zero."""
+    """The entry with its upper limit in place of a zero."""
     try:
         high = max(entry.high or 0.0, hidden(fit, entry, level))
     except DataError:
@@ -118,17 +121,18 @@ def _at_most(fit: Fit, entry: Entry, level: float) -> Entry:
 
 
 def checked_horizon(horizon: float) -> float:
-    """A positive time in s."""
+    """Check a horizon: a positive time (s)."""
     if isinstance(horizon, bool) or not isinstance(horizon, int | float) or not 0 < horizon < math.inf:
-        raise OptionError(f"horizon must be a positive time in s, got {horizon!r}")
+        raise OptionError(argument="horizon", expected="a positive time (s)", got=horizon)
     return float(horizon)
 
 
 def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
-    """`effective_noise` for a consumer, zero where the model has nothing of the kind.
+    """`effective_noise` for one use, with zero if the model has no such noise.
 
-    To a Gauss-Markov bias, flicker noise and what else is counted by its Allan deviation counts as such a bias that has
-    it at their correlation time T: K² = 2σ²(T)/(0.336 T), T the term's own where it has one.
+    If the bias of the filter is a Gauss-Markov process, flicker noise and other terms that count by their Allan
+    deviation count as a Gauss-Markov bias with the same Allan variance at its correlation time T:
+    K² = 2σ²(T)/(0.336 T). T is the correlation time of the term, if it has one.
     """
     written, _ = translated(fit)
     curve, z = Curve.of(written), NormalDist().inv_cdf((1 + level) / 2)
@@ -141,7 +145,7 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
         square = sum(_square(p, None, power=power, use=use, rate=curve.rate)[0] for p in written.model.processes)
         slopes = np.array([_square(p, name, power=power, use=use, rate=curve.rate)[1] for p, name in curve.moving])
         name, factor = noise_unit(power, unit)
-        # As in the datasheet, a term is told from zero by its scale, however little its time is known.
+        # As in the datasheet, only the error of the scale decides whether a term is zero, not the error of its time.
         scales = np.array([_is_scale(p, name) for p, name in curve.moving], dtype=np.bool_)
         seen = z * curve.error(np.where(scales, slopes, 0.0)) < square
         reach = z * curve.error(slopes)
@@ -171,7 +175,7 @@ def noise_in_use(fit: Fit, use: Use, level: float) -> dict[str, Entry]:
 
 
 def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
-    """`WHITE`, `WALK` or both, as what a term counts; none where it does not."""
+    """The noise as which a term counts: `WHITE`, `WALK`, both or none."""
     powers = {number.time_power for number in process.physical(rate) if number.signal_power}
     if process.line(rate) is not None or (powers and not powers & {WHITE, WALK, 0.0}):
         return ()
@@ -192,7 +196,7 @@ def counted(process: Process, use: Use, rate: float) -> tuple[float, ...]:
 
 
 def is_scale_free(process: Process, rate: float) -> bool:
-    """Whether a noise has no correlation time and is no random walk either: flicker and power-law noise."""
+    """Whether a process has no correlation time and is not a random walk: flicker and power-law noise."""
     if process.line(rate) is not None:
         return False
     time = process.correlation_time(rate)
@@ -200,14 +204,14 @@ def is_scale_free(process: Process, rate: float) -> bool:
 
 
 def is_flicker(process: Process, rate: float) -> bool:
-    """Whether a noise says of itself that its Allan deviation is flat."""
+    """Whether the Allan deviation of a process is flat, by its physical numbers."""
     return any(number.signal_power and number.time_power == 0 for number in process.physical(rate)) and (
         process.line(rate) is None
     )
 
 
 def by_deviation(process: Process, horizon: float, rate: float) -> bool:
-    """Whether a noise is counted by its Allan deviation: it has no correlation time, or is slow and has no q_c."""
+    """Whether a process counts by its Allan deviation: it has no correlation time, or is slow and has no q_c."""
     if process.line(rate) is not None:
         return False
     if is_scale_free(process, rate):
@@ -225,12 +229,12 @@ def _walk(process: Process, rate: float) -> Physical | None:
 
 
 def _steps(time: float, rate: float) -> int:
-    """A time in samples."""
+    """A time as a number of samples, at least 1."""
     return max(1, round(time * rate))
 
 
 def _readings(process: Process, power: float, use: Use, rate: float) -> list[tuple[int, float]]:
-    """Samples n and factors by which Allan variances at them add up to N² or K², of a term counted by them."""
+    """Numbers of samples n and factors with which Allan variances at n add up to N² or K²."""
     n, powers = _steps(use.horizon, rate), counted(process, use, rate)
     if len(powers) == 2:
         # σ²(τ) = N²/τ + K²τ/3 at half the horizon and at all of it.
@@ -248,7 +252,7 @@ def _readings(process: Process, power: float, use: Use, rate: float) -> list[tup
 
 
 def _square(process: Process, name: str | None, power: float, use: Use, rate: float) -> tuple[float, float]:
-    """What a process adds to N² or K², and its derivative by ln θ; by its scale where no parameter is named."""
+    """The part of a process in N² or K², and its derivative by ln θ, or by the scale if no parameter is named."""
     if process.scale == 0 or power not in counted(process, use, rate):
         return 0.0, 0.0
     if by_deviation(process, use.horizon, rate):
@@ -257,7 +261,7 @@ def _square(process: Process, name: str | None, power: float, use: Use, rate: fl
         value = sum(factor * float(at) for (_, factor), at in zip(readings, values, strict=True))
         return value, sum(factor * slope(process, name, n, rate) for n, factor in readings)
     if power == WHITE:
-        # What is left of τσ²(τ) beyond its limit goes as 1/τ: two places tell the limit, which is zero where all goes.
+        # τσ²(τ) differs from its limit by a multiple of 1/τ, so its values at two τ give the limit.
         near = math.ceil(_FAR * max(1.0, (process.correlation_time(rate) or 0.0) * rate))
         far = 4 * near
         levels = process.allan_variance([near, far], rate) * np.array([near, far]) / rate

@@ -1,4 +1,4 @@
-"""One number of a datasheet: value, interval, unit, and how they are written."""
+"""One number of a datasheet: value, confidence interval, unit, and its text."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from gmwm.errors import OptionError
 from gmwm.units import datasheet_units, spelt
 
 _DIGITS = 2
-"""Significant digits of half an interval that are shown."""
+"""Significant digits of half an interval that are shown; the usual rounding of a standard error."""
 _MOST_DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One number of a sensor's noise, in the terms of datasheets.
+    """One datasheet number with its confidence interval.
 
     Parameters
     ----------
     symbol : str
-        "N", "Q", "K", "R", "B"; "T_c" and "q_c" of a Gauss-Markov term, "f_0" and "A" of a line, "T_c[2]" where
-        there are several.
+        "N", "Q", "K", "R" or "B"; "T_c" and "q_c" of a Gauss-Markov term; "f_0" and "A" of a sinusoid; with an index,
+        for example "T_c[2]", if there are several terms.
     title : str
-        What it is, "white noise density".
+        Name of the number, for example "white noise density".
     value : float
-        In `unit`. A ramp has its sign.
+        Value in `unit`; the rate ramp R has a sign.
     low, high : float or None
-        Confidence limits in `unit`; high is infinite where the data do not determine the number, both are None where
-        no interval is known.
+        Confidence interval in `unit`. `high` is infinite if the data do not determine the number; both are None if
+        there is no interval.
     unit : str
-        SI unit; "u" stands for the unit of a signal that has none.
+        SI unit; "u" is the unit of a signal without a known unit.
     term : str or None
-        The term of the model that it comes from; None for what the whole model gives.
+        The term of the model; None if the number comes from the whole model.
     upper_only : bool
-        The data only bound it: its size is at most `high`.
+        The number is an upper limit: its size is at most `high`.
     held : bool
-        It was not estimated.
+        The number was held and not estimated.
     tau : float or None
-        Averaging time (s) at which it is read from the curve.
+        Averaging time (s) at which the number is read from the Allan deviation.
 
     Examples
     --------
@@ -66,17 +66,23 @@ class Entry:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units in which it can be had: those of datasheets, the usual one first, and SI."""
+        """Units to which the number can be converted: the usual datasheet unit first, the SI unit last."""
         return tuple(dict.fromkeys((*datasheet_units(self.unit), self.unit)))
 
     def in_units(self, units: str = "datasheet") -> tuple[float, float | None, float | None, str]:
-        """Value, low, high and unit.
+        """Convert the number to another unit.
 
         Parameters
         ----------
         units : str
-            "si", "datasheet" (the usual unit of datasheets; SI where there is none, as for seconds and for signals
-            of no known unit), or one of `units`, such as "µg/√Hz"; √ may be written sqrt.
+            "si", "datasheet" (the usual datasheet unit, or SI if there is none), or one of `units`, for example
+            "µg/√Hz"; √ may be written sqrt.
+
+        Returns
+        -------
+        value, low, high : float, and float or None
+            In the unit.
+        unit : str
 
         Raises
         ------
@@ -87,7 +93,9 @@ class Entry:
         named = {"si": self.unit, "datasheet": self.units[0]} | {spelt(name): name for name in factors}
         name = named.get(units) or named.get(spelt(units), "")
         if not name:
-            raise OptionError(f"units must be 'si', 'datasheet' or one of {', '.join(self.units)}; got {units!r}")
+            raise OptionError(
+                argument="units", expected=f"'si', 'datasheet' or one of {', '.join(self.units)}", got=units
+            )
         factor = factors[name]
         return (
             factor * self.value,
@@ -97,7 +105,7 @@ class Entry:
         )
 
     def text(self, units: str = "datasheet") -> str:
-        """Value, interval and unit in `units`, as for `in_units`: "0.21 (0.20 … 0.22) deg/√h", "≤ 0.03 deg/h"."""
+        """The number as text in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
         value, low, high, unit = self.in_units(units)
         if self.held:
             return f"{significant(value, 4)} {unit} (held)"
@@ -111,7 +119,7 @@ class Entry:
         return f"{shown[0]} ({shown[1]} … {shown[2]}) {unit}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The number as plain numbers and texts, ready for JSON: None for a limit that is infinite."""
+        """The number as numbers and strings, ready for JSON; an infinite limit is None."""
         values = asdict(self)
         if self.high is not None and not math.isfinite(self.high):
             values["high"] = None
@@ -119,7 +127,7 @@ class Entry:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Entry:
-        """The number whose `to_dict` gave `values`."""
+        """The number from the values of `to_dict`."""
         given = dict(values)
         if given["low"] is not None and given["high"] is None:
             given["high"] = math.inf
@@ -130,7 +138,7 @@ class Entry:
 
 
 def significant(x: float, digits: int) -> str:
-    """A number with so many significant digits, with a power of ten only where it is very small or large.
+    """A number with a given number of significant digits; with a power of ten only if it is very small or large.
 
     >>> significant(0.012345, 3), significant(1.5e-7, 2), significant(1234.5, 2)
     ('0.0123', '1.5e-07', '1234')
@@ -143,7 +151,7 @@ def significant(x: float, digits: int) -> str:
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """The three with as many decimals as half the interval deserves; each with its own where they differ much."""
+    """Value and limits with `_DIGITS` digits of half the interval; each with its own digits if they differ much."""
     size, half = max(abs(low), abs(high)), (high - low) / 2
     if low <= 0 < high or abs(high - low) > min(abs(low), abs(high)):
         return significant(value, _DIGITS), significant(low, _DIGITS), significant(high, _DIGITS)

@@ -1,4 +1,4 @@
-"""Terms that act as another process, counted to that process."""
+"""Replace terms that act as another process by that process."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from gmwm.processes.parameter import Fixed
 
 
 def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
-    """The fit with each term that acts as another process added to that process, and what each term was in the fit.
+    """The fit with each term that acts as another process added to that process, and the original label of each term.
 
-    A Gauss-Markov term that acts as white noise is white noise to these data, and one that acts as a random walk a
-    random walk: their scales add. Estimates and errors of the sum are those of the model so written.
+    A Gauss-Markov term that acts as white noise becomes white noise, and its scale is added. The same holds for a
+    random walk. Estimates and standard errors of the sum follow from the model with these terms.
     """
     wv = fit.wavelet_variance
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
@@ -47,7 +47,7 @@ def translated(fit: Fit) -> tuple[Fit, tuple[str, ...]]:
 
 
 def _sum(kind: type[Process], parts: Iterable[Process], written_as: Iterable[Process]) -> Process:
-    """One process of a `kind` for several, whose scales add; held where all were held as they were written."""
+    """One process of a `kind` with the sum of the scales of several; held if all of them were held."""
     value = kind.value_from(sum(part.scale for part in parts))
     held = all(process.is_fixed(process.scale_parameter().name) for process in written_as)
     return kind(**{kind.scale_parameter().name: Fixed(value) if held else value})

@@ -1,4 +1,4 @@
-"""How much white noise or random walk the data could hide where a model has nothing of the kind."""
+"""Upper limits of white noise or random walk that a fitted model does not have."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from gmwm.processes.walk import RW
 from gmwm.units import noise_unit
 
 _KINDS: Mapping[str, type[Process]] = {"N_eff": WN, "K_eff": RW}
-"""What is added to a model that has nothing of the kind, to ask the data how much of it there could be."""
+"""The process that is added to a model to compute the limit."""
 
 
 def hidden(fit: Fit, entry: Entry, level: float) -> float:
-    """The upper limit in the model with a term of the kind, which the data do not need but could hide.
+    """Upper limit of white noise or random walk, from a fit of the model with this term added.
 
     Parameters
     ----------
@@ -35,19 +35,19 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
     Returns
     -------
     float
-        In the unit of the entry; infinite where the data do not bound it.
+        In the unit of the entry; infinite if the data give no limit.
 
     Raises
     ------
     DataError
-        If there is no such fit, or none with errors.
+        If the model with this term cannot be fitted, or has no confidence intervals.
     """
     kind, (base, _) = _KINDS[entry.symbol], translated(fit)
     try:
         holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
         intervals = holder.confidence_intervals(level)
     except GmwmError as error:
-        raise DataError(f"the data do not bound its {entry.title}: {error}") from error
+        raise DataError(f"the data give no limit for its {entry.title}: {error.message or error}") from error
     pairs = zip(holder.model.terms, holder.model.processes, strict=True)
     term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
     scale = process.scale_parameter().name
@@ -63,6 +63,6 @@ def _widened(fit: Fit, kind: type[Process]) -> Fit:
     """The fit of the model with one more term to the same data."""
     weighting = fit.weighting if fit.weighting in REWEIGHTED else fit.weighting_matrix
     with warnings.catch_warnings():
-        # That the term is not needed is known.
+        # The remark that the data do not support the term is expected.
         warnings.simplefilter("ignore", FitWarning)
         return fitted(fit.model + kind(), fit.wavelet_variance, weighting=weighting, certify=False)

@@ -1,4 +1,4 @@
-"""The datasheet of one axis: its numbers, in words, as rows, and as plain values."""
+"""The datasheet of one axis: its numbers as text, as rows, and as plain values."""
 
 from __future__ import annotations
 
@@ -17,28 +17,38 @@ from gmwm.remarks import Dialect, Remark, texts
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Datasheet(Mapping[str, Entry]):
-    """The noise of one axis in the terms of datasheets: a mapping of symbol to `Entry`, in SI with other units to hand.
+    """Datasheet numbers of one axis: a mapping of symbol to `Entry`, in SI units and convertible to others.
 
     Attributes
     ----------
     entries : tuple of Entry
-        What the model gives, in the order Q, N, B, K, R, T_c, q_c, f_0, A.
+        The numbers, in the order Q, N, B, K, R, T_c, q_c, f_0, A.
     axis : str
         Name of the axis, or "".
     unit : str
-        SI unit of the signal; "u" where it is not known.
+        SI unit of the signal; "u" if it is unknown.
     model : str
-        The model in short, "2*GM + WN".
-    samples, rate : int, float
-        Length of the record and its sampling rate (Hz).
+        Structure of the model, for example "2*GM + WN".
+    samples : int
+        Number of samples of the recording.
+    rate : float
+        Sampling rate (Hz).
     level : float
         Confidence level of the intervals.
     averaging_time : (J,) array, in s
-        Times at which `allan_deviation` is given; the last is the longest that the record shows.
+        Averaging times of `allan_deviation`; the last one is the longest that the recording allows.
     allan_deviation : (J,) array, in `unit`
         Allan deviation of the model.
     remarks : tuple of Remark
-        What to know about the numbers.
+        Remarks about the numbers.
+
+    Examples
+    --------
+    >>> import gmwm
+    >>> x = gmwm.WN(sigma2=1e-6).simulate(10_000, 100.0, rng=1)
+    >>> sheet = gmwm.fit(gmwm.WN(), gmwm.Signal(x, 100.0, "rad/s")).datasheet()
+    >>> sheet["N"].unit, sheet["N"].in_units("deg/√h")[3]
+    ('rad/s/√Hz', 'deg/√h')
     """
 
     entries: tuple[Entry, ...]
@@ -60,7 +70,7 @@ class Datasheet(Mapping[str, Entry]):
         for entry in self.entries:
             if entry.symbol == symbol:
                 return entry
-        raise KeyError(f"the model {self.model} gives no {symbol}; it gives {', '.join(self)}")
+        raise KeyError(f"the model {self.model} has no {symbol}; it has {', '.join(self)}")
 
     def __iter__(self) -> Iterator[str]:
         return (entry.symbol for entry in self.entries)
@@ -70,11 +80,11 @@ class Datasheet(Mapping[str, Entry]):
 
     @property
     def horizon(self) -> float:
-        """Longest averaging time (s) that the record shows."""
+        """Longest averaging time (s) of the recording."""
         return float(self.averaging_time[-1])
 
     def table(self, units: str = "datasheet") -> list[dict[str, Any]]:
-        """One row for each number: symbol, title, value, low, high, unit, upper_only, term, text.
+        """The numbers as rows with symbol, title, value, low, high, unit, upper_only, term and text.
 
         Parameters
         ----------
@@ -91,7 +101,7 @@ class Datasheet(Mapping[str, Entry]):
         return rows
 
     def summary(self, units: str = "datasheet") -> str:
-        """The numbers with their intervals, each also in another unit that is in use, and what is to be known of them.
+        """Describe the numbers in text: intervals, the value in another common unit, and remarks.
 
         Parameters
         ----------
@@ -107,7 +117,7 @@ class Datasheet(Mapping[str, Entry]):
         return f"{axis}{self.model}, {self.samples} samples at {self.rate:g} Hz, {100 * self.level:g} % intervals"
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, lists and texts, ready for JSON."""
+        """The datasheet as numbers, lists and strings, ready for JSON."""
         return {
             "axis": self.axis,
             "unit": self.unit,
@@ -123,7 +133,7 @@ class Datasheet(Mapping[str, Entry]):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Datasheet:
-        """The datasheet whose `to_dict` gave `values`."""
+        """The datasheet from the values of `to_dict`."""
         given = dict(values)
         given["entries"] = tuple(Entry.from_dict(entry) for entry in values["entries"])
         given["remarks"] = tuple(Remark.from_dict(remark) for remark in values["remarks"])
@@ -153,7 +163,7 @@ def _title(entry: Entry) -> str:
 
 
 def _also(entry: Entry, units: str) -> str:
-    """The value, or its limit, in the next unit."""
+    """The value or its upper limit, in the next unit."""
     shown = entry.in_units(units)[3]
     other = next((name for name in entry.units if name != shown), None)
     if other is None or (entry.high is not None and not np.isfinite(entry.high)):

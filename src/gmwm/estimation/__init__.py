@@ -1,4 +1,4 @@
-"""Confronting: the model whose wavelet variance is nearest to the one observed."""
+"""Estimation: fit the wavelet variance of a model to that of a signal (GMWM)."""
 
 from gmwm.estimation.estimator import fit
 from gmwm.estimation.result import Diagnostics, Fit

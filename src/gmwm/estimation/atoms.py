@@ -1,8 +1,8 @@
-"""The wavelet variances of a process with one nonlinear parameter, tabulated as a curve of unit vectors.
+"""Tables of the wavelet variance of a process with one nonlinear parameter, as a curve of unit vectors.
 
-The solver knows no process: it sees the fixed vectors of the processes that are linear in their parameters, and one
-curve for the repeatable process whose nonlinear parameter is to be found (the correlation time of a Gauss-Markov
-process). Between the nodes of the table it interpolates by cubics, whose error the table bounds.
+The solver does not know any process. Its input is the fixed vectors of the processes that are linear in their
+parameters, and one curve for the repeatable process with a free nonlinear parameter (the correlation time of a
+Gauss-Markov process). Between the nodes of the table it interpolates by cubics, and the table bounds their error.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from gmwm.processes.parameter import Branch
 
 SPACING = 0.025
 """Distance of the nodes in the search coordinate: 2.5 % in β for a Gauss-Markov process. The error of the cubics, some
-1e-9 of the curve, is what keeps the bounds from being exact."""
+1e-9 of the curve, is the only error of the bounds. tests/estimation/test_atoms.py pins the table."""
 SAFETY = 2.0
-"""Factor on the interpolation error seen at the midpoints of a cell and its neighbours, to bound it everywhere."""
+"""Factor on the interpolation error at the midpoints of a cell and its neighbours, to bound it everywhere."""
 NEIGHBOURS = 12
-"""So many on each side: where the error is that of rounding (φ next to 1), one midpoint says little."""
+"""Number of neighbours on each side: where rounding dominates (φ near 1), one midpoint alone is not representative."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where a process is tabulated, and its wavelet variances there; independent of data and weights.
+    """Nodes of a table and the wavelet variances of a process there; independent of data and weights.
 
-    `nodes` and `middles` hold the search coordinate branch after branch; `spacing` is that of each cell between
-    neighbouring nodes, zero for the cell that joins two branches.
+    `nodes` holds the search coordinate, one branch after another. `spacing` is the width of each cell between
+    neighbouring nodes, and zero for the cell that joins two branches.
     """
 
     branches: tuple[Branch, ...]
@@ -44,7 +44,7 @@ class Grid:
     middle_values: Matrix
 
     def position(self, branch: int, u: float) -> float:
-        """The place of coordinate `u` of a branch, counted in cells from the first node."""
+        """The position of coordinate `u` of a branch, counted in cells from the first node."""
         inside = np.flatnonzero(self.owner == branch)
         return float(np.interp(u, self.nodes[inside], inside))
 
@@ -58,7 +58,7 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A curve of unit vectors for the solver: values and slopes per cell at the nodes, error margins per cell."""
+    """A curve of unit vectors for the solver: values and slopes per cell at the nodes, and error bounds per cell."""
 
     values: Matrix
     slopes: Matrix
@@ -72,7 +72,7 @@ Place = tuple[Branch, float]
 def shapes(
     process: type[Process], places: list[Place], levels: NDArray[np.int64], rate: float, filter: WaveletFilter
 ) -> Matrix:
-    """Wavelet variances at unit scale (n, J)."""
+    """Wavelet variances (n, J) of a process at unit scale, at n places."""
     if not places:
         return np.empty((0, levels.size))
     parameters = np.concatenate([branch.values(np.array([u])) for branch, u in places])
@@ -107,12 +107,12 @@ def _grid(process: type[Process], levels: tuple[int, ...], samples: int, rate: f
 
 
 def grid(process: type[Process], levels: NDArray[np.int64], samples: int, rate: float, filter: WaveletFilter) -> Grid:
-    """Tabulate `process` over the domain that a record of `samples` can tell apart; the table is cached."""
+    """Tabulate `process` over its search domain for a recording of `samples`; the table is cached."""
     return _grid(process, tuple(int(j) for j in levels), samples=samples, rate=rate, filter=filter)
 
 
 def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Matrix]:
-    """Rows of `values` weighted by `root` and scaled to length one, with the matching slopes."""
+    """Rows of `values` weighted by `root` and scaled to length one, with their slopes."""
     weighted = values @ root.T
     length = np.linalg.norm(weighted, axis=1, keepdims=True)
     unit = weighted / length
@@ -121,7 +121,7 @@ def unit_curve(values: Matrix, slopes: Matrix, root: Matrix) -> tuple[Matrix, Ma
 
 
 def table(grid: Grid, root: Matrix) -> Table:
-    """The curve of a grid under the weighting LᵀL, with its margins."""
+    """The curve of a grid under the weighting LᵀL, with its error bounds."""
     values, slopes = unit_curve(grid.values, grid.slopes, root)
     joined = grid.spacing == 0
     step = grid.spacing[:, None]

@@ -1,7 +1,7 @@
-"""The search for the places of processes with one nonlinear parameter: branch and bound on a tabulated curve, a polish.
+"""Global search for processes with one nonlinear parameter: branch and bound on a tabulated curve, then refinement.
 
-Any number of them may take part in the convex relaxation, from which the search starts; branch and bound over intervals
-of the search coordinate proves that nothing better was missed, and a polish on the exact curve gives all digits.
+The search starts from a convex relaxation with any number of these processes. Branch and bound over intervals of the
+search coordinate proves that no better fit exists. A refinement on the exact curve gives all digits.
 """
 
 from __future__ import annotations
@@ -19,31 +19,33 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 CERTIFIED_GAP = 1e-4
-"""Branch and bound stops when the best fit is within this share of its lower bound."""
+"""Branch and bound stops when the best fit is within this share of its lower bound; docs/validation/optimum.md."""
 CERTIFY_NODES = 20_000
 """… or after this many nodes of the search tree."""
 QUICK_NODES = 24
-"""Nodes that are looked at without a certificate: enough for starting points."""
+"""Nodes of a search without a certificate: enough for starting points (tests/estimation/test_fit_laws.py: fits without
+a certificate are as good)."""
 WIDTHS = (1e-2, 1e-3)
-"""Widths of the exact curve pieces that the polish works on; the last one is exact to rounding."""
+"""Widths of the pieces of exact curve in the refinement; the last one is exact to rounding."""
 TABLE_ERROR = 1e-5
-"""Objectives on the tabulated curve that differ by less (relative) are told apart on the exact one."""
+"""Optima whose objectives on the tabulated curve differ by less (relative) are all refined on the exact curve."""
 SETTLED = 1e-12
-"""A polish ends when it lowers the objective by less (relative)."""
+"""A refinement ends when it lowers the objective by less (relative)."""
 POLISHES = 8
-"""A polish follows an optimum that wants to leave its piece of curve so many times."""
+"""Largest number of pieces of curve through which a refinement follows one optimum."""
 NEWTON_STEPS = 5
 FOLLOWED = 0.05
-"""Way in the search coordinate that an optimum is followed by one step of Newton's when the weights change."""
+"""Longest Newton step in the search coordinate after a change of the weights."""
 FLAT = 1e-10
-"""Where the criterion rises by less (relative) from an optimum to the end of the domain, the end is taken."""
+"""If the objective rises by less (relative) from an optimum to the end of the domain, the end is used. Pinned by
+tests/estimation/test_last_places.py, as is the next."""
 ACTS_AS = 1e-6
 """A term acts as the process at the end of its domain if that raises the objective by less than this share."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """A fitted process with a shape: its nonlinear parameters, scale, and what it cannot be told from."""
+    """A fitted process with a shape: its nonlinear parameters, its scale, and the process that it acts as."""
 
     values: tuple[float, ...]
     scale: float
@@ -52,7 +54,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Optimum:
-    """A local optimum on the exact curve: where its points are, and the weights of all unit vectors."""
+    """A local optimum on the exact curve: places of the curved processes, and weights of all unit vectors."""
 
     objective: float
     places: list[Place]
@@ -72,7 +74,7 @@ class Search:
         self.positive = problem.positive
 
     def branch_and_bound(self, *, certify: bool) -> tuple[list[tuple[float, Vector]], float, float, int]:
-        """Local optima on the tabulated curve, best first; lower bound; that of the relaxation; nodes."""
+        """Local optima on the tabulated curve (the best first), lower bound, bound of the relaxation, and nodes."""
         curve = table(self.grid, self.problem.root)
         return _core.cone_search(
             self.problem.target, self.fixed, self.positive, curve.values, curve.slopes, curve.margins,
@@ -80,7 +82,7 @@ class Search:
         )  # fmt: skip
 
     def _starts(self) -> Vector:
-        """Positions of the starting values the user gave, if every curved process has one."""
+        """Positions of the starting values in the model, if every curved process has one."""
         name = self.curved_class.nonlinear_parameters()[0].name
         positions = []
         for place in self.problem.curved:
@@ -128,7 +130,7 @@ class Search:
         return self._sharpened(self.at(places))
 
     def _sharpened(self, best: Optimum, steps: int = NEWTON_STEPS, reach: float = WIDTHS[-1]) -> Optimum:
-        """The same optimum to all digits, where Newton's method leads to one that is as good."""
+        """The optimum after Newton's method, if its objective is not larger."""
         places = sharpened(
             self.problem, self.curved_class, places=best.places, weights=best.weights, steps=steps, reach=reach
         )
@@ -138,7 +140,7 @@ class Search:
         return sharp if self.problem.as_low(sharp.objective, best.objective, SETTLED) else best
 
     def followed(self, places: list[Place]) -> Optimum:
-        """The local optimum next to that of a problem with other weights: a step of Newton's where that will do."""
+        """The local optimum next to the one of a problem with other weights: by one Newton step if that is enough."""
         start = self.at(places)
         there = self._sharpened(start, 1, FOLLOWED)
         return self.polished(places) if there is start and places else there
@@ -150,12 +152,12 @@ class Search:
         return np.concatenate([self.fixed, self.problem.weighted(curved)])
 
     def at(self, places: list[Place]) -> Optimum:
-        """The best weights with the curved processes at exact places."""
+        """The optimal weights with the curved processes at given places."""
         weights, objective = _core.nonnegative_least_squares(self.problem.target, self._rows(places))
         return Optimum(objective, places, weights)
 
     def settled(self, best: Optimum) -> Optimum:
-        """The same optimum with points that lie where the criterion is flat up to an end moved to that end."""
+        """The optimum with places moved to an end of their domain if the objective is flat up to that end."""
         for index, (branch, _) in enumerate(best.places):
             for end in (branch.high, branch.low):
                 there = self.at([*best.places[:index], (branch, end), *best.places[index + 1 :]])
@@ -165,7 +167,7 @@ class Search:
         return best
 
     def terms(self, best: Optimum, *, ends: bool = True) -> tuple[Term, ...]:
-        """The curved processes of an optimum in the words of their parameters; `ends`: and what they act as."""
+        """The curved processes of an optimum with their parameters; if `ends`, with the process that they act as."""
         problem, places = self.problem, best.places
         curved = shapes(self.curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
         scales = problem.scales(curved, best.weights[len(problem.linear) :])
@@ -173,16 +175,16 @@ class Search:
             Term((self._value(branch, u),), float(scale), self._acts_as(best, i) if ends else None)
             for i, ((branch, u), scale) in enumerate(zip(places, scales, strict=True))
         ]
-        # Terms that the data do not show have no place; they are put where they are whitest, and have no weight there.
+        # Terms without weight have no place; they get the shortest correlation time and the scale zero.
         branch = self.grid.branches[0]
         missing = Term((self._value(branch, branch.high),), 0.0)
         return (*terms, *[missing] * (len(problem.curved) - len(places)))
 
     def _acts_as(self, best: Optimum, index: int) -> str | None:
-        """The process at an end of the branch that serves as well as curved process `index` does."""
+        """The process at an end of the branch that fits as well as curved process `index`; None if there is none."""
         branch, u = best.places[index]
         ends = [(branch.high, branch.high_acts_as), (branch.low, branch.low_acts_as)]
-        for end, name in sorted(ends, key=lambda end: end[0] != u):  # first the end that it stands at
+        for end, name in sorted(ends, key=lambda end: end[0] != u):  # the end at which it is comes first
             there = [*best.places[:index], (branch, end), *best.places[index + 1 :]]
             if name and (u == end or self.problem.as_low(self.at(there).objective, best.objective, ACTS_AS)):
                 return name

@@ -1,4 +1,4 @@
-"""Fitting a model: the Generalized Method of Wavelet Moments."""
+"""Fit a model by the Generalized Method of Wavelet Moments: `gmwm.fit`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from gmwm.variance.biweight import EFFICIENCY, require_robust
 from gmwm.variance.result import WaveletVariance
 
 NEAR = 1e-6
-"""Change of the curve (relative) from which on a test does not feel the weights."""
+"""Relative change of the fitted curve at which `refitted` stops. The relative standard error of ν̂² is larger,
+√(2/N) > 1e-6, for the longest recording that `gmwm.plan` accepts, 2⁴⁰ samples."""
 
 
 def fit(
@@ -41,59 +42,68 @@ def fit(
     certify: bool = True,
     start: Sampled | None = None,
 ) -> Fit:
-    """Fit a sum of latent processes to a signal or to its wavelet variance.
+    """Fit a sum of noise processes to a signal or to its wavelet variance.
 
-    θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)), the global minimum: no starting values and no random numbers are
-    needed, and the fit carries a lower bound that proves it. A process with several parameters of its shape, as an
-    autoregression of order 2, has no such proof: it is the best of the local optima that a scan of all its shapes leads
-    to, each with all other processes at their best. Correlation times are sought from where a process is
-    white noise (β = 40 rate) to where it is a random walk to this record (β = 1e-10 rate / N; 1 − φ = 1e-5 / N);
-    a term that ends there is reported as acting as WN or RW.
+    The estimate is the global minimum θ̂ = argmin (ν̂ − ν(θ))ᵀ Ω (ν̂ − ν(θ)). It needs no starting values and no random
+    numbers, and the fit has a lower bound on the objective that proves it.
+
+    There is no such proof if a process has several shape parameters, for example an autoregression of order 2. Its
+    parameters are then scanned, and the fit is the best of the local optima that the scan leads to.
+
+    The range of correlation times goes from white noise (β = 40 rate) to a process that is a random walk over the whole
+    recording (β = 1e-10 rate / N, or 1 − φ = 1e-5 / N). A remark names each term that is estimated at an end of this
+    range: it acts as WN or RW.
 
     Parameters
     ----------
     model : Model, Process or str
-        What to fit, as ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values given in it are tried as
-        starting values too; those in ``fixed(…)`` are held.
+        The model to fit, for example ``3 * GM() + WN() + RW()`` or ``"3*GM + WN + RW"``. Values in the model are used
+        as additional starting values; values in ``fixed(…)`` are held.
     data : WaveletVariance, Signal, or (N,) array in any unit
-        What to fit it to.
+        The data to fit the model to.
     rate : float, optional
-        Samples per second (Hz); needed with a plain array only.
+        Sampling rate (Hz); needed only if `data` is a plain array.
     weighting : "diagonal", "optimal", "identity", (J,) or (J, J) array, optional
-        Ω: 1 / V_jj or V⁻¹ with the exact covariance V of ν̂² under the fitted model (the estimate and its weights
-        are iterated until they agree), the identity, or your own. "optimal" has the smallest errors if the model
-        is right; those of "diagonal", which takes less time, are 3 % larger, 18 % at worst, but of a process with
-        several parameters of its shape, as AR(2), by a half and more. So the default is "optimal" where the model has
-        one, else "diagonal". Where the model is wrong, neither is the safer (docs/validation/weighting.md).
-        "identity" sees the largest levels alone: errors are many times larger, and intervals do not cover; for
-        comparison only.
-    robust, efficiency : bool, float
-        Whether to measure a signal by the robust wavelet variance, which outliers do not reach, and its efficiency;
-        a WaveletVariance is what it is, and asking for a robust fit to a classical one is an error, as is an efficiency
-        without robust=True.
+        Ω, with V the exact covariance of ν̂² under the fitted model (docs/validation/weighting.md):
+
+        - "diagonal", 1 / V_jj: the default. Standard errors are 3 % larger than with "optimal", 18 % at worst.
+        - "optimal", V⁻¹: the default if a process has several shape parameters, for example AR(2), where standard
+          errors with "diagonal" are larger by a half or more. Estimates have the smallest errors if the model is right.
+        - "identity": for comparison only. Only the largest levels count, standard errors are many times larger, and
+          confidence intervals do not have their coverage.
+        - an array: your own diagonal or matrix, positive definite.
+
+        With "diagonal" and "optimal", the estimate and its weights are iterated until they agree. If the model is
+        wrong, neither of them is safer.
+    robust : bool
+        Fit the robust wavelet variance of a signal, which outliers do not affect. If `data` is a WaveletVariance, it
+        must be robust itself.
+    efficiency : float
+        Efficiency of the robust wavelet variance, relative to the classical one; only with robust=True.
     certify : bool
-        Whether to prove by branch and bound that no better fit exists; False skips the proof.
+        Prove by branch and bound that no better fit exists; False skips the proof.
     start : Sampled, optional
-        Start from random draws as the paper does, ``Sampled(draws=20_000, rng=1)``, and descend from the best of them.
-        For comparison only; where there is a proof, it then tells what the draws have missed.
+        Start from the best of random draws as in the paper, for example ``Sampled(draws=20_000, rng=1)``. For
+        comparison only. With `certify`, the fit also has the lower bound, which shows what the draws missed.
 
     Returns
     -------
     Fit
+        Estimates, objective with its lower bound, fitted curve and remarks.
 
     Raises
     ------
     ModelError
-        If the model has more parameters than there are levels, or nothing to estimate, or the data are constant.
+        If the model has more parameters than the data have levels, or no free parameter, or if the data are constant.
     DataError
         If the data cannot be used (see `wavelet_variance`).
     OptionError
-        If an option is not one of those it may be, or contradicts the data.
+        If an option has a value that is not allowed, or contradicts the data.
 
     Warns
     -----
     FitWarning
-        If a term is not supported by the data or acts as another process, or the weights look like a covariance.
+        If the data do not support a term, a term acts as another process, or `weighting` looks like a covariance.
 
     References
     ----------
@@ -112,7 +122,12 @@ def fit(
     """
     wanted = as_model(model)
     if start is not None and not isinstance(start, Sampled):
-        raise OptionError(f"start must be Sampled(draws=…, rng=…), got {start!r}; values to start from go in the model")
+        raise OptionError(
+            argument="start",
+            expected="a gmwm.estimation.Sampled object",
+            got=start,
+            advice="Write starting values into the model, for example `GM(beta=0.1)`.",
+        )
     wv = measured(data, rate, robust, efficiency)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
@@ -123,7 +138,7 @@ def fit(
 
 
 def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
-    """The model of a fit, fitted to almost the same data; "diagonal" stands in for weights of the user."""
+    """Fit the model of a fit again to almost the same data; "diagonal" replaces a matrix of the user."""
     if fit.weighting not in REWEIGHTED:
         return _fitted(fit.model, wv, "diagonal", certify=False)
     settled = settle(
@@ -134,7 +149,7 @@ def refitted(fit: Fit, wv: WaveletVariance) -> Fit:
 
 
 def _draws(start: Sampled, wv: WaveletVariance, data: WaveletVariance | Signal | ArrayLike) -> First:
-    """The first solution from random draws; drifts go by the range of the data, or by their rise if that is known."""
+    """The solver that starts from random draws; drifts are drawn from the range or the known slope of the data."""
     if isinstance(data, WaveletVariance):
         spread = abs(wv.slope or 0.0)
     else:
@@ -158,37 +173,49 @@ def _fitted(
 def measured(
     data: WaveletVariance | Signal | ArrayLike, rate: float | None, robust: bool, efficiency: float
 ) -> WaveletVariance:
-    """The wavelet variance that models are fitted to: that of a signal, or one that no option contradicts."""
+    """The wavelet variance to fit: of a signal, or `data` itself after a check that no option contradicts it."""
     if isinstance(data, WaveletVariance):
         if rate is not None and rate != data.rate:
-            raise OptionError(f"rate={rate:g} contradicts the wavelet variance's {data.rate:g} Hz; leave rate out")
+            raise OptionError(
+                argument="rate",
+                expected=f"{data.rate:g}, the sampling rate of the wavelet variance (Hz)",
+                got=rate,
+                advice="Leave {--rate} out.",
+            )
         wv = _as_measured(data, robust, efficiency)
     else:
         wv = signal_wavelet_variance(data, rate, robust=robust, efficiency=efficiency)
     if not np.any(wv.variance > 0):
-        raise ModelError("a constant signal has no noise to model: its wavelet variance is zero at every level")
+        raise ModelError(
+            "the signal is constant: its wavelet variance is zero at every level",
+            advice="Check that the sensor was recording, and that the right column was read.",
+        )
     return wv
 
 
 def _as_measured(wv: WaveletVariance, robust: bool, efficiency: float) -> WaveletVariance:
-    """The wavelet variance itself; options that belong to measuring must not contradict it."""
+    """The wavelet variance itself, after a check that `robust` and `efficiency` do not contradict it."""
     if robust and not wv.robust:
         raise OptionError(
-            "robust=True asks for robust fits of a classical wavelet variance; pass the signal, or measure it with "
-            "wavelet_variance(x, robust=True)"
+            argument="robust",
+            expected="False if the data are a classical wavelet variance",
+            got=robust,
+            advice="Pass the signal, or its robust wavelet variance.",
         )
     if not wv.robust:
         require_robust(robust, efficiency)
     elif efficiency not in (EFFICIENCY, wv.efficiency):
         raise OptionError(
-            f"efficiency={efficiency!r} contradicts the wavelet variance's {wv.efficiency:g}; leave it out, "
-            "or pass the signal"
+            argument="efficiency",
+            expected=f"{wv.efficiency:g}, the efficiency of the wavelet variance",
+            got=efficiency,
+            advice="Leave {--efficiency} out, or pass the signal.",
         )
     return wv
 
 
 def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
-    """A solved problem in the words of its model."""
+    """Make the `Fit` of a solved problem, with its terms sorted."""
     problem, solution = settled.problem, settled.solution
     processes = estimated(problem, solution, wv.slope).processes
     model = Model(processes).sorted(wv.rate)
@@ -219,7 +246,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
 def _of_terms(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], wv: WaveletVariance, matrix: Matrix
 ) -> Iterator[Remark]:
-    """What to know about each term: what it acts as, whether the data support it, and what its process says."""
+    """Remarks about each term: what it acts as, whether the data support it, and the remarks of its process."""
     processes = dict(zip(model.terms, model.processes, strict=True))
     for term, name in acts_as.items():
         like = likeness(

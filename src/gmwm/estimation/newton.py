@@ -1,6 +1,6 @@
-"""A local optimum to all digits: Newton's method on where the derivatives vanish.
+"""Newton's method for the place of a local optimum, to all digits.
 
-A criterion that is least tells where to half the digits only: it hardly changes there.
+The value of the objective gives its place to half of the digits only, because it hardly changes near the optimum.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from gmwm.estimation.problem import Problem
 from gmwm.processes.base import Process
 
 SHARP = 1e-12
-"""Steps end when they move the search coordinate by less."""
+"""The iteration ends when the search coordinate moves by less: near the rounding error of β itself."""
 CURVATURE_STEP = 1e-3
-"""Distance of the slopes whose difference is the second derivative; any error of it only slows the steps."""
+"""Step of the differences of slopes; an error of the second derivative only slows the convergence."""
 
 
 def sharpened(
     problem: Problem, curved_class: type[Process], places: list[Place], weights: Vector, steps: int, reach: float
 ) -> list[Place] | None:
-    """The places to which at most so many steps lead from a local optimum; None where they lead away.
+    """Refine the places of a local optimum by at most `steps` steps; None if the steps diverge.
 
-    Minimises |target − Σ w a − Σ x g(u)|² over the weights and the places u together. Linear processes without weight
-    stay without, and places at an end of their branch stay there; no step may be longer than `reach`.
+    Minimises |target − Σ w a − Σ x g(u)|² over the weights and the places u together. Weights that are zero stay zero,
+    places at an end of their branch stay there, and no step may be longer than `reach`.
     """
     linear = len(problem.linear)
     moving = np.array([b.low < u < b.high for b, u in places], dtype=bool)
@@ -55,7 +55,7 @@ def sharpened(
 def _step(
     target: Vector, fixed: Matrix, value: Matrix, slope: Matrix, bend: Matrix, x: Vector, moving: Vector
 ) -> Vector | None:
-    """Newton's step of all weights, then of the places that move."""
+    """The Newton step of all weights, followed by the steps of the places that move."""
     rows = np.concatenate([fixed, value])
     residual = target - x @ rows
     weight = x[fixed.shape[0] :, None]
@@ -73,7 +73,7 @@ def _step(
 
 
 def _curved(problem: Problem, curved_class: type[Process], places: list[Place]) -> tuple[Matrix, Matrix, Matrix]:
-    """The curved processes at exact places, weighted by Ω, with both derivatives by the search coordinate (n, J)."""
+    """Values and first two derivatives (n, J) of the curved processes at exact places, weighted by L."""
     count, d = len(places), CURVATURE_STEP
     points = [(b, np.array([u + shift])) for shift in (0.0, d, -d) for b, u in places]
     parameters = np.concatenate([b.values(u) for b, u in points])

@@ -1,4 +1,4 @@
-"""A fitted model: estimates, criterion, bounds, and what they were computed from."""
+"""The result of a fit: estimates, objective with its bounds, and the data that they were computed from."""
 
 from __future__ import annotations
 
@@ -18,23 +18,25 @@ from gmwm.processes.model import Model
 from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
+_HOW_WRITTEN = "Pass the values that `Fit.to_dict()` returned."
+
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnostics:
-    """What to know before using a fit.
+    """Diagnostics of a fit: terms that the data do not determine, the search, and remarks.
 
     Attributes
     ----------
     acts_as : mapping of term to process name
-        Terms at an end of their domain, which these data cannot tell from another process.
+        Terms at an end of their domain, which the data cannot distinguish from another process.
     not_supported : tuple of str
-        Terms estimated as zero: these data do not show them.
+        Terms that are estimated as zero.
     nodes : int
-        Nodes of the search tree that the certificate took.
+        Number of nodes of the search tree.
     start : Start or None
-        From where the optimum was reached, and the criterion there; None of a fit that was read from a file without it.
+        Starting point of the search and the objective there; None if the fit was read from a file without it.
     remarks : tuple of Remark
-        What to know before using the fit.
+        Remarks about terms and weights.
     """
 
     acts_as: Mapping[str, str]
@@ -44,7 +46,7 @@ class Diagnostics:
     remarks: tuple[Remark, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
-        """The diagnostics as plain numbers, lists and texts, ready for JSON."""
+        """The diagnostics as numbers, lists and strings, ready for JSON."""
         return {
             "acts_as": dict(self.acts_as),
             "not_supported": list(self.not_supported),
@@ -55,7 +57,7 @@ class Diagnostics:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Diagnostics:
-        """The diagnostics whose `to_dict` gave `values`."""
+        """The diagnostics from the values of `to_dict`."""
         start = values["start"]
         return cls(
             acts_as=dict(values["acts_as"]),
@@ -73,29 +75,29 @@ class Fit(InferenceMethods, KalmanMethods):
     Attributes
     ----------
     wavelet_variance : WaveletVariance
-        What it was fitted to, ν̂².
+        The data, ν̂².
     model : Model
-        With its estimates; repeated terms have the shortest correlation time first.
+        The model with its estimates. Repeated terms are sorted by correlation time, the shortest first.
     parameters : mapping of name to value
-        "WN.sigma2", "GM.beta", with repeats "GM[1].beta"; SI and per sample, β in 1/s. "DR.omega" is signed
-        where the wavelet variance came from data, |ω| otherwise.
+        Estimates by name: "WN.sigma2", "GM.beta", and "GM[1].beta" for repeated terms. SI units and per sample, β in
+        1/s. "DR.omega" has a sign if the wavelet variance was computed from a signal; otherwise it is |ω|.
     objective : float
         (ν̂ − ν)ᵀ Ω (ν̂ − ν) at the estimate.
     lower_bound : float or None
-        No model of this form has a smaller objective; None if fitted with certify=False, and where a process has
-        several parameters of its shape.
+        Lower bound on the objective of every model of this form. None if fitted with certify=False, or if a process has
+        several shape parameters.
     relaxed_bound : float
-        No model with any number of the repeated process has a smaller objective; 0 where nothing better is known.
+        Lower bound on the objective of models with any number of the repeated process; 0 if none is known.
     implied : (J,) array, in unit²
-        Wavelet variance of the fitted model.
+        Wavelet variance ν² of the fitted model.
     decomposition : mapping of term to (J,) array
-        That of each process; they add up to `implied`.
+        Wavelet variance of each term; their sum is `implied`.
     weighting : str
-        Which Ω: "diagonal", "optimal", "identity", or "matrix" for one that was given.
+        Ω: "diagonal", "optimal", "identity", or "matrix" if an array was passed.
     weighting_matrix : (J, J) array
-        Ω.
+        Ω, in unit⁻⁴.
     diagnostics : Diagnostics
-        Terms that act as another process or are not supported by the data, and how the search went.
+        Terms that act as another process or that the data do not support, and the search.
     """
 
     wavelet_variance: WaveletVariance
@@ -118,9 +120,9 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def gap(self) -> float | None:
-        """Share of the objective that a better fit could gain at most; None without a certificate.
+        """Largest relative decrease of the objective that any other fit can reach; None without a certificate.
 
-        0 for a perfect fit, whose objective is that of rounding errors.
+        0 if the objective is as small as rounding errors.
         """
         if self.lower_bound is None:
             return None
@@ -131,7 +133,7 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """Parameters that mean nothing here: the shapes of terms that are estimated as zero."""
+        """Parameters without meaning: the shape parameters of terms that are estimated as zero."""
         return tuple(
             f"{term}.{parameter.name}"
             for term, process in zip(self.model.terms, self.model.processes, strict=True)
@@ -141,16 +143,16 @@ class Fit(InferenceMethods, KalmanMethods):
         )
 
     def units(self) -> dict[str, str]:
-        """Unit of every parameter."""
+        """Unit of every parameter, by name."""
         return self.model.units(self.wavelet_variance.unit)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What to know before using the fit: about its terms, its weights and the levels that it was fitted to."""
+        """Remarks about the terms, the weights and the wavelet variance. Read them before using the fit."""
         return (*self.diagnostics.remarks, *self.wavelet_variance.remarks)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fit as plain numbers, lists and texts, ready for JSON."""
+        """The fit as numbers, lists and strings, ready for JSON."""
         return {
             "model": str(self.model),
             "parameters": dict(self.parameters),
@@ -169,12 +171,21 @@ class Fit(InferenceMethods, KalmanMethods):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Fit:
-        """The fit whose `to_dict` gave `values`, to the last bit; from its JSON, or an axis of a fits.json, too.
+        """Read a fit from the values of `to_dict`, exact to the last bit.
+
+        Parameters
+        ----------
+        values : mapping
+            The values of `to_dict`, also after JSON, or one axis of a fits.json file.
+
+        Returns
+        -------
+        Fit
 
         Raises
         ------
         ReadError
-            If they are not those of a fit: something is missing, or of the wrong kind or size.
+            If a value is missing, or has the wrong type or size.
 
         Examples
         --------
@@ -186,9 +197,9 @@ class Fit(InferenceMethods, KalmanMethods):
         try:
             return cls._from_dict(values)
         except KeyError as error:
-            raise ReadError(f"not a fit: it has no {error.args[0]!r}") from error
+            raise ReadError(f"not a fit: {error.args[0]!r} is missing", advice=_HOW_WRITTEN) from error
         except (TypeError, ValueError, AttributeError) as error:
-            raise ReadError(f"not a fit: {error}") from error
+            raise ReadError(f"not a fit: {error}".rstrip("."), advice=_HOW_WRITTEN) from error
 
     @classmethod
     def _from_dict(cls, values: Mapping[str, Any]) -> Fit:
@@ -196,13 +207,13 @@ class Fit(InferenceMethods, KalmanMethods):
         model = Model.parse(values["model"])
         parameters = {name: value for name, value in model.parameters.items() if value is not None}
         if parameters != values["parameters"] or len(parameters) < len(model.names):
-            raise ModelError(f"the parameters are not those of {model}")
+            raise ModelError(f"the parameters do not match the model {model}")
         decomposition = {term: _curve(part, len(wv)) for term, part in values["decomposition"].items()}
         if tuple(decomposition) != model.terms:
-            raise ModelError(f"the decomposition is not that of {model}: it has {', '.join(decomposition)}")
+            raise ModelError(f"the decomposition has the terms {', '.join(decomposition)}, and the model is {model}")
         matrix = np.array(values["weighting_matrix"], dtype=np.float64)
         if matrix.shape != (len(wv), len(wv)):
-            raise ModelError(f"the weighting matrix is of shape {matrix.shape}, the data have {len(wv)} levels")
+            raise ModelError(f"the weighting matrix has shape {matrix.shape}, and the data have {len(wv)} levels")
         lower = values["lower_bound"]
         return cls(
             wavelet_variance=wv,
@@ -223,8 +234,8 @@ class Fit(InferenceMethods, KalmanMethods):
 
 
 def _curve(values: Any, levels: int) -> Vector:
-    """A number for each level."""
+    """An array with one number for each level."""
     curve = np.array(values, dtype=np.float64)
     if curve.shape != (levels,):
-        raise ModelError(f"a curve of shape {curve.shape} where the data have {levels} levels")
+        raise ModelError(f"a curve has shape {curve.shape}, and the data have {levels} levels")
     return curve

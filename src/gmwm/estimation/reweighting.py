@@ -1,8 +1,9 @@
-"""Weights that hang on the estimate: the exact covariance of ν̂ under the fitted model, iterated to a fixed point.
+"""Iterated weights: the exact covariance of ν̂² under the fitted model, and a fit with these weights, until they agree.
 
-Weights from the data alone hang on their errors: a level that is too small by chance weighs too much, and all
-estimates are pulled down. Those of the fitted model do not, and the estimate that is optimal under the weights it
-implies itself solves Σ_j (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, whose mean is zero at the truth.
+Weights from the data alone depend on the errors of the data. A level that is too small by chance then has too large a
+weight, and all estimates become too small. Weights from the fitted model do not have this bias. An estimate that is
+optimal under its own weights solves Σ_j (ν̂_j² − ν_j²) Ω_jk(θ) ∂ν_k²/∂θ = 0, and the left side has mean zero at the true
+parameters.
 """
 
 from __future__ import annotations
@@ -25,32 +26,36 @@ from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
 REWEIGHTED = ("diagonal", "optimal")
-"""The weightings that hang on the estimate."""
+"""The weightings that depend on the estimate."""
 FIXED = 1e-11
-"""Largest relative change of the implied wavelet variance from which on the weights stand still."""
+"""Relative change of the fitted curve at which the iteration ends, 100 times smaller than the 1e-9 to which
+tests/estimation/test_fit_laws.py compares fits of scaled data."""
 ROUNDS = 60
-"""Rounds of local fits; the change falls to a tenth from one to the next, to a half where a drift is weak."""
+"""Largest number of iterations. From one to the next the change falls to a tenth, or to a half if a drift is weak, so
+that 60 iterations reach `FIXED`."""
 PRIOR = 1000.0
-"""Degrees of freedom that the fitted curve counts for beside those of a level, where its covariance is scaled.
+"""Degrees of freedom of the fitted curve when it is averaged with the data to scale the covariance.
 
-A level that the model misses by a factor would otherwise weigh the more, the more it is missed. It costs the estimates
-a bias of 4 / (η + 1000) of a level at most, nothing beside its scatter.
+Without the average, a level would have the more weight, the further the model lies below the data. The average costs a
+relative bias of at most 4 / (η + 1000) of a level, which is small beside its scatter √(2/η). The resulting bias and
+coverage of the estimates are in docs/validation/weighting.md.
 """
 HOPE = 12
-"""Rounds in which the change must fall to a half; it does not where two answers take turns."""
+"""Iterations in which the change must fall to a half. It does not if two estimates alternate, and 12 iterations tell
+this apart from slow convergence with a factor of up to 0.94."""
 NEARLY = 3
-"""Rounds after which the weights are those of the estimate to a few per cent."""
+"""Iterations after which the weights agree with the estimate to a few per cent, which is enough to compare models."""
 RETURNS = 4
-"""How often the global optimum may turn out to lie elsewhere than where the rounds led."""
+"""How often the iteration is repeated if the global search finds another optimum."""
 
 
 First = Callable[[Problem], Solution]
-"""The way to a first solution."""
+"""A function that solves the problem for the first time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A solved problem under its final weights, and what to know of these."""
+    """A solved problem with its final weights, and remarks about these."""
 
     problem: Problem
     solution: Solution
@@ -68,32 +73,35 @@ def settle(
     first: First | None = None,
     search: bool = True,
 ) -> Settled:
-    """The estimate that is optimal under the weights that it implies.
+    """Iterate estimate and weights until they agree.
 
-    Rounds begin with weights from the data. The last weights are held for the global search and its certificate,
-    so that the estimate is the proven optimum of the criterion with the Ω that is recorded. Where estimate and weights
-    do not come to agree, as when each of two answers makes weights that lead to the other, the weights are those of
-    the likeliest mixture of all processes.
+    The iteration starts with weights from the data. The final weights are held for the global search and its
+    certificate, so that the estimate is the proven optimum of the objective with the recorded Ω.
+
+    Estimate and weights may fail to agree, for example if two estimates alternate because each implies weights that
+    lead to the other. The final weights then come from the most likely mixture of all processes, without the model.
 
     Parameters
     ----------
     weighting : "diagonal" or "optimal"
         1 / V_jj, or V⁻¹.
+    certify : bool
+        Compute the lower bound on the objective.
     start : Model, optional
-        A model near the estimate, whose weights the rounds begin with.
+        A model near the estimate, for the first weights.
     fixed : float
-        The weights stand still where the curve changes by less (relative).
+        The iteration ends when the relative change of the curve is at most this.
     first : callable, optional
-        The solution that the rounds begin with, in place of the global search.
+        Replaces the first global search.
     search : bool
-        Whether to search again under the last weights; not needed next to an estimate for almost the same data.
+        Search again under the final weights. Not needed if `start` is an estimate from almost the same data.
 
     Raises
     ------
     MissingTheoryError
-        If "optimal" is wanted of a process whose covariance is not known.
+        If the weighting is "optimal" and the covariance of a process is unknown.
     ModelError
-        If "optimal" is wanted of a model without noise.
+        If the weighting is "optimal" and the model has no noise at some level.
     """
 
     def finish(problem: Problem, solution: Solution) -> Solution:
@@ -115,7 +123,7 @@ def settle(
             except (MissingTheoryError, ModelError) as error:
                 if weighting == "optimal":
                     raise
-                remark = Remark.of("weights-from-data", wv.axis, reason=str(error).rstrip("."))
+                remark = Remark.of("weights-from-data", wv.axis, reason=error.message or str(error))
                 return Settled(problem, finish(problem, solution), (remark,))
             problem = problem.under(matrix)
             solution = resume(problem, solution)
@@ -131,13 +139,13 @@ def settle(
             break
     if change <= max(1e-6, fixed) and moved <= max(1e-6, fixed):
         return Settled(problem, solution)
-    # Each of two answers may make weights that lead to the other. A curve that no model of the user's shapes decides.
+    # Two estimates may alternate, each with weights that lead to the other. Weights without the model end this.
     problem = problem.under(_weights_of_the_data(weighting, wv, design))
     return Settled(problem, finish(problem, solution), (Remark.of("weights-not-converged", wv.axis),))
 
 
 def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[Settled, Matrix]:
-    """An estimate under weights that it nearly implies, and V (J, J), of which they are made; for comparing models."""
+    """Fit with nearly converged weights, for comparing models; also returns V (J, J), from which they are made."""
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
     solution = solve(problem, certify=False)
@@ -145,22 +153,23 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
         at = estimated(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
         if not np.all(np.diag(wavelet) > 0):
-            raise ModelError(f"{model.structure} as estimated has no noise at some level; give it more terms, as WN()")
+            raise _no_noise(model)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
     return Settled(problem, solve(problem, certify=False)), wavelet
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
-    """Ω of the likeliest mixture of all processes: no model is asked for."""
+    """Ω of the most likely mixture of all processes, which does not depend on the fitted model."""
     _, model = mixture(wv.variance, wv.degrees_of_freedom, design)
     return implied_weights(weighting, model, design, wv.variance)
 
 
 class _Ahead:
-    """The model whose weights come next: the last estimate, or where the last steps lead in the end.
+    """Accelerate the fixed-point iteration: the next model is the last estimate, or the extrapolated limit.
 
-    The steps of a fixed-point iteration shrink by about the same factor ρ each: what remains is ρ/(1 − ρ) of the last.
+    The steps of the iteration shrink by about the same factor ρ. The remaining distance is ρ/(1 − ρ) times the last
+    step (Aitken's delta-squared process).
     """
 
     def __init__(self) -> None:
@@ -186,22 +195,29 @@ class _Ahead:
         moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(names, reach, strict=True)}
         try:
             return model.with_values(moved)
-        except ModelError:  # coefficients that are none together
+        except ModelError:  # extrapolated coefficients of an AR process may not be stationary
             return model
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """Ω = V⁻¹ ("optimal"), or 1 / V_jj, of a model.
+    """Weights Ω of a model: V⁻¹ ("optimal"), or 1 / V_jj.
 
-    Where there are data ν̂² (J,), V is scaled from the model's curve ν² to ν̄² = (ην̂² + 1000ν²)/(η + 1000): equal to it
-    but for its own errors where the model is right, and wider where the model misses the data.
+    Parameters
+    ----------
+    weighting : "diagonal" or "optimal"
+    model : Model
+        With all its values.
+    design : Design
+    observed : (J,) array, optional
+        Data ν̂². V is then scaled from the curve ν² of the model to ν̄² = (ην̂² + 1000ν²)/(η + 1000). This changes little
+        if the model is right, and makes V larger where the model lies below the data.
 
     Raises
     ------
     ModelError
         If the model has no noise at some level.
     MissingTheoryError
-        If the covariance of a process is not known.
+        If the covariance of a process is unknown.
     """
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
@@ -210,18 +226,25 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
-        raise ModelError(f"{model.structure} as estimated has no noise at some level")
+        raise _no_noise(model)
     return np.diag(weights)
 
 
+def _no_noise(model: Model) -> ModelError:
+    return ModelError(
+        f"{model.structure} as estimated has no noise at some level",
+        advice="Add a term to the model, for example WN.",
+    )
+
+
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
-    """V (J, J) of a model, scaled to ν̄² where there are data (see `implied_weights`)."""
+    """Covariance V (J, J) of a model, scaled to ν̄² if there are data (see `implied_weights`)."""
     scale = _drawn_scale(model, design, observed)
     return covariance(model, design) * np.outer(scale, scale)
 
 
 def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:
-    """ν̄² / ν²."""
+    """ν̄² / ν² (J,), see `implied_weights`."""
     if observed is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
         freedom = design.degrees_of_freedom
@@ -235,6 +258,6 @@ def _implied(problem: Problem, solution: Solution, wv: WaveletVariance) -> Vecto
 
 
 def _change(before: Vector, after: Vector) -> float:
-    """Largest relative change; of levels without any variance there is none."""
+    """Largest relative change over the levels; levels without variance do not count."""
     scale = np.maximum(before, after)
     return float(np.max(np.abs(after - before) / np.where(scale > 0, scale, 1.0)))

@@ -1,9 +1,9 @@
-"""Solving the estimation problem.
+"""Solve the estimation problem.
 
-The criterion is linear in all parameters but those of shapes. Eliminating the linear ones by non-negative least squares
-leaves one search coordinate for each Gauss-Markov process, and the coordinates of the parameters of each process that
-has no search (variable projection). `cone` finds the former with a proof; `surface` finds both from starting values,
-where there are any of the latter or the user wants it so.
+The model curve is linear in all parameters except those of shapes. Non-negative least squares eliminates the linear
+parameters. What remains is one search coordinate for each Gauss-Markov process, and the coordinates of each process
+with several shape parameters (variable projection). `branch_and_bound` finds the former with a proof;
+`variable_projection` finds both from starting values, if there are any of the latter or if the user asks for draws.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 RETURNS = 3
-"""How often the curved processes may turn out to be better elsewhere, the free ones held where they came to rest."""
+"""How often the curved processes are searched again while the free ones are held, and the other way round; pinned by
+tests/estimation/test_arma_fits.py (two lines are both found)."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The optimum: scales of the linear processes, the terms with a shape and where they are, criterion and bounds."""
+    """An optimum: scales of the linear processes, terms with a shape and their places, objective and bounds."""
 
     objective: float
     lower_bound: float | None
@@ -53,10 +54,10 @@ class Solution:
 
 
 def solve(problem: Problem, *, certify: bool) -> Solution:
-    """The optimum of a problem, from deterministic starting points.
+    """Find the optimum of a problem from deterministic starting points.
 
-    The global one, with its certificate if asked, of processes that are linear or have a search; of others the best of
-    the local optima that a scan leads to.
+    It is the global optimum, with its certificate if `certify`, unless a process has several shape parameters. It is
+    then the best of the local optima that a scan leads to.
     """
     if problem.free:
         return _scanned(problem)
@@ -94,7 +95,7 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
 
 
 def solve_near(problem: Problem) -> Solution:
-    """The optimum of a problem for data that are near those its model has the values of: no scan is needed."""
+    """Find the optimum near the values of the model, without a scan, for data near those that gave the values."""
     if not problem.free:
         return solve(problem, certify=False)
     surface = Surface(problem)
@@ -111,9 +112,9 @@ def solve_near(problem: Problem) -> Solution:
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
-    """The local optimum next to the solution of a problem that differs by its weights; to first order if near.
+    """Find the local optimum next to the solution of a problem with other weights; exact to first order if near.
 
-    `ends`: and what its curved terms act as.
+    If `ends`, also find out which process each curved term acts as.
     """
     if solution.point is not None:
         return _resumed(problem, solution, ends=ends)
@@ -129,21 +130,24 @@ def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solut
 
 
 def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Solution:
-    """The local optimum next to the best of random draws."""
+    """Find the local optimum next to the best of random draws."""
     surface = Surface(problem)
     point = sampled_point(problem, wv, sampled, spread)
     before, found = surface.at(point), surface.downhill(point)
     if before is None or found is None:
-        raise ModelError(f"none of {sampled.draws} draws is a process of {problem.model}; draw more")
+        raise ModelError(
+            f"none of {sampled.draws} random draws gives a valid process of {problem.model}",
+            advice="Increase the number of draws.",
+        )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
     return _solution(problem, surface, surface.sharpened(found), start)
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
-    """The solution under the last weights: from the global search again, or followed from where draws led.
+    """Solve the problem under the final weights: by the global search, or from the optimum that draws led to.
 
-    Then a certificate is that of the global optimum, which draws may have missed, and the start tells what the
-    deterministic route reaches under the same weights.
+    After draws, the bounds belong to the global optimum, which the draws may have missed. The start then has the
+    objective that the deterministic search reaches under the same weights.
     """
     if solution.start.how != "sampled":
         return solve(problem, certify=certify)
@@ -158,13 +162,13 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
 
 
 def _value(found: Projection | None, problem: Problem) -> float:
-    """The criterion, in the unit of the data."""
+    """The objective, in the unit of the data."""
     assert found is not None
     return float(found.objective * problem.unit**2)
 
 
 def _scanned(problem: Problem) -> Solution:
-    """The best of the local optima that lie downhill from the points of a scan."""
+    """The best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone)
@@ -177,14 +181,16 @@ def _scanned(problem: Problem) -> Solution:
         if best is None or not problem.as_low(best.objective, found.objective, NOISE):
             best, start = found, Start(how=how, tried=tried, objective=_value(before, problem))
     if best is None:
-        raise ModelError(f"no starting values were found for {problem.model}; give some in the model")
+        raise ModelError(
+            f"no starting values were found for {problem.model}", advice="Write starting values into the model."
+        )
     if alone is not None:
         best = _rearranged(problem, surface, alone, best)
     return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
 
 
 def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
-    """The optimum, after seeing of several free processes whether one is better elsewhere."""
+    """The optimum after moving one free process at a time to the best places of its own scan."""
     for _ in range(RETURNS):
         found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
         better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
@@ -195,7 +201,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
 
 
 def _elsewhere(problem: Problem, surface: Surface, best: Projection) -> Projection:
-    """The optimum, after seeing whether the curved processes are better elsewhere with the free ones where they are."""
+    """The optimum after a new search for the curved processes with the free ones held."""
     for _ in range(RETURNS if problem.curved_class is not None else 0):
         _, z = surface.split(best.point)
         search = surface.curved_alone(z)
@@ -222,7 +228,7 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:
-    """Whether the gradient is nothing beside the objective."""
+    """Whether the gradient is zero to rounding: at most 1e-10 of the product of its factors' lengths."""
     slopes = surface.slopes(found)
     gradient = -slopes @ found.residual
     able = surface.moving(found, gradient)
@@ -231,14 +237,14 @@ def _at_rest(surface: Surface, found: Projection) -> bool:
 
 
 def _solution(problem: Problem, surface: Surface, found: Projection, start: Start, *, ends: bool = True) -> Solution:
-    """What was found, in the words of the problem; `ends`: and what the curved terms act as."""
+    """Make the solution from an optimum; if `ends`, with the process that each curved term acts as."""
     linear = len(problem.linear)
     u, z = surface.split(found.point)
     terms: tuple[Term, ...] = ()
     places = tuple(zip(found.point.branches, u.tolist(), strict=True))
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
-        # A process that leaves no trace is not among the linear ones of that search.
+        # That search leaves out processes whose wavelet variance is zero.
         terms = search.terms(search.at(list(places)), ends=ends)
     # `unit` over the length of the weighted shape.
     scales = found.weights[linear:] * problem.unit / np.where(found.lengths > 0, found.lengths, 1.0)
@@ -261,9 +267,9 @@ def _solution(problem: Problem, surface: Surface, found: Projection, start: Star
 
 
 def estimated(problem: Problem, solution: Solution, slope: float | None) -> Model:
-    """The problem's model with the values of its solution, in the same order of terms.
+    """The model with the values of a solution, in the same order of terms.
 
-    A signed parameter takes its sign from the data's `slope`, where that is known.
+    A signed parameter has the sign of the `slope` of the data, if that is known.
     """
     processes = list(problem.model.processes)
     for place, scale in zip(problem.linear, solution.scales, strict=True):

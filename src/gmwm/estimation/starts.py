@@ -1,4 +1,4 @@
-"""Starting values: a deterministic scan, and the paper's random draws (its Algorithms 1 to 3)."""
+"""Starting values: a deterministic scan, and the random draws of the paper (its Algorithms 1 to 3)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
-from gmwm.errors import OptionError
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.variable_projection import Coordinates, Point, Surface
 from gmwm.filters import find_filter
+from gmwm.options import as_whole_number
 from gmwm.processes.base import Process
 from gmwm.processes.start_context import Dominant, Occasion
 from gmwm.processes.validation import as_seed
@@ -23,39 +23,46 @@ from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
 
 How = Literal["convex", "given", "scan", "sampled"]
-"""Where a fit started: from the convex relaxation, values in the model, a scan, or random draws."""
+"""Start of a fit: the convex relaxation, values in the model, a scan, or random draws."""
 
+# The sizes of the scan below are pinned by tests/estimation/test_arma_fits.py and test_surface.py: no other start,
+# random draws among them, may reach a smaller objective (docs/validation/starts.md has the study).
 SCANNED = 64
 """Points of a scan of one coordinate; four times as many for each further one, up to `MOST_SCANNED`."""
 MOST_SCANNED = 4096
 ALONE = 256
-"""Points of a scan of one coordinate of one process, the others held."""
+"""Points of a scan of one coordinate of one process while the others are held."""
 ROUNDS = 4
 ALIKE = 0.9999
-"""Inner product of unit vectors from which on two places are one."""
+"""Inner product of two unit vectors above which their places count as one."""
 LEFT_FOR = 4
-"""Places that a process is tried at after the others have come to rest."""
+"""Number of places to which each process is moved after the first descent."""
 KEPT = 10
-"""Points of a scan from which a way downhill is tried."""
+"""Number of points of a scan from which a descent starts."""
 LOOKED_AT = 256
-"""Best points of a scan among which these are chosen, no two of them close to each other."""
+"""Number of the best points of a scan from which these are chosen, no two of them close to each other."""
 DICTIONARY = 48
-"""Places of a curved process that stand for all while points are scanned."""
+"""Number of places that represent a curved process while points are scanned."""
 
 
 @dataclass(frozen=True)
 class Sampled:
-    """Starting values drawn at random, as the paper does (its Algorithms 1 to 3); the best of `draws` is taken.
+    """Random starting values, as in the paper (its Algorithms 1 to 3); for ``fit(…, start=Sampled())``.
 
-    For comparison: the default starts from the convex relaxation, needs no random numbers and finds the global optimum
-    wherever there is a proof. The draw with the least Σ_j (1 − ν_j²(θ)/ν̂_j²)² is where the local optimisation starts.
+    For comparison only: the default starts from the convex relaxation, needs no random numbers, and finds the global
+    optimum. The local optimisation starts from the draw with the smallest Σ_j (1 − ν_j²(θ)/ν̂_j²)².
 
     Parameters
     ----------
     draws : int
-        G, how many starting values are drawn.
+        G, the number of random starting values, at least 1.
     rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same fit. Of a Generator an integer is drawn and kept.
+        Source of the draws; the same integer gives the same fit. From a Generator, an integer is drawn and kept.
+
+    Raises
+    ------
+    OptionError
+        If `draws` or `rng` is not valid.
 
     References
     ----------
@@ -71,25 +78,24 @@ class Sampled:
     rng: int | np.random.Generator = 0
 
     def __post_init__(self) -> None:
-        if isinstance(self.draws, bool) or not isinstance(self.draws, int | np.integer) or self.draws < 1:
-            raise OptionError(f"draws must be a whole number of at least 1, got {self.draws!r}")
-        object.__setattr__(self, "draws", int(self.draws))
+        object.__setattr__(self, "draws", as_whole_number(self.draws, "draws", 1))
         object.__setattr__(self, "rng", as_seed(self.rng))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Where a fit started, and what the way from there to the optimum gained.
+    """The starting point of a fit, and the objective there.
 
     Attributes
     ----------
     how : "convex", "given", "scan" or "sampled"
+        The convex relaxation, values in the model, a scan, or random draws.
     tried : int
-        Starting points that were looked at.
+        Number of starting points that were evaluated.
     objective : float
-        The criterion at the starting point, with the best scales.
+        The objective at the starting point, with the best scales.
     default : float or None
-        Of draws, unless certify=False: the criterion that the fit without them reaches, under the same weights.
+        The objective that a fit without draws reaches under the same weights; None without draws or with certify=False.
     """
 
     how: How
@@ -99,22 +105,22 @@ class Start:
 
     @property
     def in_words(self) -> str:
-        """Where the fit started, in a few words."""
+        """The start in a few words, for summaries."""
         if self.how == "sampled":
             other = "" if self.default is None else f"; without draws {self.default:.6g}"
             return f"from the best of {self.tried} draws, objective {self.objective:.6g} there{other}"
         if self.how == "convex":
             return f"from the convex relaxation, objective {self.objective:.6g} there"
         which = "the given one" if self.how == "given" else f"objective {self.objective:.6g} there"
-        return f"best of what {self.tried} starting points lead to ({which})"
+        return f"best of the optima reached from {self.tried} starting points ({which})"
 
     def to_dict(self) -> dict[str, Any]:
-        """The start as plain numbers and texts, ready for JSON."""
+        """The start as numbers and strings, ready for JSON."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Start:
-        """The start whose `to_dict` gave `values`."""
+        """The start from the values of `to_dict`."""
         default = values["default"]
         how = next(how for how in get_args(How) if how == values["how"])
         return cls(
@@ -131,13 +137,13 @@ class Start:
 def scanned_points(
     problem: Problem, surface: Surface, alone: list[Alone] | None
 ) -> tuple[list[tuple[How, Point]], int]:
-    """Points from which to go downhill, best first, and how many were looked at; `alone`: the scans of each process.
+    """Points from which to descend, the best first, and the number of points evaluated.
 
-    The free coordinates run over a sequence that fills their box evenly; the curved processes and the linear ones are
-    at their best for each. Values given in the model come first.
+    The free coordinates run over a sequence that fills their box evenly. The curved and the linear processes are
+    optimised for each point. Values given in the model come first. `alone` are the scans of the single processes.
     """
     count = sum(free.size for free in surface.frees)
-    # What is held leaves a thin set of processes, of which few points are.
+    # If a parameter is held, only few points of the box belong to a valid process, so more points are needed.
     held = any(not free.together for free in surface.frees)
     number = min(MOST_SCANNED, SCANNED * 4 ** (count - 1 + 2 * held))
     share, columns = _even(number, count), []
@@ -159,14 +165,14 @@ def scanned_points(
 
 
 def given_point(problem: Problem, surface: Surface) -> Point | None:
-    """The point of the values in the model, if it has those of all free processes."""
+    """The point of the values in the model, if the model has values for all free processes."""
     given = [free.given() for free in surface.frees]
     there = [z for z in given if z is not None]
     return _with_curved(problem, surface, there) if len(there) == len(given) else None
 
 
 def _over_its_scan(free: Coordinates, share: Matrix, problem: Problem) -> Matrix:
-    """Nonlinear parameters (n, q) at shares (n, d) of the box that is scanned, with those that are held in place."""
+    """Nonlinear parameters (n, q) at relative positions (n, d) in the scanned box, with the held parameters."""
     ends = free.scanned(problem.samples, problem.rate)
     return np.asarray(free.values(ends[:, 0] + share * (ends[:, 1] - ends[:, 0])), dtype=np.float64)
 
@@ -179,7 +185,7 @@ class Alone:
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """The best places beside other unit vectors, no two of them neighbours."""
+        """Rows of the best places together with other unit vectors, no two of them neighbours."""
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):
@@ -193,7 +199,7 @@ class Alone:
 
 
 def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
-    """Scans of each of several free processes; None of a single one, and if one is nowhere possible."""
+    """Scans of each of several free processes; None if there is only one, or if one has no valid point."""
     if len(surface.frees) < 2:
         return None
     every = []
@@ -208,9 +214,9 @@ def scans_alone(problem: Problem, surface: Surface) -> list[Alone] | None:
 
 
 def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[Vector]:
-    """Each free process where it is best by itself, the others where they are, round about.
+    """Coordinates of the free processes, optimised one process at a time until none moves.
 
-    A line among lines has its place in a narrow band, which points that fill a space of many dimensions miss.
+    The frequency of one of several lines lies in a narrow band, which points of a high-dimensional scan miss.
     """
     base = _dictionary(problem)
     at: dict[int, int] = {}
@@ -226,7 +232,7 @@ def _one_by_one(problem: Problem, surface: Surface, every: list[Alone]) -> list[
 
 
 def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: Point) -> Iterator[Point]:
-    """Points at which one free process has left for where else it would be good, all others staying where they are."""
+    """Points at which one free process is moved to the best places of its own scan, and all others stay."""
     _, z = surface.split(point)
     base, shapes = _dictionary(problem), surface.free_shapes(z)
     for place, scan in enumerate(every):
@@ -237,7 +243,7 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
 
 
 def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix) -> list[int]:
-    """Numbers of the points with the least objectives, no two of them close to each other."""
+    """Indices of the points with the smallest objectives, no two of them close to each other."""
     base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
     for free, values in zip(surface.frees, columns, strict=True):
         possible &= free.possible(values)
@@ -263,7 +269,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matr
 
 
 def _dictionary(problem: Problem) -> Matrix:
-    """Unit vectors of the linear processes, and of the curved ones all over their domain."""
+    """Unit vectors of the linear processes, and of the curved ones at points over their whole domain."""
     if problem.curved_class is None:
         return problem.fixed
     values = grid(
@@ -274,7 +280,7 @@ def _dictionary(problem: Problem) -> Matrix:
 
 
 def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
-    """A point with the curved processes at their best places for these coordinates of the free ones."""
+    """The point with these coordinates of the free processes and the best places of the curved ones."""
     branches, u = [], []
     if problem.curved_class is not None:
         search = surface.curved_alone(z)
@@ -286,7 +292,8 @@ def _with_curved(problem: Problem, surface: Surface, z: list[Vector]) -> Point:
 
 
 def _even(count: int, size: int) -> Matrix:
-    """Points (count, size) that fill the unit cube evenly: multiples of powers of 1/x, x^(d+1) = x + 1, modulo 1."""
+    """Points (count, size) that fill the unit cube evenly: the additive recurrence with powers of 1/x modulo 1, where x
+    is the root of x^(d+1) = x + 1 (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018)."""
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (size + 1))
@@ -298,12 +305,12 @@ def _even(count: int, size: int) -> Matrix:
 
 
 def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, spread: float) -> Point:
-    """The draw whose wavelet variance is nearest to the data, in the coordinates of the problem.
+    """The draw whose wavelet variance is closest to the data, in the coordinates of the problem.
 
     Parameters
     ----------
     spread : float
-        (max x − min x)/N, by which drifts are drawn.
+        (max x − min x)/N, which scales the draws of drifts.
     """
     surface = Surface(problem)
     rng = np.random.default_rng(sampled.rng)
@@ -343,7 +350,7 @@ def sampled_point(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
 
 
 def _occasion(wv: WaveletVariance, spread: float, draws: int, rng: np.random.Generator) -> Occasion:
-    """Algorithms 1 and 2: what dominates the first two levels, and with which condition each draw begins."""
+    """Algorithms 1 and 2 of the paper: the process that dominates the first two levels, and the start of each draw."""
     dominant = _dominant(wv)
     first = np.ones(draws, dtype=np.int64)
     if dominant == "quantization":

@@ -1,8 +1,8 @@
-"""Local optima over all shapes together: variable projection, for processes with several parameters of their shape.
+"""Local optima over all shapes by variable projection, for processes with several shape parameters.
 
-With the scales eliminated by non-negative least squares, what is left is a function of the search coordinates of the
-curved processes and of the coordinates of the free ones, whose gradient follows from the shapes' derivatives alone.
-Levenberg-Marquardt steps lead to its minimum, steps of Newton's to all digits.
+Non-negative least squares eliminates the scales. What remains is a function of the coordinates of all shapes, and its
+gradient follows from the derivatives of the shapes (Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413-432).
+Levenberg-Marquardt steps lead to a minimum, and Newton steps give all digits.
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ from gmwm.processes.base import Process
 from gmwm.processes.parameter import Branch
 
 STEPS = 100
-"""Levenberg-Marquardt steps at most."""
+"""Largest number of Levenberg-Marquardt steps."""
 ALIKE = 1e-9
-"""… which end when one lowers the objective by less (relative): Newton's do better from there."""
+"""These steps end when one lowers the objective by less (relative); Newton steps then converge faster."""
 NEWTON_STEPS = 6
 SHARP = 1e-11
-"""Steps of Newton's end when they move every coordinate by less."""
+"""Newton steps end when they move every coordinate by less."""
 NEAR = 0.3
-"""A step of Newton's is trusted up to this length."""
+"""Longest Newton step that is accepted."""
 LONGEST = 2.0
-"""Longest way in one coordinate in one step: a factor of seven in a correlation time."""
+"""Longest Levenberg-Marquardt step in a coordinate: a factor of seven in a correlation time."""
 NOISE = 1e-12
-"""Objectives that differ by less (relative) are one."""
+"""Objectives with a smaller relative difference count as equal."""
 FAR = 12.0
-"""Way in a coordinate beyond what is scanned at which a process ends: a factor of 160 000, or a share of 1 − 1e-12."""
+"""Extension of the scanned range of a coordinate: a factor of 160 000, or up to 1 − 1e-12 of a bounded domain."""
 HELD_REACH = 5.0
-"""Coordinate up to which shares are scanned while others are held: 0.9999 of their domain."""
+"""Range of the scan of a bounded parameter while others are held: 0.9999 of its domain. Pinned by
+tests/estimation/test_arma_fits.py (a thin set of processes)."""
 _DAMPED = 1e10
 _COMPLEX = 1e-30
 
 
 class Coordinates:
-    """The coordinates of one free process: all together, or parameter by parameter where some are held."""
+    """Coordinates of one free process: joint ones, or one for each parameter if some parameters are held."""
 
     def __init__(self, process: Process) -> None:
         self.kind = type(process)
@@ -58,7 +59,7 @@ class Coordinates:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of coordinates."""
         return len(self.moving)
 
     def values(self, z: NDArray[Any]) -> NDArray[Any]:
@@ -76,34 +77,34 @@ class Coordinates:
         return np.asarray(np.imag(self.values(moved)).T / _COMPLEX)
 
     def of(self, values: Matrix) -> Matrix:
-        """Coordinates (n, d) of nonlinear parameters (n, q); what is held is not looked at."""
+        """Coordinates (n, d) of nonlinear parameters (n, q), without the held ones."""
         if self.together:
             return self.kind.coordinates(values)
         columns = [p.coordinate(values[:, k]) for k, p in zip(self.moving, self.parameters, strict=True)]
         return np.stack(columns, axis=1)
 
     def scanned(self, samples: int, rate: float) -> Matrix:
-        """Ends (d, 2) of each coordinate among which starting values are sought."""
+        """Ends (d, 2) of the coordinates in a scan for starting values."""
         if self.together:
             return self.kind.scan(samples, rate)
-        # Parameter by parameter, and close to the ends of each: the others are held where little else is possible.
+        # The box of single parameters reaches close to their bounds, because held values may allow little else.
         box = np.array([p.scanned(samples, rate) for p in self.parameters])
         share = np.array([p.domain == "between" for p in self.parameters])
         return np.where(share[:, None], HELD_REACH * np.sign(box), box)
 
     def ends(self, samples: int, rate: float) -> Matrix:
-        """Ends (d, 2) of each coordinate, far beyond what is scanned of it."""
+        """Bounds (d, 2) of the coordinates, far beyond the scan."""
         return np.asarray(self.scanned(samples, rate) + np.array([-FAR, FAR]))
 
     def possible(self, values: Matrix) -> NDArray[np.bool_]:
-        """Of which rows of nonlinear parameters (n, q) there is a process: of all that come from joint coordinates."""
+        """Which rows of nonlinear parameters (n, q) are valid; joint coordinates always are."""
         if self.together:
             return np.ones(len(values), dtype=np.bool_)
         with np.errstate(invalid="ignore"):
             return np.asarray(np.all(self.kind.room(values) > 0, axis=1))
 
     def given(self) -> Vector | None:
-        """Coordinates of the starting values in the model, if it has all."""
+        """Coordinates of the starting values in the model, if it has all of them."""
         if any(value is None for value in (self.process.values[p.name] for p in self.process.nonlinear_parameters())):
             return None
         return np.asarray(self.of(self.process.nonlinear.reshape(1, -1))[0])
@@ -111,7 +112,7 @@ class Coordinates:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Places of the curved processes that take part, and the coordinates of all: u of each, then those of the free."""
+    """Coordinates of all shapes: u of each curved process with its branch, then those of the free processes."""
 
     branches: tuple[Branch, ...]
     x: Vector
@@ -119,7 +120,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """The least objective at fixed shapes, with the nonnegative weights of all unit vectors: linear, curved, free."""
+    """The smallest objective at fixed shapes, with the non-negative weights of the linear, curved and free terms."""
 
     objective: float
     point: Point
@@ -146,7 +147,7 @@ class Surface:
         return point.x[:count], [point.x[a:b] for a, b in pairwise(ends.tolist())]
 
     def at(self, point: Point) -> Projection | None:
-        """The best weights there; None where there is no such process."""
+        """The optimal weights at a point; None if a process is not valid there."""
         u, z = self.split(point)
         for free, part in zip(self.frees, z, strict=True):
             if not free.possible(free.values(part.reshape(1, -1)))[0]:
@@ -158,7 +159,7 @@ class Surface:
         if not np.all(np.isfinite(rows)):
             return None
         lengths = np.linalg.norm(rows, axis=1)
-        # A shape that leaves no trace, as of a line at which the filters are zero, has no weight.
+        # A shape whose wavelet variance is zero, as of a sinusoid at a zero of the filters, has no weight.
         units = rows / np.where(lengths > 0, lengths, 1.0)[:, None]
         every = np.ascontiguousarray(np.concatenate([self.fixed, units]))
         weights, objective = _core.nonnegative_least_squares(self.problem.target, every)
@@ -181,7 +182,7 @@ class Surface:
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
     def curved_alone(self, z: list[Vector]) -> Search:
-        """The search for the curved processes with the free ones held there, but for those that leave no trace."""
+        """The search for the curved processes with the free ones held, without those whose wavelet variance is zero."""
         problem, found = self.problem, self.free_shapes(z)
         assert problem.curved_class is not None
         seen = np.any(found > 0, axis=1)
@@ -196,11 +197,11 @@ class Surface:
         return shapes(curved_class, places, levels=problem.levels, rate=problem.rate, filter=problem.filter)
 
     def slopes(self, found: Projection) -> Matrix:
-        """Derivatives (d, J) of Σ weight · unit vector by every coordinate, lengths held."""
+        """Derivatives (d, J) of Σ weight · unit vector by every coordinate, with lengths held."""
         problem, first = self.problem, len(self.fixed)
         u, z = self.split(found.point)
         branches = found.point.branches
-        # None where no process has a shape.
+        # Empty if no process has a shape.
         rows = [np.empty((0, np.size(problem.levels)))]
         if branches:
             curved_class = problem.curved_class
@@ -222,7 +223,7 @@ class Surface:
         return np.asarray((np.concatenate(rows) @ problem.root.T) * share[:, None])
 
     def moving(self, found: Projection, gradient: Vector) -> NDArray[np.bool_]:
-        """Which coordinates can move: their process has a weight, and they are not held by an end of their branch."""
+        """Which coordinates can move: their process has a weight, and the step does not leave their branch."""
         first, count = len(self.fixed), len(found.point.branches)
         free = [np.full(f.size, w > 0) for f, w in zip(self.frees, found.weights[first + count :], strict=True)]
         able = np.concatenate([found.weights[first : first + count] > 0, *free])
@@ -231,7 +232,7 @@ class Surface:
         return np.asarray(able, dtype=np.bool_)
 
     def moved(self, point: Point, step: Vector) -> Point:
-        """The point a step further, on its branches."""
+        """The point after a step, inside its branches and bounds."""
         x = point.x + step
         for k, branch in enumerate(point.branches):
             x[k] = min(max(x[k], branch.low), branch.high)
@@ -242,7 +243,7 @@ class Surface:
     # --- downhill ---------------------------------------------------------------------------------------
 
     def downhill(self, start: Point) -> Projection | None:
-        """The local optimum that Levenberg-Marquardt steps lead to from a point, to some digits."""
+        """The local optimum that Levenberg-Marquardt steps reach from a point, to some digits."""
         best = self.at(start)
         if best is None:
             return None
@@ -275,13 +276,13 @@ class Surface:
         return best
 
     def _projected(self, found: Projection, slopes: Matrix) -> Matrix:
-        """Slopes without what the scales can make up for."""
+        """Slopes without their projection on the unit vectors, for which the scales compensate."""
         rows = found.units[found.weights > 0]
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
     def sharpened(self, best: Projection, steps: int = NEWTON_STEPS) -> Projection:
-        """The same optimum to all digits, where Newton's method leads to one that is as good."""
+        """The optimum after Newton's method, if its objective is not larger."""
         for _ in range(steps):
             gradient = -self.slopes(best) @ best.residual
             able = self.moving(best, gradient)
@@ -305,7 +306,7 @@ class Surface:
         return best
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
-        """Derivatives of the gradient by the coordinates that can move, by differences; None where it is no minimum."""
+        """Hessian in the coordinates that can move, by differences; None if it is not positive definite."""
         count, step = int(np.count_nonzero(able)), 1e-4
         if count == 0:
             return None
@@ -327,7 +328,7 @@ class Surface:
 
 
 def _solved(matrix: Matrix, right: Vector) -> Vector:
-    """Solution of a symmetric system, scaled to unit diagonal; that of least norm where it is singular."""
+    """Solve a symmetric system scaled to unit diagonal; the least-norm solution if it is singular."""
     size = np.sqrt(np.diag(matrix))
     size = np.where(size > 1e-150, size, 1.0)
     scaled = matrix / np.outer(size, size)

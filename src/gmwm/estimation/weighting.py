@@ -1,4 +1,4 @@
-"""The weighting matrix Ω of the criterion (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
+"""The weighting matrix Ω of the objective (ν̂ − ν)ᵀ Ω (ν̂ − ν)."""
 
 from __future__ import annotations
 
@@ -20,11 +20,21 @@ Weighting = Literal["diagonal", "optimal", "identity"] | ArrayLike
 
 
 WELL_KNOWN = 8.0
-"""Degrees of freedom from which on the variance of a level is known to a small factor."""
+"""Degrees of freedom above which a level counts in the check for a covariance that was not inverted.
+
+ν̂_j² then has a relative standard error of at most 1/2. Pinned by tests/estimation/test_weights.py.
+"""
+COVARIANCE_FACTOR = 5.0
+"""Weights that agree with V_jj within this factor look like a covariance (tests/estimation/test_weights.py)."""
+PRECISION_FACTOR = 1000.0
+"""And only if one of them differs from 1 / V_jj by more than this factor: V_jj near 1 unit⁴ decides nothing."""
 
 
 def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
-    """Levels by themselves where a parameter or none makes a shape; with what they have in common where more do."""
+    """The default weighting: "optimal" if a process has several free shape parameters, otherwise "diagonal".
+
+    Source: docs/validation/weighting.md.
+    """
     several = any(
         sum(not process.is_fixed(p.name) for p in process.nonlinear_parameters()) > 1 for process in model.processes
     )
@@ -32,25 +42,26 @@ def usual_weighting(model: Model) -> Literal["diagonal", "optimal"]:
 
 
 def sampling_variance(wv: WaveletVariance) -> Vector:
-    """Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j from the data alone, in unit⁴; ν̄² is ν̂², smoothed where it is of few coefficients.
+    """Approximate the sampling variance of the wavelet variance from the data: Var ν̂_j² ≈ 2 ν̄_j⁴ / η_j, in unit⁴.
 
-    η_j = max(M_j / 2^j, 1), times the efficiency where ν̂² is robust: the safe bound of its larger variance.
+    ν̄² is ν̂², smoothed at levels with few coefficients. η_j = max(M_j / 2^j, 1) are the degrees of freedom. They are
+    multiplied by the efficiency if ν̂² is robust, which bounds its larger variance.
     """
     return 2 * smoothed(wv) ** 2 / wv.degrees_of_freedom
 
 
 def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
-    """Ω as a (J, J) matrix, in unit⁻⁴, from the data alone.
+    """Make Ω as a (J, J) matrix, in unit⁻⁴, from the data without a model.
 
     Parameters
     ----------
     weighting : "diagonal", "identity", or (J,) or (J, J) array
-        "diagonal" is 1 / `sampling_variance`; a vector is taken as a diagonal.
+        "diagonal" is 1 / `sampling_variance`; a vector is the diagonal of the matrix.
 
     Raises
     ------
     DataError
-        If a level has zero variance, which "diagonal" cannot weigh.
+        If "diagonal" is wanted and the variance of a level is zero, or its square overflows.
     OptionError
         If the matrix has the wrong shape, is not finite, or is not symmetric and positive definite.
     """
@@ -59,68 +70,82 @@ def weighting_matrix(weighting: Weighting, wv: WaveletVariance) -> Matrix:
         if weighting == "identity":
             return np.eye(size)
         if weighting != "diagonal":
-            raise OptionError(f"weighting must be 'diagonal', 'optimal', 'identity' or a matrix, got {weighting!r}")
+            raise OptionError(
+                argument="weighting", expected="'diagonal', 'optimal', 'identity' or a matrix", got=weighting
+            )
         if not np.all(wv.variance > 0):
             zero = ", ".join(str(j) for j in wv.levels[wv.variance <= 0])
             raise DataError(
-                f"the wavelet variance is zero at level {zero}: a constant or coarsely quantised signal, which "
-                "weighting='diagonal' cannot weigh; pass weighting='identity', your own matrix, or "
-                f"{'robust=False' if wv.robust else 'other data'}"
+                f"the wavelet variance is zero at level {zero}, because the signal is constant or coarsely quantized: "
+                "diagonal weights do not exist",
+                advice="Use the classical wavelet variance with {--robust=no}, or {--weighting=identity}."
+                if wv.robust
+                else "Use {--weighting=identity}, or pass a matrix.",
             )
         with np.errstate(over="ignore", divide="ignore", under="ignore"):
             weights = 1 / sampling_variance(wv)
         if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
             raise DataError(
-                f"the wavelet variance runs from {wv.variance.min():g} to {wv.variance.max():g}, whose squares leave "
-                "the range of double precision; give the signal in a larger or smaller unit"
+                f"the wavelet variance ranges from {wv.variance.min():g} to {wv.variance.max():g}, and its squares "
+                "exceed the range of double precision",
+                advice="Scale the signal to another unit.",
             )
         return np.diag(weights)
     try:
         matrix = np.asarray(weighting, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OptionError(f"weighting must be numbers, or 'diagonal', 'optimal' or 'identity'; {error}") from error
+        raise OptionError(
+            argument="weighting", expected="'diagonal', 'optimal', 'identity' or a matrix of numbers", got=weighting
+        ) from error
     if matrix.shape not in ((size,), (size, size)):
-        raise OptionError(f"weighting must be a vector of {size} or a {size} x {size} matrix, got shape {matrix.shape}")
+        raise OptionError(
+            f"weighting must be a vector of {size} or a {size} x {size} matrix; got shape {matrix.shape}",
+            argument="weighting",
+            got=matrix.shape,
+        )
     if bad := int(np.count_nonzero(~np.isfinite(matrix))):
-        raise OptionError(f"weighting must be finite, {bad} of its {matrix.size} weights are NaN or infinite")
+        raise OptionError(
+            f"weighting must be finite; {bad} of {matrix.size} weights are NaN or infinite", argument="weighting"
+        )
     if matrix.ndim == 1:
         matrix = np.diag(matrix)
     largest = np.abs(matrix).max()
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12 * float(largest)):
-        raise OptionError("weighting must be a symmetric matrix, this one differs from its transpose")
+        raise OptionError("weighting must be a symmetric matrix; it differs from its transpose", argument="weighting")
     return (matrix + matrix.T) / 2
 
 
 def weighting_remarks(matrix: Matrix, wv: WaveletVariance) -> tuple[Remark, ...]:
-    """What is to be known of weights of the user's, in words: whether they are a covariance that was not inverted.
+    """Remarks about the weights of a user: whether they look like a covariance that was not inverted.
 
-    They are taken for one where they are as large as V_jj at every level that is well known, and at some of these far
-    from 1 / V_jj.
+    They do if they agree with V_jj at every level with enough degrees of freedom, and are far from 1 / V_jj at one.
     """
     known = (wv.degrees_of_freedom >= WELL_KNOWN) & (wv.variance > 0) & (np.diag(matrix) > 0)
     if np.count_nonzero(known) < 3 or not np.all(wv.variance > 0):
         return ()
     weights, variance = np.log(np.diag(matrix)[known]), np.log(sampling_variance(wv)[known])
-    if np.all(np.abs(weights - variance) < math.log(5)) and np.any(np.abs(weights + variance) > math.log(1000)):
+    like_covariance = np.all(np.abs(weights - variance) < math.log(COVARIANCE_FACTOR))
+    if like_covariance and np.any(np.abs(weights + variance) > math.log(PRECISION_FACTOR)):
         return (Remark.of("weights-are-covariance", wv.axis),)
     return ()
 
 
 def precision(covariance: Matrix) -> Matrix:
-    """V⁻¹ (J, J), from V scaled to unit diagonal: levels differ by many powers of ten, their correlations do not.
+    """Invert a covariance V (J, J) of levels.
 
-    A direction whose share of the scatter is below rounding is taken to have that of rounding.
+    V is scaled to unit diagonal first, because variances of levels differ by many powers of ten. Eigenvalues below the
+    rounding error are replaced by the rounding error.
 
     Raises
     ------
     ModelError
-        If a level has no variance at all.
+        If a level has zero variance.
     """
     scale = np.sqrt(np.diag(covariance))
     if not (np.all(np.isfinite(scale)) and np.all(scale > 0)):
         raise ModelError(
-            "the model as estimated has no noise at some level: its covariance cannot be inverted; give it more terms, "
-            "as WN(), or take weighting='diagonal'"
+            "the model as estimated has no noise at some level, so its covariance has no inverse",
+            advice="Add a term to the model, for example WN, or use {--weighting=diagonal}.",
         )
     share, axes = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
     share = np.maximum(share, share[-1] * share.size * np.finfo(float).eps)
@@ -129,7 +154,7 @@ def precision(covariance: Matrix) -> Matrix:
 
 
 def square_root(matrix: Matrix) -> Matrix:
-    """Upper triangular L with LᵀL = Ω, from the Cholesky factor of Ω scaled to unit diagonal.
+    """Upper triangular L with LᵀL = Ω: the Cholesky factor, computed from Ω scaled to unit diagonal.
 
     Raises
     ------
@@ -145,4 +170,8 @@ def square_root(matrix: Matrix) -> Matrix:
             pass
         else:
             return np.ascontiguousarray(factor.T * scale)
-    raise OptionError("weighting must be positive definite, this matrix is not; is it a covariance not yet inverted?")
+    raise OptionError(
+        "weighting must be a positive definite matrix; this one is not",
+        argument="weighting",
+        advice="Invert it if it is a covariance.",
+    )

@@ -1,7 +1,7 @@
-"""The covariance of the estimates: Cov θ̂ = B V Bᵀ, B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ.
+"""Covariance of the estimates by the sandwich formula: Cov θ̂ = B V Bᵀ, B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ.
 
-V is the exact covariance of ν̂² at the estimate, in full, whatever the weights Ω are. Everything is done in relative
-coordinates (D_θ = θ ∂ν²/∂θ): parameters differ by many powers of ten, their relative errors do not.
+V is the exact covariance (J, J) of ν̂² at the estimate, for any weights Ω. The computation uses relative coordinates
+(D_θ = θ ∂ν²/∂θ), because parameters differ by many powers of ten and their relative errors do not.
 """
 
 from __future__ import annotations
@@ -23,26 +23,27 @@ if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 COLLINEAR = 1e-9
-"""A direction of the parameters that moves the curve by less than this share of the others is not determined."""
+"""Relative singular value of the Jacobian below which a direction of the parameters is not determined. Pinned by
+tests/inference/test_plan.py: parameters with the same effect on the curve have infinite errors."""
 
 NO_COEFFICIENT = 1e-8
-"""What stands for a coefficient φ = 0, a pure number, where errors are relative to values."""
+"""Value that replaces a coefficient φ = 0, because errors are relative to values."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sandwich:
-    """Covariance of the estimates that are neither held, nor zero, nor at an end of their domain.
+    """Covariance of the estimates, without parameters that are held, zero or at an end of their domain.
 
     Attributes
     ----------
     names : tuple of str
-        The p parameters.
+        Names of the p parameters.
     values : (p,) array
-        Their estimates.
+        Estimates.
     relative : (p, p) array
-        Covariance of θ̂_i/θ_i; infinite where the data do not determine a parameter.
+        Covariance of θ̂_i/θ_i; infinite if the data do not determine a parameter.
     wavelet : (J, J) array, in unit⁴
-        V, covariance of the wavelet variance under the fitted model.
+        V, the covariance of the wavelet variance under the fitted model.
     """
 
     names: tuple[str, ...]
@@ -79,21 +80,21 @@ def sandwich(fit: Fit) -> Sandwich:
 
 
 def no_noise(model: Model) -> ModelError:
-    """The error that says that V is zero at a level."""
+    """The error for a model whose V is zero at a level."""
     return ModelError(
-        f"{model.structure} as estimated has no noise at some level, so that its estimates would be exact; take a "
-        "model with noise at every level, or see whether the data have any"
+        f"{model.structure} as estimated has no noise at some level, so its estimates would be exact",
+        advice="Use a model with noise at every level, for example with WN.",
     )
 
 
 def sandwich_of(
     model: Model, design: Design, matrix: Matrix, wavelet: Matrix, acts_as: Mapping[str, str] | None = None
 ) -> Sandwich:
-    """The covariance of estimates with the weighting matrix Ω (J, J) where ν̂² has the covariance V (J, J).
+    """Covariance of estimates with the weighting matrix Ω (J, J) if ν̂² has the covariance V (J, J).
 
-    Terms that act as another process have a scale and no shape: the shape is left out, and neither is reported.
-    A term that is zero may be there for all that the data say, and its neighbours be smaller by as much: their errors
-    are those that they would have if it were free, which are safe.
+    The shape of a term that acts as another process is left out, and the term is not reported. A term that is estimated
+    as zero may be present, and the other terms smaller by as much. It therefore counts as free, which makes the
+    standard errors of the other terms larger and safe.
     """
     columns, reported = columns_of(model, acts_as or {})
     values = _sizes(model, columns)
@@ -109,7 +110,7 @@ def sandwich_of(
 
 
 def _unseen(model: Model, design: Design) -> list[Vector]:
-    """Wavelet variances (J,), at unit scale, of terms that are zero and have no shape to find."""
+    """Wavelet variances (J,), at unit scale, of terms that are zero and have no free shape parameter."""
     return [
         process.shape(process.nonlinear.reshape(1, -1), design.levels, design.rate, design.filter)[0]
         for process in model.processes
@@ -120,7 +121,7 @@ def _unseen(model: Model, design: Design) -> list[Vector]:
 
 
 def columns_of(model: Model, acts_as: Mapping[str, str]) -> tuple[list[str], set[str]]:
-    """Parameters that are free to move, and those of them that mean something by themselves."""
+    """Names of the free parameters, and the subset that is reported."""
     columns, reported = [], set()
     for term, process in zip(model.terms, model.processes, strict=True):
         if process.scale == 0:
@@ -144,13 +145,13 @@ def relative_jacobian(model: Model, design: Design, names: list[str] | tuple[str
 
 
 def _sizes(model: Model, names: list[str] | tuple[str, ...]) -> Vector:
-    """Values of parameters; a coefficient of exactly zero, which nothing is relative to, stands as a small one."""
+    """Values of parameters, with `NO_COEFFICIENT` for a coefficient of exactly zero."""
     values = np.array([model.parameters[name] for name in names], dtype=np.float64)
     return np.where(values == 0, NO_COEFFICIENT, values)
 
 
 def relative_covariance(slopes: Matrix, matrix: Matrix, wavelet: Matrix) -> Matrix:
-    """B V Bᵀ (p, p) for slopes D (J, p); infinite for what the slopes do not tell apart."""
+    """B V Bᵀ (p, p) for a Jacobian D (J, p); infinite for parameters that the Jacobian does not determine."""
     size = slopes.shape[1]
     if size == 0:
         return np.zeros((0, 0))
@@ -177,7 +178,7 @@ def standard_errors(fit: Fit) -> dict[str, float]:
 
 
 def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str, str]) -> dict[str, str]:
-    """Of each parameter of a fitted model that is not among `errors`: why, and where to look."""
+    """The reason why each parameter that is not in `errors` has no standard error."""
     why = {}
     for term, process in zip(model.terms, model.processes, strict=True):
         for parameter in process.parameters:
@@ -187,12 +188,12 @@ def why_no_error(model: Model, errors: Mapping[str, float], acts_as: Mapping[str
             if process.is_fixed(parameter.name):
                 reason = "it is held at its value"
             elif term in acts_as:
-                reason = f"{term} acts as {acts_as[term]}, and these data determine none of its parameters alone"
+                reason = f"{term} acts as {acts_as[term]}, so the data do not determine its parameters one by one"
             elif process.scale == 0 and parameter.scale_power is None:
-                reason = f"{term} is estimated as zero, and the parameter then means nothing"
+                reason = f"{term} is estimated as zero, so the parameter has no meaning"
             elif any(not process.is_fixed(other.name) for other in process.nonlinear_parameters()):
-                reason = "it is at the end of its domain, and the shape being free these data give it no limit"
+                reason = "it is zero, the end of its domain, and the data give it no limit while the shape is free"
             else:
-                reason = "it is at the end of its domain, zero; its upper limit is in confidence_intervals()"
+                reason = "it is zero, the end of its domain; its upper limit is in confidence_intervals()"
             why[name] = f"{name} has no standard error: {reason}"
     return why

@@ -1,4 +1,4 @@
-"""The parametric bootstrap: records simulated from the fitted model, fitted again."""
+"""The parametric bootstrap: recordings simulated from the fitted model and fitted again."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ if TYPE_CHECKING:
 
 DRAWS = 500
 LEAST_DRAWS = 2
-"""Records of a bootstrap that has a standard deviation."""
+"""Smallest number of recordings that have a standard deviation."""
 LEAST_FOR_TEST = 19
-"""Records of a test that can reject at 5 %: p is at least 1 / (draws + 1)."""
+"""Smallest number of recordings for a test at the 5 % level, because p is at least 1 / (draws + 1)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Bootstrap:
-    """Estimates from records that were simulated from a fitted model.
+    """Estimates from recordings that were simulated from a fitted model.
 
     Attributes
     ----------
     names : tuple of str
-        The p parameters that were estimated.
+        Names of the p estimated parameters.
     estimates : (draws, p) array
-        A drift has the sign that it has in the fit.
+        Estimates. A drift has the sign of the fit.
     objectives : (draws,) array
-        Criterion of each, with the weights of the fit.
+        Objectives, with the weights of the fit.
     variances : (draws, J) array, in unit²
-        Wavelet variances of the simulated records.
+        Wavelet variances of the simulated recordings.
     implied : (draws, J) array, in unit²
-        Those of the models fitted to them.
+        Wavelet variances of the models fitted to them.
     seed : int
-        Seed of the draws.
+        Seed of the simulation.
     """
 
     names: tuple[str, ...]
@@ -68,7 +68,7 @@ class Bootstrap:
         return dict(zip(self.names, self.estimates.std(axis=0, ddof=1).tolist(), strict=True))
 
     def quantiles(self, low: float, high: float) -> dict[str, tuple[float, float]]:
-        """The quantiles `low` and `high`, in 0 … 1, of the estimates of each parameter."""
+        """Quantiles `low` and `high` (between 0 and 1) of the estimates of each parameter."""
         ends = np.quantile(self.estimates, [low, high], axis=0)
         return {name: (float(ends[0, k]), float(ends[1, k])) for k, name in enumerate(self.names)}
 
@@ -85,19 +85,19 @@ def bootstrap(
 
 
 def as_draws(draws: int, least: int, what: str, name: str = "draws") -> int:
-    """A number of simulated records: a whole one, and no less than `what` takes."""
+    """Check a number of simulated recordings: a whole number, and enough for `what`."""
     if isinstance(draws, bool) or not isinstance(draws, int | np.integer) or draws < least:
-        raise OptionError(f"{name} must be a whole number of at least {least}, which {what} takes; got {draws!r}")
+        raise OptionError(argument=name, expected=f"a whole number of at least {least}, for {what}", got=draws)
     return int(draws)
 
 
 def least_draws(level: float) -> int:
-    """Records that an interval of this level takes: the outermost of n estimates reach the quantile 1 / (n + 1).
+    """Smallest number of draws for an interval of this level: the extremes of n estimates are quantiles 1 / (n + 1).
 
     >>> least_draws(0.95), least_draws(0.99)
     (39, 199)
     """
-    # 2 / (1 − 0.95) is 40 but for its last digit.
+    # In floating point, 2 / (1 − 0.95) differs from 40 in the last digit.
     return max(LEAST_DRAWS, math.ceil(2 / (1 - level) * (1 - 1e-12)) - 1)
 
 
@@ -107,7 +107,7 @@ def _bootstrap(fit: Fit, draws: int, seed: int, progress: Callable[[int], None] 
     problem = pose(fit.model, wv, fit.weighting_matrix)
     known = wv.variance - problem.observed
     free = [name for name in fit.parameters if name not in fit.model.fixed_names]
-    # The wavelet variance has no sign of a scale, as of a slope; that of a coefficient is estimated.
+    # The wavelet variance does not determine the sign of a drift; the sign of an AR coefficient is estimated.
     signed = {f"{t}.{p.scale_parameter().name}" for t, p in zip(fit.model.terms, fit.model.processes, strict=True)}
     sign = np.array([-1.0 if name in signed and fit.parameters[name] < 0 else 1.0 for name in free])
     estimates, objectives = np.empty((len(variances), len(free))), np.empty(len(variances))

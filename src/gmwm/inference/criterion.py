@@ -1,7 +1,7 @@
-"""The wavelet information criterion: how well a fitted model will predict the wavelet variance of another record.
+"""The wavelet information criterion: how well a fitted model predicts the wavelet variance of another recording.
 
-A fit is nearer to its own data than to any other: the mean of the difference, the optimism, is what the criterion
-adds to the objective.
+A fit is closer to its own data than to other data. The criterion adds the mean of this difference, the optimism, to the
+objective.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance import Design
-from gmwm.errors import OptionError
 from gmwm.estimation.problem import Problem, pose
 from gmwm.estimation.solver import estimated, solve
 from gmwm.estimation.weighting import square_root
@@ -23,25 +22,27 @@ from gmwm.filters import WaveletFilter
 from gmwm.inference.asymptotic import COLLINEAR
 from gmwm.inference.bootstrap import DRAWS, bootstrap
 from gmwm.inference.intervals import Method
+from gmwm.options import one_of
 from gmwm.processes.base import Process
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 BEND = 1e-4
-"""Relative step of the nonlinear parameters whose slopes give second derivatives."""
+"""Relative step of the nonlinear parameters in the differences of first derivatives. ε^(1/4) is the best order of
+magnitude for central differences; tests/inference/test_criterion.py compares with the bootstrap."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """Expected loss of a fitted model on another record of the same kind, WIC = loss + optimism.
+    """Expected loss of a fitted model on another recording of the same kind, WIC = loss + optimism.
 
     Attributes
     ----------
     loss : float
-        (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)), on the record that it was fitted to.
+        (ν̂ − ν(θ̂))ᵀ Ω (ν̂ − ν(θ̂)), on the recording that the model was fitted to.
     optimism : float
-        2 tr[Cov(ν̂, ν(θ̂)) Ω]: by how much the loss on another record is larger, on average.
+        2 tr[Cov(ν̂, ν(θ̂)) Ω], the mean increase of the loss on another recording.
     method : "asymptotic" or "bootstrap"
     """
 
@@ -51,20 +52,19 @@ class Criterion:
 
     @property
     def value(self) -> float:
-        """loss + optimism; smaller is better."""
+        """Loss + optimism; smaller is better."""
         return self.loss + self.optimism
 
     def to_dict(self) -> dict[str, Any]:
-        """The criterion as plain numbers and texts, ready for JSON."""
+        """The criterion as numbers and strings, ready for JSON."""
         return {"value": self.value, "loss": self.loss, "optimism": self.optimism, "method": self.method}
 
 
 def wic(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> Criterion:
-    """Wavelet information criterion: see `Fit.wic`."""
-    if method not in get_args(Method):
-        raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    """Compute the wavelet information criterion: see `Fit.wic`."""
+    one_of(method, "method", get_args(Method))
     if method == "bootstrap":
         drawn = bootstrap(fit, draws, rng)
         share = covariance_trace(drawn.variances, drawn.implied, fit.weighting_matrix)
@@ -73,7 +73,7 @@ def wic(
 
 
 def optimism(fit: Fit, wavelet: Matrix) -> float:
-    """2 tr[ΩDH⁻¹DᵀΩV], by first-order theory, where ν̂² has the covariance V (J, J)."""
+    """The optimism 2 tr[ΩDH⁻¹DᵀΩV] by first-order theory, with V (J, J) the covariance of ν̂²."""
     wv = fit.wavelet_variance
     root = square_root(fit.weighting_matrix)
     design = Design.of(wv)
@@ -94,7 +94,7 @@ def optimism(fit: Fit, wavelet: Matrix) -> float:
 
 
 def _inverse(hessian: Matrix) -> Matrix | None:
-    """H⁻¹; None where it is no minimum to second order, as at the end of a domain."""
+    """H⁻¹; None if the estimate is not a minimum to second order, for example at the end of a domain."""
     strength, axes = np.linalg.eigh(hessian)
     if strength[0] <= COLLINEAR * strength[-1]:
         return None
@@ -104,7 +104,7 @@ def _inverse(hessian: Matrix) -> Matrix | None:
 def _derivatives(
     fit: Fit, levels: NDArray[np.int64], rate: float, filter: WaveletFilter, pull: Vector
 ) -> tuple[Matrix, Matrix]:
-    """D (J, p), and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), by scale coefficients and nonlinear parameters that are free."""
+    """D (J, p) and Σ_k pull_k ∂²ν_k/∂θ∂θᵀ (p, p), with respect to free scale coefficients and nonlinear parameters."""
     columns: list[Vector] = []
     blocks: list[Matrix] = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
@@ -134,7 +134,7 @@ def _of_process(
     pull: Vector,
     free: NDArray[np.intp],
 ) -> tuple[Matrix, Matrix]:
-    """The same for one process: its scale first, then the nonlinear parameters `free`."""
+    """The same derivatives for one process: its scale first, then the nonlinear parameters `free`."""
     at = process.nonlinear
     moved = [at]
     steps, room = np.empty(free.size), process.room(at.reshape(1, -1))[0]
@@ -156,7 +156,7 @@ def _of_process(
 
 
 def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> float:
-    """2 tr[Cov(ν̂*, ν(θ̂*)) Ω] of draws (B, J)."""
+    """The optimism 2 tr[Cov(ν̂*, ν(θ̂*)) Ω] from draws (B, J)."""
     centred = variances - variances.mean(axis=0)
     fitted = implied - implied.mean(axis=0)
     return float(2 * np.einsum("bj,jk,bk->", fitted, matrix, centred) / (len(variances) - 1))
@@ -165,7 +165,10 @@ def covariance_trace(variances: Matrix, implied: Matrix, matrix: Matrix) -> floa
 def implied_by_refits(
     problem: Problem, known: Vector, variances: Matrix, progress: Callable[[int], None] | None = None
 ) -> Matrix:
-    """ν(θ̂*) (B, J) of a problem solved for other data (B, J); `known` (J,) is what its held processes add."""
+    """Fitted curves ν(θ̂*) (B, J) of a problem for other data (B, J).
+
+    `known` (J,) is the wavelet variance of the held processes.
+    """
     rows = np.empty_like(variances)
     for k, variance in enumerate(variances):
         drawn = problem.observing(variance - known)
@@ -177,6 +180,6 @@ def implied_by_refits(
 
 
 def problem_of(fit: Fit) -> tuple[Problem, Vector]:
-    """The problem that a fit has solved, and the wavelet variance of its held processes."""
+    """The problem that a fit solved, and the wavelet variance of its held processes."""
     problem = pose(fit.model, fit.wavelet_variance, fit.weighting_matrix)
     return problem, fit.wavelet_variance.variance - problem.observed

@@ -1,9 +1,9 @@
-"""Goodness of fit: could the wavelet variance come from the fitted model?"""
+"""The goodness-of-fit test of a fitted model."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 from gmwm._arrays import freeze
 from gmwm._text import Summarised, counted
 from gmwm.covariance import Design, covariance
-from gmwm.errors import ModelError, OptionError
+from gmwm.errors import ModelError
 from gmwm.estimation.estimator import refitted
 from gmwm.estimation.reweighting import REWEIGHTED
 from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap
 from gmwm.inference.intervals import Method
+from gmwm.options import one_of
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
 LEAST_FREEDOM = 3.0
-"""More degrees of freedom M_j / 2^j than this a level must have for the chi-square law to hold at the 5 % level.
-
-It leaves out the two coarsest levels of a full set."""
+"""A level is used if it has more degrees of freedom M_j / 2^j than this. The chi-square law then holds at the 5 % level
+(docs/validation/goodness.md). Of a full set of levels, the two coarsest are left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,15 +36,15 @@ class GoodnessOfFit(Summarised):
     Attributes
     ----------
     statistic : float
-        rᵀV⁻¹r less what the estimated parameters take of it; the criterion itself for the bootstrap.
+        rᵀV⁻¹r without the part that the free parameters can fit; for the bootstrap, the objective.
     df : int or None
-        Degrees of freedom: levels used less parameters that were free to move. None for the bootstrap.
+        Degrees of freedom: levels used minus free parameters. None for the bootstrap.
     pvalue : float
-        Probability of such a statistic or a larger one if the model is right.
+        Probability of a statistic at least this large if the model is right.
     levels : (J,) int array
-        Levels that were used.
+        Levels that the test uses.
     left_out : tuple of int
-        Coarse levels that were not: they have too few degrees of freedom.
+        Coarse levels that the test leaves out, because they have too few degrees of freedom.
     method : "asymptotic" or "bootstrap"
     """
 
@@ -59,7 +59,7 @@ class GoodnessOfFit(Summarised):
         freeze(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
-        """The test as plain numbers, lists and texts, ready for JSON."""
+        """The test as numbers, lists and strings, ready for JSON."""
         return {
             "statistic": self.statistic,
             "df": self.df,
@@ -73,7 +73,7 @@ class GoodnessOfFit(Summarised):
         """The test in one line."""
         law = f"chi-square {self.statistic:.4g} on {self.df} degrees of freedom"
         if self.method == "bootstrap":
-            law = f"objective {self.statistic:.4g} among those of simulated records"
+            law = f"objective {self.statistic:.4g} compared with simulated recordings"
         used = f"levels {self.levels[0]} to {self.levels[-1]}"
         verdict = "the model is rejected" if self.pvalue <= 0.05 else "the model is not rejected"
         sign = "" if self.pvalue_in_words.startswith("<") else "= "
@@ -81,7 +81,7 @@ class GoodnessOfFit(Summarised):
 
     @property
     def pvalue_in_words(self) -> str:
-        """Three decimals, or that it is less than one in a thousand."""
+        """The p-value with three decimals, or "< 0.001"."""
         return f"{self.pvalue:.3f}" if self.pvalue >= 0.001 else "< 0.001"
 
     def __str__(self) -> str:
@@ -92,8 +92,7 @@ def goodness_of_fit(
     fit: Fit, method: Method = "asymptotic", *, draws: int = DRAWS, rng: int | np.random.Generator = 0
 ) -> GoodnessOfFit:
     """Test whether the data could come from the fitted model: see `Fit.goodness_of_fit`."""
-    if method not in ("asymptotic", "bootstrap"):
-        raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    one_of(method, "method", get_args(Method))
     wv = fit.wavelet_variance
     if method == "bootstrap":
         as_draws(draws, LEAST_FOR_TEST, "a test at the 5 % level")
@@ -107,7 +106,7 @@ def goodness_of_fit(
             left_out=(),
             method=method,
         )
-    # It takes a fit, and a summary, a file and a table ask for the same test.
+    # The test needs another fit. A summary, a file and a table use the same one.
     if "_goodness" not in fit.__dict__:
         fit.__dict__["_goodness"] = _by_theory(fit)
     found: GoodnessOfFit = fit.__dict__["_goodness"]
@@ -115,7 +114,7 @@ def goodness_of_fit(
 
 
 def _by_theory(fit: Fit) -> GoodnessOfFit:
-    """The chi-square test."""
+    """The chi-square test of `Fit.goodness_of_fit`."""
     from scipy.special import gammaincc
 
     wv = fit.wavelet_variance
@@ -139,18 +138,18 @@ def _by_theory(fit: Fit) -> GoodnessOfFit:
 def _too_few(fit: Fit, parameters: int, levels: int) -> ModelError:
     return ModelError(
         f"{fit.model.structure} has {counted(parameters, 'parameter')}, and only {counted(levels, 'level')} "
-        f"{'is' if levels == 1 else 'are'} fine enough for a test; record longer, take a smaller model, or "
-        "method='bootstrap'"
+        f"{'has' if levels == 1 else 'have'} enough degrees of freedom for a test",
+        advice="Record longer, use a smaller model, or use the bootstrap.",
     )
 
 
 def usable_levels(wv: WaveletVariance) -> NDArray[np.bool_]:
-    """Which levels have the degrees of freedom that the test needs."""
+    """Which levels of a wavelet variance have enough degrees of freedom for the test (J,)."""
     return usable_in(Design.of(wv))
 
 
 def usable_in(design: Design) -> NDArray[np.bool_]:
-    """Which levels of a design have these degrees of freedom."""
+    """Which levels of a design have enough degrees of freedom for the test (J,)."""
     return np.asarray(design.degrees_of_freedom > LEAST_FREEDOM)
 
 
@@ -161,7 +160,7 @@ def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:
-    """T, and the number of parameters that were free to move."""
+    """The statistic T, and the number of free parameters that the data determine."""
     wv = fit.wavelet_variance
     design = Design.of(wv)
     columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)

@@ -1,10 +1,10 @@
-"""Confidence intervals of the parameters of a fit; upper limits of what the data do not show."""
+"""Confidence intervals of the parameters of a fit, and upper limits of terms whose zero cannot be excluded."""
 
 from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from gmwm.errors import OptionError
 from gmwm.estimation.reweighting import REWEIGHTED, implied_weights
 from gmwm.inference.asymptotic import no_noise, sandwich_of
 from gmwm.inference.bootstrap import DRAWS, as_draws, bootstrap, least_draws
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
@@ -29,11 +29,12 @@ Method = Literal["asymptotic", "bootstrap"]
 Interval = tuple[float, float]
 
 ROUNDING = 1e-8
-"""What a correlation may be off by, in a covariance that was computed elsewhere."""
+"""Tolerance of a correlation in a covariance that a user passes: about √ε, as for a matrix written with 8 digits."""
 _UNKNOWN = 14.0
-"""Half of an interval, on the logarithm of a parameter, that is as good as none: a factor of a million."""
+"""Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
 _ROUNDS = 60
 _SETTLED = 1e-4
+"""Relative accuracy of an upper limit; limits are shown with four digits."""
 
 
 def confidence_intervals(
@@ -45,13 +46,12 @@ def confidence_intervals(
     draws: int = DRAWS,
     rng: int | np.random.Generator = 0,
 ) -> dict[str, Interval]:
-    """Confidence interval of every estimated parameter: see `Fit.confidence_intervals`."""
+    """Compute a confidence interval for every estimated parameter: see `Fit.confidence_intervals`."""
     level = as_confidence(level, "level")
-    if method not in ("asymptotic", "bootstrap"):
-        raise OptionError(f"method must be 'asymptotic' or 'bootstrap', got {method!r}")
+    one_of(method, "method", get_args(Method))
     seed = as_seed(rng) if method == "bootstrap" else 0
     if covariance is None:
-        # Upper limits take their time, and a summary, a datasheet and a file ask for the same ones.
+        # Upper limits are slow to compute. A summary, a datasheet and a file use the same ones.
         kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
         key = (level, method, draws, seed)
         if key not in kept:
@@ -66,7 +66,11 @@ def _intervals(
     two_sided: dict[str, Interval]
     if method == "bootstrap":
         if covariance is not None:
-            raise OptionError("covariance= belongs to method='asymptotic'; leave it out, or take that method")
+            raise OptionError(
+                argument="covariance",
+                expected="left out if the method is the bootstrap",
+                advice="Leave {--covariance} out, or use {--method=asymptotic}.",
+            )
         as_draws(draws, least_draws(level), f"an interval of {100 * level:g} %")
         drawn = bootstrap(fit, draws, seed)
         if not np.all(np.ptp(drawn.variances, axis=0) > 0):
@@ -90,12 +94,12 @@ def _intervals(
 
 
 def free_shape(process: Process) -> bool:
-    """Whether the shape of a process was to be estimated as well as its scale."""
+    """Whether a shape parameter of a process is free."""
     return any(not process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())
 
 
 def is_weak(fit: Fit, name: str, parameter: Parameter, z: float = 1.96) -> bool:
-    """Whether a scale parameter is zero, or its scale coefficient less than z standard errors from it."""
+    """Whether a scale parameter is zero, or its scale coefficient is less than z standard errors from zero."""
     if fit.parameters[name] == 0:
         return True
     found, power = fit.sandwich, parameter.scale_power or 1.0
@@ -122,7 +126,7 @@ def _asymptotic(fit: Fit, level: float, covariance: Matrix | None) -> dict[str, 
 
 
 def parameters_by_name(model: Model) -> dict[str, Parameter]:
-    """What each parameter of a model is, by its label."""
+    """The parameters of a model, by name."""
     return {
         f"{term}.{parameter.name}": parameter
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -131,7 +135,7 @@ def parameters_by_name(model: Model) -> dict[str, Parameter]:
 
 
 def about(parameter: Parameter, value: float, reach: float) -> Interval:
-    """value ± reach on the scale that keeps the ends inside the parameter's domain."""
+    """The interval value ± reach, on the scale that keeps its ends inside the domain of the parameter."""
     if parameter.domain == "real":
         return value - reach, value + reach
     if parameter.domain == "between":
@@ -146,38 +150,46 @@ def about(parameter: Parameter, value: float, reach: float) -> Interval:
 
 
 def _as_covariance(fit: Fit, covariance: Matrix) -> Matrix:
-    """A covariance of the fit's wavelet variance (J, J): finite, symmetric, and not negative in any direction."""
-    size, hint = len(fit.wavelet_variance), "as empirical_covariance(x, rate) gives one"
+    """Check a covariance of the fit's wavelet variance (J, J): finite, symmetric and positive semidefinite."""
+    size = len(fit.wavelet_variance)
     try:
         array = np.asarray(covariance, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise OptionError(f"covariance must be a {size} x {size} matrix of numbers, {hint}; {error}") from error
-    if array.shape != (size, size) or not np.all(np.isfinite(array)):
-        raise OptionError(
-            f"covariance must be a {size} x {size} matrix of finite numbers, {hint}; got shape {array.shape}"
-            f"{' with NaN or infinite ones' if array.shape == (size, size) else ''}"
-        )
+        raise _no_covariance(f"be a {size} x {size} matrix of numbers", covariance) from error
+    if array.shape != (size, size):
+        raise _no_covariance(f"be a {size} x {size} matrix; got shape {array.shape}", array.shape)
+    if bad := int(np.count_nonzero(~np.isfinite(array))):
+        raise _no_covariance(f"be finite; got {bad} NaN or infinite values", bad)
     diagonal = np.diag(array)
     if np.any(diagonal < 0):
-        raise OptionError(f"covariance must have variances on its diagonal, {hint}; got {diagonal.min():g}")
+        raise _no_covariance(f"have variances on its diagonal; got {diagonal.min():g}", float(diagonal.min()))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     correlation = array / scale[:, None] / scale[None, :]
     if np.any(np.abs(correlation - correlation.T) > ROUNDING):
-        raise OptionError(f"covariance must be symmetric, {hint}; this one differs from its transpose")
+        raise _no_covariance("be symmetric; it differs from its transpose", covariance)
     least, *_, largest = np.linalg.eigvalsh(correlation) if size > 1 else (correlation[0, 0],) * 2
     if least < -ROUNDING * largest:
-        raise OptionError(
-            f"covariance must be positive semidefinite, {hint}; correlations here have the eigenvalue {least:.2g}"
+        raise _no_covariance(
+            f"be positive semidefinite; its correlations have the eigenvalue {least:.2g}", float(least)
         )
     return np.asarray((array + array.T) / 2)
 
 
-def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
-    """The value of a scale parameter at which an estimate as small as this one would have probability (1 − level)/2.
+def _no_covariance(what: str, got: object) -> OptionError:
+    return OptionError(
+        f"covariance must {what}",
+        argument="covariance",
+        got=got,
+        advice="Compute it with `empirical_covariance(x, rate)`.",
+    )
 
-    Its scale coefficient c solves c = ĉ + z SE(c). The scatter grows with c, so it is that of a model with this value
-    and not of the fitted one. Whatever it is, no process is stronger than all there is: c times its wavelet variance is
-    at most the upper chi-square limit of each of the J levels, at (1 − level)/(2J).
+
+def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> float:
+    """Upper limit of a scale parameter: an estimate as small as this one then has the probability (1 − level)/2.
+
+    The scale coefficient c of the limit solves c = ĉ + z SE(c), with the standard error of a model with this c, because
+    it grows with c. In addition, no process can exceed the data: c times its wavelet variance is at most the upper
+    chi-square limit of each of the J levels, at (1 − level)/(2J).
     """
     wv = fit.wavelet_variance
     process = fit.model.processes[fit.model.terms.index(term)]
@@ -190,7 +202,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
     _, ceiling = chi_square_limits(wv.variance, wv.degrees_of_freedom, 1 - (1 - level) / len(wv))
     largest = float(np.min(ceiling[seen] / shape[seen]))
     estimate = process.scale
-    # From so small that it does not matter.
+    # Start from a scale that contributes at most 0.1 % of the fitted curve.
     scale = max(estimate, 1e-3 * float(np.min(fit.implied[seen] / shape[seen])))
     tried: list[tuple[float, float]] = []
     for _ in range(_ROUNDS):
@@ -206,7 +218,7 @@ def upper_limit(fit: Fit, term: str, parameter: Parameter, level: float) -> floa
 
 
 def _fixed_point(tried: list[tuple[float, float]]) -> float:
-    """Where the line through the last two (x, f(x)) says that f(x) = x; f(x) itself where it is too steep to say."""
+    """The fixed point of the line through the last two (x, f(x)); f(x) if the line is too steep."""
     x, value = tried[-1]
     if len(tried) < 2 or tried[0][0] == x:
         return value
@@ -215,7 +227,7 @@ def _fixed_point(tried: list[tuple[float, float]]) -> float:
 
 
 def _relative_error(fit: Fit, model: Model, name: str) -> float:
-    """Relative standard error of a parameter if `model` were true."""
+    """Relative standard error of a parameter under `model`."""
     design = Design.of(fit.wavelet_variance)
     matrix = implied_weights(fit.weighting, model, design) if fit.weighting in REWEIGHTED else fit.weighting_matrix
     found = sandwich_of(

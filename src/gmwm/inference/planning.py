@@ -1,4 +1,4 @@
-"""How long must I record? The standard errors that recordings of any length would give, before one is made."""
+"""Plan a recording: standard errors of the parameters of a model as a function of the recording's length."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 SEEN = 0.5
-"""Above this relative standard error a parameter is not seen: the error says no more than that it may be anything."""
+"""Relative standard error above which a parameter counts as uncertain: the 95 % interval then includes zero."""
 PER_DECADE = 8
 """Lengths of the curve in a factor of ten."""
 LONGEST = 2**40
-"""Samples of the longest record that is thought of: 350 years at 100 Hz."""
+"""Samples of the longest recording that is allowed: 350 years at 100 Hz."""
 SUMMED = 2**20
 """Samples up to which a covariance that is a sum over all lags takes less than a second."""
 BEYOND = 1e4
-"""How many times the planned duration is searched for a wanted accuracy."""
+"""Multiple of the planned duration up to which `Plan.needed` searches."""
 PER_OCTAVE = 4
-"""Lengths in a factor of two at which that search looks before it bisects."""
+"""Lengths in a factor of two that this search evaluates before it bisects."""
 NEAR = 5e-3
-"""Relative accuracy of the length that it finds."""
+"""Relative accuracy of the length that it finds; lengths are shown with two digits."""
 _LEAST, _MOST = 1e-295, 1e295
-"""Products of two variances that double precision holds with room to work."""
+"""Range of squared variances: 1e±308 of double precision, with a margin for sums over 2⁴⁰ samples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -54,16 +54,16 @@ class Plan(Summarised):
     Attributes
     ----------
     model : Model
-        What is going to be estimated, with the values it is expected to have; held parameters are taken as known.
+        The model to be estimated, with its expected values; held parameters count as known.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     weighting : "diagonal" or "optimal"
-        That of the fit to come.
+        Weighting of the planned fit.
     durations : (n,) array, s
-        From the shortest record with more levels than parameters to the planned one, eight in a factor of ten. Each
-        is a whole number of samples.
+        Lengths, eight in a factor of ten, from the shortest recording with more levels than parameters to the planned
+        one. Each is a whole number of samples.
     errors : mapping of name to (n,) array
-        Standard error of θ̂ over |θ|; infinite where a record does not determine the parameter at all.
+        Relative standard error of each parameter; infinite if a recording does not determine the parameter.
     unit : str
         Unit of the signal, for the summary.
 
@@ -89,7 +89,7 @@ class Plan(Summarised):
             freeze(array)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict, and is read-only as well.
+        # A mapping proxy cannot be pickled, so the copy is built from a plain dict.
         made = partial(
             Plan,
             model=self.model,
@@ -138,35 +138,53 @@ class Plan(Summarised):
 
     @property
     def horizon(self) -> float:
-        """The longest recording in which `needed` looks (s): less far where a covariance takes a sum over all lags."""
+        """The longest recording (s) that `needed` considers; shorter if the covariance is a sum over all lags."""
         far = min(BEYOND * self.duration, LONGEST / self.rate)
         if self.model.has("coefficient_covariance"):
             return far
         return min(far, max(self.duration, SUMMED / self.rate))
 
     def at(self, duration: float) -> dict[str, float]:
-        """Relative standard error of each parameter in a recording of `duration` (s).
+        """Relative standard error of each parameter in a recording of another length.
+
+        Parameters
+        ----------
+        duration : float
+            Length of the recording (s).
+
+        Returns
+        -------
+        dict of name to float
 
         Raises
         ------
         OptionError
-            If it has no more levels than the model has parameters, or more than 2⁴⁰ samples.
+            If the recording has too few samples for the model, or more than 2⁴⁰.
         """
         found = self._at(samples_of(duration, self.rate, len(self.errors)))
         return Named(zip(self.errors, found.tolist(), strict=True), "parameter")
 
     def needed(self, accuracy: float = 0.1) -> dict[str, float]:
-        """The length (s) from which on each parameter is known to a relative standard error of `accuracy`.
+        """Compute the recording length (s) that each parameter needs for a relative standard error of `accuracy`.
 
-        A record of more than twice the length is always better, within a factor of two the error may rise a little
-        where levels are added and a drift and a random walk part: of several crossings the last one counts, looked
-        for in steps of a quarter octave. `math.inf` where none is found up to `horizon`, 10 000 times the planned
-        duration or 2⁴⁰ samples; 2²⁰ samples, or the planned duration, of processes whose covariance is a long sum.
+        A recording of more than twice the length is always better. Within a factor of two the error may rise a little
+        where a level is added. Of several crossings the last one counts; the search has steps of a quarter octave.
+
+        Parameters
+        ----------
+        accuracy : float
+            Wanted relative standard error, above 0 and at most 0.5.
+
+        Returns
+        -------
+        dict of name to float
+            `math.inf` if no length up to `horizon` is enough. The horizon is 10 000 times the planned duration or 2⁴⁰
+            samples; for processes whose covariance is a sum over all lags, 2²⁰ samples or the planned duration.
 
         Raises
         ------
         OptionError
-            If `accuracy` is not between 0 and 0.5, beyond which a standard error says nothing.
+            If `accuracy` is not between 0 and 0.5.
 
         Examples
         --------
@@ -178,8 +196,11 @@ class Plan(Summarised):
         return Named({name: self._needed(k, wanted) / self.rate for k, name in enumerate(self.errors)}, "parameter")
 
     def summary(self, accuracy: float = 0.1) -> str:
-        """A table: value and relative error of each parameter at 1/4, 1 and 4 times the duration, and what
-        `accuracy`, a relative error, needs."""
+        """Describe the plan as a table.
+
+        It has the value of each parameter, its relative standard error at 1/4, 1 and 4 times the duration, and the
+        length that it needs for a relative standard error of `accuracy`.
+        """
         wanted, units = self.needed(accuracy), self.model.units(self.unit)
         lengths = [self.duration * factor for factor in (0.25, 1.0, 4.0)]
         lengths = [t for t in lengths if self.durations[0] <= t <= LONGEST / self.rate]
@@ -191,7 +212,7 @@ class Plan(Summarised):
             rows.append([name, units[name], f"{value:.3e}", *(error_text(column[name]) for column in columns), need])
         lines = [
             f"Relative standard errors of {self.model.structure} by length of the recording",
-            f"{self.rate:g} Hz, weighting {self.weighting}; last column: the length that gives {100 * accuracy:g} %",
+            f"{self.rate:g} Hz, weighting {self.weighting}; last column: length needed for {100 * accuracy:g} %",
             "",
         ]
         lines += aligned(rows, right=range(2, len(rows[0])))
@@ -200,19 +221,19 @@ class Plan(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What the planned recording will not show."""
+        """Remarks about parameters that the planned recording does not determine."""
         planned = self.at(self.duration)
-        hidden = [name for name, error in planned.items() if SEEN < error < math.inf]
-        lost = [name for name, error in planned.items() if math.isinf(error)]
+        uncertain = [name for name, error in planned.items() if SEEN < error < math.inf]
+        undetermined = [name for name, error in planned.items() if math.isinf(error)]
         duration, remarks = Quantity(self.duration, "s"), []
-        if hidden:
-            remarks.append(Remark.of("plan-uncertain", parameters=tuple(hidden), duration=duration, seen=SEEN))
-        if lost:
-            remarks.append(Remark.of("plan-undetermined", parameters=tuple(lost), duration=duration))
+        if uncertain:
+            remarks.append(Remark.of("plan-uncertain", parameters=tuple(uncertain), duration=duration, seen=SEEN))
+        if undetermined:
+            remarks.append(Remark.of("plan-undetermined", parameters=tuple(undetermined), duration=duration))
         return tuple(remarks)
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as plain numbers, lists and texts, ready for JSON."""
+        """The plan as numbers, lists and strings, ready for JSON."""
         return {
             "model": str(self.model),
             "parameters": {name: self.model.parameters[name] for name in self.errors},
@@ -232,7 +253,7 @@ class Plan(Summarised):
 
     @cached_property
     def _known(self) -> dict[int, Vector]:
-        """Errors that were computed before, by number of samples."""
+        """Relative standard errors that are already computed, by number of samples."""
         samples = np.rint(self.durations * self.rate).astype(np.int64).tolist()
         return dict(zip(samples, np.column_stack(list(self.errors.values())), strict=True))
 
@@ -242,7 +263,7 @@ class Plan(Summarised):
         return self._known[samples]
 
     def _needed(self, k: int, accuracy: float) -> float:
-        """Samples from which on parameter k is known so well; infinite beyond the horizon."""
+        """Number of samples above which the error of parameter k is at most `accuracy`; infinite beyond the horizon."""
 
         def enough(samples: int) -> bool:
             return bool(self._at(samples)[k] <= accuracy)
@@ -254,7 +275,7 @@ class Plan(Summarised):
         while low < high:
             middle = (low + high) // 2
             low, high = (low, middle) if enough(1 << middle) else (middle + 1, high)
-        # From one octave to the next the error falls more than it rises within one: the last crossing is near.
+        # The error falls more between octaves than it rises within one, so the last crossing is within one octave.
         near = (np.arange(-PER_OCTAVE, PER_OCTAVE + 1) / PER_OCTAVE + high).tolist()
         grid = sorted({min(max(round(2.0**at), 1 << (len(self.errors) + 1)), last) for at in near} | {last})
         short = [place for place, samples in enumerate(grid) if not enough(samples)]
@@ -275,36 +296,37 @@ def plan(
     weighting: Literal["diagonal", "optimal"] | None = None,
     unit: str = "",
 ) -> Plan:
-    """How well a recording that is still to be made will determine each parameter of a model, by its length.
+    """Plan a recording: compute the standard error of each parameter for recordings of many lengths.
 
-    Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ and V the exact covariance of the Haar wavelet variance of a
-    record of N samples, for many N. Nothing is simulated. Take the values from a pilot recording or a datasheet.
+    Cov θ̂ = B V Bᵀ with B = (DᵀΩD)⁻¹DᵀΩ, D = ∂ν²/∂θ and V the exact covariance of the Haar wavelet variance of N
+    samples, for many N. Nothing is simulated. Take the values of the model from a pilot recording or a datasheet.
 
     Parameters
     ----------
     model : Model, Process or str
-        With all its values; those in ``fixed(…)`` are taken as known.
+        The model with all its values; values in ``fixed(…)`` count as known.
     duration : float
-        Length of the recording that is planned (s).
+        Length of the planned recording (s).
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     weighting : "diagonal" or "optimal", optional
-        Ω of the fit to come: 1 / V_jj, or V⁻¹; by default as of `fit`.
+        Ω of the planned fit: 1 / V_jj, or V⁻¹; the default is the default of `fit`.
     unit : str
-        Unit of the signal, as "rad/s"; shown in the summary, changes no number.
+        Unit of the signal, for example "rad/s". It is shown in the summary and changes no number.
 
     Returns
     -------
     Plan
+        Relative standard errors by duration, and the duration that a wanted accuracy needs.
 
     Raises
     ------
     ModelError
-        If a value is missing, a scale is zero or leaves the range of double precision, or the model cannot be fitted.
+        If a value is missing, a scale is zero, the model cannot be fitted, or its variances exceed double precision.
     OptionError
         If the duration is too short for the model or has more than 2⁴⁰ samples, or an option is unknown.
     MissingTheoryError
-        If the covariance of a process is not known.
+        If the covariance of a process is unknown.
 
     Examples
     --------
@@ -333,7 +355,7 @@ def plan(
 def relative_errors(
     model: Model, samples: int, rate: float, weighting: Literal["diagonal", "optimal"]
 ) -> tuple[tuple[str, ...], Vector]:
-    """Names of the free parameters, and the standard error of each over its value, for a record of `samples`."""
+    """Names of the free parameters, and their relative standard errors (p,), for a recording of `samples`."""
     design = Design(np.arange(1, samples.bit_length()), samples, rate)
     wavelet = covariance(model, design)
     found = sandwich_of(model, design, _weights(wavelet, weighting), wavelet)
@@ -346,12 +368,15 @@ def _weights(wavelet: Matrix, weighting: Literal["diagonal", "optimal"]) -> Matr
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / np.diag(wavelet)
     if not np.all(np.isfinite(weights)):
-        raise ModelError("the model has no noise at some level, so that a record of any length would be exact; add WN")
+        raise ModelError(
+            "the model has no noise at some level, so its estimates would be exact",
+            advice="Add a term to the model, for example WN.",
+        )
     return np.diag(weights)
 
 
 def _free(model: Model, rate: float) -> int:
-    """Number of parameters to estimate, of a model with all its values and no term that is zero."""
+    """Number of free parameters of a model; it must have all its values and no term that is zero."""
     missing = {
         term: [parameter for parameter, value in process.values.items() if value is None]
         for term, process in zip(model.terms, model.processes, strict=True)
@@ -362,8 +387,9 @@ def _free(model: Model, rate: float) -> int:
         term, lacking = next(iter(missing.items()))
         example = ", ".join(f"{parameter}=…" for parameter in lacking)
         raise ModelError(
-            f"a plan of {model} needs a value for {names}: write it into the model, as "
-            f"{term.partition('[')[0]}({example}), from a pilot recording or a datasheet"
+            f"a plan of {model} needs a value for {names}",
+            advice="Write it into the model as `{term}`, with a value from a pilot recording or a datasheet.",
+            term=f"{term.partition('[')[0]}({example})",
         )
     zero = [
         term
@@ -371,12 +397,15 @@ def _free(model: Model, rate: float) -> int:
         if process.scale == 0 and not process.is_fixed(process.scale_parameter().name)
     ]
     if zero:
-        raise ModelError(f"{', '.join(zero)} is zero in {model}: an error relative to it means nothing; leave it out")
+        raise ModelError(
+            f"{', '.join(zero)} is zero in {model}, so it has no relative standard error",
+            advice="Leave it out of the model.",
+        )
     return len(model.names) - len(model.fixed_names)
 
 
 def _require_range(model: Model, samples: int, rate: float) -> None:
-    """Squares of the variances, as they are summed and weighed for up to `samples`, must be finite and not vanish."""
+    """Check that the squared variances of up to `samples` samples are in the range of double precision."""
     levels = np.arange(1, samples.bit_length())
     shown = model.wavelet_variance(levels, rate)
     freedom = np.maximum(samples / np.ldexp(1.0, levels), 1.0)
@@ -385,34 +414,39 @@ def _require_range(model: Model, samples: int, rate: float) -> None:
         large = np.ldexp(shown, 2 * levels) ** 2 * samples
     if np.min(small, initial=1.0) < _LEAST or not np.max(large) < _MOST:
         raise ModelError(
-            f"the wavelet variance of {model} runs from {shown.min():g} to {shown.max():g}: its squares leave the "
-            "range of double precision; write the values in a larger or smaller unit of the signal"
+            f"the wavelet variance of {model} ranges from {shown.min():g} to {shown.max():g}, and its squares exceed "
+            "the range of double precision",
+            advice="Write the values in another unit of the signal.",
         )
 
 
 def samples_of(duration: float, rate: float, free: int) -> int:
-    """Samples of a recording of `duration` (s), which must have more levels than `free` parameters."""
-    if isinstance(duration, bool) or not isinstance(duration, int | float | np.number):
-        raise OptionError(f"duration must be a number (s), got {duration!r}")
-    if not (math.isfinite(duration) and duration > 0):
-        raise OptionError(f"duration must be positive and finite (s), got {duration!r}")
+    """Number of samples of a recording of `duration` (s), which must have more levels than `free` parameters."""
+    known = isinstance(duration, int | float | np.number) and not isinstance(duration, bool)
+    if not (known and math.isfinite(duration) and duration > 0):
+        raise OptionError(argument="duration", expected="a positive number (s)", got=duration)
     samples, least = round(float(duration) * rate), 1 << (free + 1)
     if samples < least:
         raise OptionError(
-            f"duration={duration:g} has {counted(samples, 'sample')} at {rate:g} Hz: to estimate "
-            f"{counted(free, 'parameter')} takes {least}, {least / rate:g} s; plan for longer, or take a smaller model"
+            argument="duration",
+            expected=f"at least {least / rate:g} s ({least} samples at {rate:g} Hz) for {counted(free, 'parameter')}",
+            got=duration,
+            advice="Plan a longer recording, or use a smaller model.",
         )
     if samples > LONGEST:
-        raise OptionError(f"duration={duration:g} has {samples:.3g} samples at {rate:g} Hz, more than 2^40; take less")
+        raise OptionError(
+            argument="duration", expected=f"at most {LONGEST / rate:.3g} s (2^40 samples at {rate:g} Hz)", got=duration
+        )
     return samples
 
 
 def as_accuracy(accuracy: float) -> float:
-    """A relative standard error that means something: above 0, up to 0.5."""
+    """Check a wanted relative standard error: above 0 and at most 0.5."""
     if isinstance(accuracy, bool) or not isinstance(accuracy, int | float | np.number) or not 0 < accuracy <= SEEN:
         raise OptionError(
-            f"accuracy must be above 0 and at most {SEEN:g}, as 0.1 for 10 %, since a larger relative standard error "
-            f"says nothing; got {accuracy!r}"
+            argument="accuracy",
+            expected=f"a relative standard error above 0 and at most {SEEN:g} (0.1 for 10 %)",
+            got=accuracy,
         )
     return float(accuracy)
 
@@ -421,9 +455,9 @@ def error_text(error: float) -> str:
     """A relative standard error in per cent.
 
     >>> error_text(0.0296), error_text(0.123), error_text(0.7), error_text(float("inf"))
-    ('3.0 %', '12 %', 'not to be seen', 'not determined')
+    ('3.0 %', '12 %', '> 50 %', 'not determined')
     """
     if math.isinf(error):
         return "not determined"
     shown = float(f"{100 * error:.2g}")
-    return f"{f'{shown:#.2g}'.rstrip('.')} %" if error <= SEEN else "not to be seen"
+    return f"{f'{shown:#.2g}'.rstrip('.')} %" if error <= SEEN else f"> {100 * SEEN:g} %"

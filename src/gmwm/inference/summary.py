@@ -1,4 +1,4 @@
-"""A fit in words: estimates with their intervals and units, the test, and what to be warned of."""
+"""Summary of a fit in text and HTML: estimates with intervals and units, the goodness-of-fit test, and remarks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm._tables import aligned
-from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.errors import GmwmError, MissingTheoryError, ModelError
 from gmwm.inference.bootstrap import DRAWS, LEAST_FOR_TEST, as_draws, bootstrap, least_draws
 from gmwm.inference.goodness import GoodnessOfFit, goodness_of_fit
 from gmwm.inference.intervals import Interval, Method, confidence_intervals
@@ -22,10 +22,14 @@ from gmwm.remarks import Dialect, Remark, texts
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
 
+PROVEN = 1e-3
+"""Gap up to which a summary calls a fit the global optimum: 10 times `CERTIFIED_GAP`, at which the search stops unless
+it runs out of nodes."""
+
 
 @dataclass(frozen=True)
 class IntervalMethod:
-    """Method of intervals and tests: confidence level, and theory or `draws` simulated records of `seed`."""
+    """Method of intervals and tests: confidence level, and theory or `draws` recordings simulated with `seed`."""
 
     level: float = 0.95
     method: Method = "asymptotic"
@@ -39,13 +43,13 @@ class IntervalMethod:
 
     @property
     def least_draws(self) -> int:
-        """Simulated records that intervals of this level and a test take."""
+        """Smallest number of simulated recordings for intervals of this level and a test."""
         return max(LEAST_FOR_TEST, least_draws(self.level))
 
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter as it is shown."""
+    """One parameter as a row of text."""
 
     name: str
     estimate: str
@@ -63,16 +67,16 @@ def intervals_if_known(fit: Fit, how: IntervalMethod) -> tuple[dict[str, Interva
 
 
 def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, str]:
-    """The test and its words, or none and the reason why."""
+    """The goodness-of-fit test and its summary, or None and the reason why there is no test."""
     try:
         test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
     except (MissingTheoryError, ModelError) as error:
-        return None, f"not tested: {error}"
+        return None, f"not tested: {error.message or error}"
     return test, test.summary()
 
 
 def inference(fit: Fit, how: IntervalMethod) -> dict[str, Any]:
-    """Intervals, standard errors and test as plain numbers and texts, ready for JSON; None where there is no number."""
+    """Intervals, standard errors and test as numbers and strings, ready for JSON; None if there is no number."""
     intervals, _ = intervals_if_known(fit, how)
     test, _ = test_in_words(fit, how)
     return {
@@ -96,7 +100,7 @@ def standard_errors(fit: Fit, how: IntervalMethod) -> dict[str, float]:
 
 
 def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[Row]:
-    """Every parameter of a fit with its interval, in the order of the terms."""
+    """One row for each parameter of a fit, in the order of the terms."""
     units = fit.units()
     errors = standard_errors(fit, how) if intervals else {}
     shown = []
@@ -115,18 +119,18 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
     return shown
 
 
-def no_intervals(error: Exception) -> Remark:
-    """The remark that there are no confidence intervals, and why."""
-    return Remark.of("no-intervals", reason=str(error).rstrip("."))
+def no_intervals(error: GmwmError) -> Remark:
+    """The remark that there are no confidence intervals, with the reason."""
+    return Remark.of("no-intervals", reason=error.message or str(error))
 
 
 def without_axis(*remarks: Remark | None) -> list[Remark]:
-    """Remarks about a fit whose axis stands in its heading."""
+    """Remarks without their axis, for a summary that has the axis in its heading."""
     return [remark.about("") for remark in remarks if remark is not None]
 
 
 def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
-    """Each parameter in one word: estimate and relative standard error, upper limit, or what its term acts as."""
+    """A short text for each parameter: estimate and relative standard error, upper limit, or what its term acts as."""
     intervals, _ = intervals_if_known(fit, how)
     shown = {}
     for row in rows(fit, intervals, how):
@@ -145,12 +149,12 @@ def short_values(fit: Fit, how: IntervalMethod) -> dict[str, str]:
 
 
 def estimate_text(value: float) -> str:
-    """An estimate as it is shown."""
+    """An estimate as text."""
     return f"{value:.3e}" if value else "0"
 
 
 def interval_text(low: float, high: float) -> str:
-    """An interval as it is shown: what is not determined and what is only bounded, in words."""
+    """An interval as text; in words if the parameter is not determined or only bounded."""
     if not math.isfinite(high):
         return "not determined"
     if low == 0:
@@ -178,30 +182,31 @@ def summary(
 
 
 def table_text(table: list[Row], level: float) -> list[str]:
-    """Parameters in columns, under their heads."""
+    """Parameters as aligned columns with a header."""
     heads = Row("parameter", "estimate", interval=f"{100 * level:g} % interval", error="error", unit="unit")
     return aligned([astuple(row) for row in (heads, *table)], right={1, 2, 3})
 
 
 def head(fit: Fit, how: IntervalMethod) -> list[str]:
-    """Model, data, criterion with its bounds, and the test."""
+    """The first lines of a summary: model, data, objective with its bounds, and the test."""
     wv = fit.wavelet_variance
     start = fit.diagnostics.start
     certificate = "not certified (certify=False)"
     if start is not None and start.how != "convex":
         certificate = f"no proof; {start.in_words}"
     if fit.gap is not None:
-        claim = "global optimum, no better fit" if fit.gap <= 1e-3 else "best found, not proven: none better"
-        certificate = f"{claim} by more than {100 * fit.gap:.2g} %"
+        proven = fit.gap <= PROVEN and (start is None or start.how != "sampled")
+        claim = "global optimum" if proven else "best found"
+        certificate = f"{claim}, no other fit is lower by more than {100 * fit.gap:.2g} %"
         if start is not None and start.how == "sampled":
-            certificate = f"none better by more than {100 * fit.gap:.2g} %; {start.in_words}"
+            certificate += f"; {start.in_words}"
     _, words = test_in_words(fit, how)
     return [
         f"{fit.model.structure}{' of ' + wv.axis if wv.axis else ''}",
         f"{wv.extent}, {len(wv)} levels, "
         f"{f'robust, efficiency {wv.efficiency:g}, ' if wv.robust else ''}weighting {fit.weighting}",
         f"objective {fit.objective:.6g}: {certificate}",
-        *([f"any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),
+        *([f"objective with any number of terms: at least {fit.relaxed_bound:.6g}"] if fit.relaxed_bound > 0 else []),
         f"goodness of fit: {words}",
     ]
 
@@ -215,7 +220,7 @@ def as_html(fit: Fit) -> str:
 
 
 def table_html(head: Sequence[str], rows: Iterable[Row], words: Iterable[str]) -> str:
-    """Title and facts, a table of parameters with their 95 % intervals, and remarks that are HTML already, as HTML."""
+    """Title, facts, a table of parameters with 95 % intervals, and remarks (already HTML), as HTML."""
     cells = "".join(
         f"<tr><td>{escape(row.name)}</td><td>{escape(row.estimate)}</td><td>{escape(row.interval)}</td>"
         f"<td>{escape(row.error)}</td><td>{escape(row.unit)}</td></tr>"

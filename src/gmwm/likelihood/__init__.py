@@ -1,4 +1,4 @@
-"""The exact Gaussian likelihood of a model, its maximum, and its hidden processes, by the Kalman filter."""
+"""Exact Gaussian likelihood, maximum-likelihood fits, residuals and latent processes, by the Kalman filter."""
 
 from gmwm.likelihood.estimator import fit_ml
 from gmwm.likelihood.innovations import Residuals, residuals

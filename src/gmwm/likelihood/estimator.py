@@ -1,4 +1,4 @@
-"""Maximum likelihood: the exact Gaussian likelihood of a record, and the model that makes it largest."""
+"""Maximum likelihood: `gmwm.loglikelihood` and `gmwm.fit_ml`."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ from gmwm.signals import Signal
 def loglikelihood(
     model: Model | Process | str, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None
 ) -> float:
-    """The exact Gaussian log-likelihood of a record under a model with values.
+    """Compute the exact Gaussian log-likelihood of a recording under a model with values.
 
-    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], v_t and S_t the innovations of a Kalman filter and their
-    variances. What is unknown (the mean of the record, the level of a random walk) has a flat distribution and is
-    integrated out, as an exact diffuse start does; a drift in the model is known, as its slope has a value.
+    log p(x) = −½ [N log 2π + Σ log S_t + Σ v_t²/S_t], with v_t the innovations of a Kalman filter and S_t their
+    variances. Unknown levels (the mean of the recording, the level of a random walk) have a flat distribution and are
+    integrated out, as in an exact diffuse initialisation. The slope of a drift is known, because it has a value.
 
     Parameters
     ----------
     model : Model, Process or str
-        With values of all parameters.
+        The model, with values of all parameters.
     data : Signal or (N,) array
-        Gaps of a signal are missing samples; in an array NaN is one.
+        The recording. Gaps of a signal count as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
-        Samples per second (Hz); needed with an array only.
+        Sampling rate (Hz); needed only if `data` is an array.
     mean : float, optional
-        The record's mean where it is known, as 0 for simulated noise; unknown by default.
+        Mean of the recording if it is known, for example 0 for simulated noise; unknown by default.
 
     Returns
     -------
     float
-        The natural logarithm of the density of the samples that are there.
+        Natural logarithm of the density of the observed samples.
 
     Raises
     ------
     ModelError
         If a parameter has no value, or the model predicts a sample exactly.
     MissingTheoryError
-        If a term has no state-space form, as flicker noise.
+        If a term has no state-space form, for example flicker noise.
     DataError, OptionError
         If the data or the rate cannot be used.
 
@@ -74,7 +74,10 @@ def loglikelihood(
     wanted = as_model(model)
     missing = [name for name, value in wanted.parameters.items() if value is None]
     if missing:
-        raise ModelError(f"the likelihood of {wanted} needs a value for {', '.join(missing)}; or fit it: gmwm.fit_ml")
+        raise ModelError(
+            f"the likelihood of {wanted} needs a value for {', '.join(missing)}",
+            advice="Write the values into the model, or fit it by maximum likelihood with {gmwm fit --likelihood}.",
+        )
     problem = Problem(_all_held(wanted), as_record(data, rate), as_mean(mean))
     value, _ = problem.value(problem.model)
     if not math.isfinite(value):
@@ -91,37 +94,40 @@ def fit_ml(
     mean: float | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> LikelihoodFit:
-    """Fit a sum of latent processes to a record by maximum likelihood.
+    """Fit a sum of noise processes to a recording by maximum likelihood.
 
-    The likelihood is that of `loglikelihood`; its slope and the information by all parameters come from one more pass
-    of the Kalman filter, in numbers that carry their derivatives. Fisher scoring leads from the starting values to the
-    optimum next to them: start from a wavelet fit, which needs no starting values itself. Estimates have the least
-    errors that there are where the model is right and the noise Gaussian; outliers move them without limit, and a
-    model that is not right is fitted to what most of the samples show, which is the fastest of its processes.
+    The likelihood is the exact Gaussian one of `loglikelihood`. Its gradient and the information matrix come from
+    another pass of the Kalman filter with derivatives. Fisher scoring finds the local maximum next to the starting
+    values, which by default come from a wavelet fit.
+
+    The estimates are efficient if the model is right and the noise is Gaussian. Outliers can move them without limit.
+    If the model is wrong, the fit describes the fastest process best, because most samples are about it
+    (docs/validation/likelihood.md).
 
     Parameters
     ----------
     model : Model, Process or str
-        What to fit; values in ``fixed(…)`` are held. Every term needs a state-space form.
+        The model to fit; values in ``fixed(…)`` are held. Every term needs a state-space form.
     data : Signal or (N,) array
-        Gaps of a signal are missing samples; in an array NaN is one.
+        The recording. Gaps of a signal count as missing samples; in an array, NaN is a missing sample.
     rate : float, optional
-        Samples per second (Hz); needed with an array only.
+        Sampling rate (Hz); needed only if `data` is an array.
     start : Fit, LikelihoodFit, Model or str, optional
-        Where to start: the same model, with values. By default the model is first fitted to the wavelet variance.
+        Starting values: the same model with values. By default the model is first fitted to the wavelet variance.
     mean : float, optional
-        The record's mean where it is known; by default it is unknown, and the likelihood is that of the contrasts.
-    progress : function of the number of evaluations and the log-likelihood, optional
-        Called after each evaluation.
+        Mean of the recording if it is known. By default it is unknown and integrated out.
+    progress : callable, optional
+        Called after each evaluation with the number of evaluations and the log-likelihood.
 
     Returns
     -------
     LikelihoodFit
+        Estimates with their covariance, the log-likelihood and remarks.
 
     Raises
     ------
     ModelError
-        If there is nothing to estimate, or `start` is another model, or the model predicts a sample exactly.
+        If no parameter is free, `start` is another model, or the model predicts a sample exactly.
     MissingTheoryError
         If a term has no state-space form.
     DataError, OptionError
@@ -130,7 +136,11 @@ def fit_ml(
     Warns
     -----
     FitWarning
-        If a term is not supported by the data or acts as another process, or the search did not come to rest.
+        If the data do not support a term, a term acts as another process, or the search did not converge.
+
+    References
+    ----------
+    Durbin and Koopman (2012), Time Series Analysis by State Space Methods, 2nd ed., chapter 7.
 
     Examples
     --------
@@ -147,7 +157,10 @@ def fit_ml(
     problem = Problem(_started(wanted, record, start), record, known)
     drifts = any(not r.flat for r in problem.regressors)
     if not problem.coordinates and not drifts:
-        raise ModelError(f"{wanted} has nothing to estimate: all its parameters are held; see Model.loglikelihood")
+        raise ModelError(
+            f"there is nothing to estimate: every parameter of {wanted} is held",
+            advice="Free a parameter by leaving out `fixed(…)`; `Model.loglikelihood` computes the likelihood.",
+        )
     found = Search(problem, progress=progress).run(problem.start())
     if found is None:
         raise nothing_to_chance(problem.model)
@@ -162,7 +175,7 @@ def _all_held(model: Model) -> Model:
 
 
 def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model | str | None) -> Model:
-    """The wanted model with values to start from; terms at zero are looked for once the others have their place."""
+    """The model with starting values."""
     if start is None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", FitWarning)
@@ -170,10 +183,18 @@ def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model |
     else:
         given = start.model if isinstance(start, Fit | LikelihoodFit) else as_model(start, "start")
         if sorted(given.names) != sorted(wanted.names):
-            raise ModelError(f"start must be the same model, {wanted.structure}, with values; got {given.structure}")
+            raise ModelError(
+                f"start must be the same model as the fitted one, {wanted.structure}; got {given.structure}",
+                argument="start",
+                got=given.structure,
+            )
         missing = [name for name, value in given.parameters.items() if value is None]
         if missing:
-            raise ModelError(f"start must have a value for each parameter; {', '.join(missing)} has none")
+            raise ModelError(
+                f"start must have a value for every parameter; {', '.join(missing)} has none",
+                argument="start",
+                got=tuple(missing),
+            )
         if given.fixed_names != wanted.fixed_names or any(
             given.parameters[n] != wanted.parameters[n] for n in wanted.fixed_names
         ):
@@ -183,7 +204,7 @@ def _started(wanted: Model, record: Record, start: Fit | LikelihoodFit | Model |
 
 
 def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
-    """What was found in the words of the model."""
+    """Make the `LikelihoodFit` of a maximum, with its terms sorted."""
     best = problem.at_point(found.z)
     value, level = problem.value(best)
     drifts = {label: k for k, label in enumerate(level.labels) if not problem.regressors[k].flat}
@@ -230,7 +251,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
 def _remarks(
     model: Model, acts_as: Mapping[str, str], zero: Sequence[str], converged: bool, problem: Problem
 ) -> Iterator[Remark]:
-    """What to know before using the fit."""
+    """Remarks about each term and about the search."""
     axis = problem.record.axis
     for term, name in acts_as.items():
         yield Remark.of("acts-as", axis, term=term, process=name, known="no")
@@ -250,9 +271,9 @@ def _renamed(name: str, terms: dict[str, str]) -> str:
 
 
 def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, float | None]:
-    """The record's mean and its standard error, where it is a parameter of its own and not the level of a walk.
+    """The mean of the recording and its standard error, or None if it is known or is the level of a random walk.
 
-    A walk that is zero has left it to the record.
+    If the random walk is estimated as zero, its level is the mean.
     """
     if problem.mean is None:
         zero = {term for term, process in zip(best.terms, best.processes, strict=True) if process.scale == 0}
@@ -264,7 +285,7 @@ def _level(problem: Problem, level: Level, best: Model) -> tuple[float | None, f
 
 
 def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, str]) -> dict[str, str]:
-    """Terms whose shape rests at an end, and the process that they are there."""
+    """Terms whose shape parameter is at an end of its domain, and the process that they act as."""
     out = {}
     for k in found.at_end:
         coordinate = problem.coordinates[k]
@@ -281,7 +302,7 @@ def _acts_as(problem: Problem, found: Maximum, best: Model, renamed: dict[str, s
 
 
 def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> tuple[list[str], Matrix]:
-    """Names and covariance of the parameters that were estimated inside their domains."""
+    """Names and covariance of the parameters that are estimated inside their domains."""
     active = list(found.active)
     turned = jacobian(problem, best)
     names, rows = [], []
@@ -316,12 +337,12 @@ def _covariance(problem: Problem, found: Maximum, best: Model, level: Level) -> 
 
 
 def _same(found: Maximum, active: list[int]) -> bool:
-    """Whether the last evaluation was by just these coordinates."""
+    """Whether the last evaluation has derivatives with respect to exactly these coordinates."""
     return len(found.evaluation.gradient) == len(active) and not found.at_end
 
 
 def inverted(information: Matrix) -> Matrix:
-    """The inverse of the information; infinite for coordinates that take part in a direction without any."""
+    """The inverse of the information matrix; infinite for coordinates in directions without information."""
     size = np.sqrt(np.diag(information))
     known = size > 0
     size = np.where(known, size, 1.0)
@@ -334,7 +355,7 @@ def inverted(information: Matrix) -> Matrix:
 
 
 def jacobian(problem: Problem, model: Model) -> dict[str, Vector]:
-    """∂θ/∂z (q,) of each parameter that a coordinate stands behind, by name."""
+    """Derivatives ∂θ/∂z (q,) of each parameter by the coordinates, by name of the parameter."""
     out: dict[str, Vector] = {}
     q = len(problem.coordinates)
     for k, coordinate in enumerate(problem.coordinates):

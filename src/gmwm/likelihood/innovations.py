@@ -1,4 +1,4 @@
-"""Standardised innovations of a record under a model: white and normal with variance 1 if the model is right."""
+"""Residuals of a model: standardised innovations, which are white and normal with variance 1 if the model is right."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from gmwm._text import Summarised
 from gmwm.errors import OptionError
 from gmwm.likelihood.problem import Problem, standardised
 from gmwm.likelihood.tracks import Modelled, posed
+from gmwm.options import as_whole_number
 from gmwm.processes.model import Model
 from gmwm.signals import Signal
 
@@ -25,16 +26,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A test of the residuals.
+    """Result of a test of the residuals.
 
     Attributes
     ----------
     statistic : float
     degrees_of_freedom : float
-        Of the chi-square distribution that the statistic has if the model is right.
+        Degrees of freedom of the chi-square distribution of the statistic if the model is right.
     p_value : float
+        Probability of a statistic at least this large if the model is right.
     lags : int
-        Lags that it looks at; 0 for the test of normality.
+        Number of lags that the test uses; 0 for the test of normality.
     """
 
     statistic: float
@@ -45,24 +47,24 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Residuals(Summarised):
-    """Standardised innovations z_t = v_t/√S_t.
+    """Standardised innovations z_t = v_t/√S_t of a recording, with tests for whiteness and normality.
 
     Attributes
     ----------
     model : Model
     values : (N,) array
-        Pure numbers; NaN where a sample is missing.
+        Residuals, without unit; NaN where a sample is missing.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     times : (N,) array
-        Of the samples (s).
+        Times of the samples (s).
     axis : str
-        Of the record.
+        Name of the axis.
     estimated : int
-        Parameters that were estimated from this record.
+        Number of parameters that were estimated from this recording.
     spent : (L,) array or None
-        Degrees of freedom that they take from the autocorrelation at lags 1 … L; without it all of them count as
-        taken from the first.
+        Degrees of freedom that these parameters take from the autocorrelation at lags 1 … L. If None, each parameter
+        counts as one.
     """
 
     model: Model
@@ -81,30 +83,44 @@ class Residuals(Summarised):
 
     @cached_property
     def observed(self) -> Vector:
-        """The residuals of samples that are there, in order."""
+        """Residuals of the observed samples, in order."""
         return np.asarray(self.values[np.isfinite(self.values)])
 
     @property
     def usual_lags(self) -> int:
-        """Lags that are looked at by default: 10 log₁₀ N, and at least 5 more than there are estimated parameters."""
+        """Default number of lags: 10 log₁₀ N, and at least 5 more than there are estimated parameters."""
         return min(max(int(10 * math.log10(self.observed.size)), self.estimated + 5), self.observed.size - 1)
 
     def acf(self, lags: int | None = None) -> Vector:
-        """Autocorrelation (L + 1,) at lags 0 … L; a pair with a missing sample does not count."""
+        """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample do not count."""
         return _autocorrelation(self.values, self._as_lags(lags))
 
     def acf_error(self, lags: int | None = None) -> Vector:
-        """Standard deviations (L,) that the autocorrelation at lags 1 … L has where there is none: √pairs/N."""
+        """Standard deviation (L,) of the autocorrelation of white noise at lags 1 … L: √pairs/N."""
         return np.sqrt(_pairs(self.values, self._as_lags(lags))) / self.observed.size
 
     def ljung_box(self, lags: int | None = None) -> Check:
-        """Ljung and Box's test that no autocorrelation up to a lag is there: Q = n(n + 2) Σ r_k²/(n − k).
+        """Test the residuals for autocorrelation up to a lag (Ljung-Box): Q = n(n + 2) Σ r_k²/(n − k).
 
-        Where samples are missing, n − k is the number of pairs at lag k, and a lag without any does not count.
+        If samples are missing, n − k is the number of pairs at lag k, and a lag without pairs does not count.
 
-        χ² with as many degrees of freedom as lags, less what the estimates have taken from them: all of a parameter
-        that shows at these lags, little of one of a slow process, which comes from far longer ones, and nothing of the
-        scale of them all.
+        Q has a χ² distribution. Its degrees of freedom are the number of lags minus the degrees of freedom that the
+        estimated parameters take from them (`spent`). A parameter that acts at these lags takes one, a parameter of a
+        slow process takes less, and a common scale takes none.
+
+        Parameters
+        ----------
+        lags : int, optional
+            Number of lags; `usual_lags` by default.
+
+        Returns
+        -------
+        Check
+
+        Raises
+        ------
+        OptionError
+            If `lags` is not a whole number in its range, or not larger than the number of estimated parameters.
 
         References
         ----------
@@ -117,7 +133,9 @@ class Residuals(Summarised):
         seen = pairs > 0
         degrees = np.count_nonzero(seen) - (self.estimated if self.spent is None else float(np.sum(self.spent[:count])))
         if count - self.estimated < 1:
-            raise OptionError(f"lags must be more than the {self.estimated} estimated parameters, got {count}")
+            raise OptionError(
+                argument="lags", expected=f"more than the {self.estimated} estimated parameters", got=count
+            )
         r, n = self.acf(count)[1:], self.observed.size
         statistic = float(n * (n + 2.0) * np.sum(np.square(r[seen]) / pairs[seen]))
         return Check(
@@ -125,7 +143,14 @@ class Residuals(Summarised):
         )
 
     def normality(self) -> Check:
-        """Jarque and Bera's test: n (skewness²/6 + excess kurtosis²/24), χ² with 2 degrees of freedom."""
+        """Test the residuals for normality (Jarque-Bera).
+
+        The statistic n (skewness²/6 + excess kurtosis²/24) has a χ² distribution with 2 degrees of freedom.
+
+        References
+        ----------
+        Jarque and Bera (1987), International Statistical Review 55, 163-172.
+        """
         from scipy.stats import chi2
 
         z = self.observed - np.mean(self.observed)
@@ -135,20 +160,20 @@ class Residuals(Summarised):
         return Check(statistic=statistic, degrees_of_freedom=2, p_value=float(chi2.sf(statistic, 2)))
 
     def quantiles(self, points: int = 400) -> tuple[Vector, Vector]:
-        """Normal and observed quantiles (points,), denser at the ends; on a line where the residuals are normal."""
+        """Normal and observed quantiles (points,) for a normal probability plot, denser in the tails."""
         from scipy.special import ndtr, ndtri
 
         ordered = np.sort(self.observed)
         n = ordered.size
         count = min(points, n)
-        # Even steps of the normal quantile rather than of the probability: the tails are what is looked at.
+        # Equal steps of the normal quantile, not of the probability, show the tails.
         reach = float(ndtri((n - 0.5) / n))
         place = np.clip(np.round(ndtr(np.linspace(-reach, reach, count)) * n - 0.5).astype(np.int64), 0, n - 1)
         place = np.unique(place)
         return np.asarray(ndtri((place + 0.5) / n)), ordered[place]
 
     def summary(self, lags: int | None = None) -> str:
-        """The checks in words, up to `lags` samples apart, by default `usual_lags`."""
+        """Describe the residuals and the two tests in text, with `lags` as for `ljung_box`."""
         white, normal, z = self.ljung_box(lags), self.normality(), self.observed
         spread = float(np.std(z))
         return "\n".join(
@@ -162,7 +187,7 @@ class Residuals(Summarised):
         )
 
     def to_dict(self, lags: int | None = None) -> dict[str, Any]:
-        """The checks as plain numbers, ready for JSON, up to `lags` samples apart."""
+        """The tests as numbers, ready for JSON, with `lags` as for `ljung_box`."""
         white, normal = self.ljung_box(lags), self.normality()
         return {
             "samples": int(self.observed.size),
@@ -214,7 +239,7 @@ class Residuals(Summarised):
             return self.usual_lags
         most = self.observed.size - 1
         if isinstance(lags, bool) or not isinstance(lags, int | np.integer) or not 1 <= lags <= most:
-            raise OptionError(f"lags must be a whole number from 1 to {most}, got {lags!r}")
+            raise OptionError(argument="lags", expected=f"a whole number from 1 to {most}", got=lags)
         return int(lags)
 
 
@@ -226,7 +251,7 @@ def residuals(
     mean: float | None = None,
     estimated: int | None = None,
 ) -> Residuals:
-    """Standardised innovations of a recording: see `Model.residuals`."""
+    """Compute the standardised innovations of a recording: see `Model.residuals`."""
     problem = posed(model, data, rate, mean)
     values, _ = standardised(problem, problem.model)
     wanted = getattr(model, "model", None)
@@ -234,8 +259,8 @@ def residuals(
     if estimated is None:
         estimated = 0 if wanted is None else len(wanted.names) - len(wanted.fixed_names)
         lost = None if wanted is None else spent(Problem(wanted, problem.record, problem.mean))
-    elif isinstance(estimated, bool) or not isinstance(estimated, int) or estimated < 0:
-        raise OptionError(f"estimated must be a whole number, 0 or more; got {estimated!r}")
+    else:
+        estimated = as_whole_number(estimated, "estimated", 0)
     record = problem.record
     return Residuals(
         model=problem.model,
@@ -249,16 +274,19 @@ def residuals(
 
 
 _LAGS = 1000
+"""Largest number of lags of `spent`, more than any test of the package uses by default."""
 _ENOUGH = 65_536
-"""Samples from which the share of each lag is known well enough."""
+"""Largest number of samples from which `spent` is computed; it depends on the model and hardly on the length."""
 
 
 def spent(problem: Problem) -> Vector:
     """Degrees of freedom (L,) that estimated parameters take from the autocorrelation of residuals at lags 1 … L.
 
-    At the estimate r̂ ≈ r − D(θ̂ − θ), D = ∂r/∂θ, has the covariance (1 − N D I⁻¹ Dᵀ)/N, I the information: at lag k
-    N D_k I⁻¹ D_kᵀ is taken, in all lags together one for each parameter but the scale of them all. This is for
-    efficient estimates; D comes from differences, on the record or a part of it.
+    At the estimate, r̂ ≈ r − D(θ̂ − θ) with D = ∂r/∂θ has the covariance (1 − N D I⁻¹ Dᵀ)/N, with I the information
+    matrix. At lag k the parameters take N D_k I⁻¹ D_kᵀ; over all lags this is one for each parameter except a common
+    scale. The formula holds for efficient estimates. D is computed by differences.
+
+    Source: Box and Pierce (1970), JASA 65, 1509-1526, section 3.
     """
     record = problem.record
     if record.values.size > _ENOUGH:
@@ -282,20 +310,20 @@ def spent(problem: Problem) -> Vector:
     values, vectors = np.linalg.eigh(here.information / np.outer(size, size))
     kept = values > 1e-10 * values[-1]
     along = vectors[:, kept].T @ (slopes / size[:, None]) / np.sqrt(values[kept])[:, None]
-    # With samples missing 1/N becomes pairs/N².
+    # If samples are missing, the variance 1/N becomes pairs/N².
     pairs = np.maximum(_pairs(problem.record.values, lags), 1.0)
     return np.asarray(problem.record.observed**2 / pairs * np.sum(np.square(along), axis=0))
 
 
 def _autocorrelation(values: Vector, lags: int) -> Vector:
-    """Autocorrelation (L + 1,) at lags 0 … L; a pair with a missing sample does not count."""
+    """Autocorrelation (L + 1,) at lags 0 … L; pairs with a missing sample do not count."""
     there = np.isfinite(values)
     products = _products(np.where(there, values - np.mean(values, where=there), 0.0), lags)
     return np.asarray(products / products[0])
 
 
 def _pairs(values: Vector, lags: int) -> Vector:
-    """How many pairs of samples (L,) are 1 … L steps apart."""
+    """Number of pairs of observed samples (L,) at lags 1 … L."""
     there = np.isfinite(values)
     if np.all(there):
         return values.size - np.arange(1.0, lags + 1)
@@ -303,7 +331,7 @@ def _pairs(values: Vector, lags: int) -> Vector:
 
 
 def _products(z: Vector, lags: int) -> Vector:
-    """Σ_t z_t z_{t+k} (L + 1,) at lags 0 … L."""
+    """Σ_t z_t z_{t+k} (L + 1,) at lags 0 … L, by the Fourier transform."""
     size = 1 << int(2 * z.size - 1).bit_length()
     transform = np.fft.rfft(z, size)
     return np.asarray(np.fft.irfft(transform * np.conj(transform), size)[: lags + 1])

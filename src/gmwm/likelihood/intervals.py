@@ -1,20 +1,20 @@
-"""Confidence intervals of maximum-likelihood estimates: from the information, or from the likelihood's own profile."""
+"""Confidence intervals of maximum-likelihood estimates: from the information matrix, or from the profile likelihood."""
 
 from __future__ import annotations
 
 import math
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from gmwm._arrays import Vector
-from gmwm.errors import ModelError, OptionError
+from gmwm.errors import ModelError
 from gmwm.inference.intervals import Interval, about, free_shape, parameters_by_name
 from gmwm.likelihood.estimator import inverted, jacobian
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.search import Search
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 
 if TYPE_CHECKING:
     from gmwm.likelihood.result import LikelihoodFit
@@ -22,19 +22,18 @@ if TYPE_CHECKING:
 
 Method = Literal["wald", "profile"]
 _NEAR = 2e-3
-"""Of the root of the deviance at an end of a profile interval."""
+"""Relative accuracy of the root of the deviance at an end of a profile interval, for about three digits."""
 _NEAR_A_LIMIT = 1e-2
-"""The same at an upper limit, of which two digits are enough."""
+"""Relative accuracy of the root of the deviance at an upper limit, for about two digits."""
 _GAIN = 1e-3
-"""Log-likelihood that the search for a profile may leave, of a fall of two."""
+"""Accuracy of the log-likelihood in the search for a profile, which falls by about 2 at a 95 % interval."""
 _ROUNDS = 25
 
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
-    """Confidence interval of every estimated parameter: see `LikelihoodFit.confidence_intervals`."""
+    """Compute a confidence interval for every estimated parameter: see `LikelihoodFit.confidence_intervals`."""
     z = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2)
-    if method not in ("wald", "profile"):
-        raise OptionError(f"method must be 'wald' or 'profile', got {method!r}")
+    one_of(method, "method", get_args(Method))
     errors, parameters = fit.standard_errors, parameters_by_name(fit.model)
     profile = _Profile(fit, z)
     intervals: dict[str, Interval] = {}
@@ -65,17 +64,23 @@ def _domain(parameter: Parameter) -> Interval:
 
 
 class _Profile:
-    """The likelihood as a function of one parameter, all others at their best."""
+    """The profile likelihood: the likelihood as a function of one parameter, maximised over all others."""
 
     def __init__(self, fit: LikelihoodFit, z: float) -> None:
         self.fit, self.z = fit, z
 
     def has(self, name: str) -> bool:
-        """Whether one coordinate alone stands behind the parameter, and the record is there."""
+        """Whether the parameter depends on one coordinate only.
+
+        Raises
+        ------
+        ModelError
+            If the fit was read from a file, which does not hold the recording.
+        """
         if self.fit.record is None:
             raise ModelError(
-                f"the interval of {name} is that of the likelihood's profile, for which the record is needed: "
-                "fit it again, as the fit was read from a file"
+                f"the profile interval of {name} needs the recording, and the fit was read from a file",
+                advice="Fit the model to the recording again.",
             )
         problem = Problem(self.fit.model, self.fit.record, self.fit.mean)
         if not problem.coordinates:
@@ -85,7 +90,7 @@ class _Profile:
         return row is not None and np.count_nonzero(row) == 1
 
     def interval(self, name: str, parameter: Parameter) -> Interval:
-        """Where the root of the deviance reaches z on either side."""
+        """The interval whose ends are where the root of the deviance reaches z."""
         row = self._row(name)
         assert row is not None
         k = int(np.flatnonzero(row)[0])
@@ -102,7 +107,7 @@ class _Profile:
         return f"{self.fit.model.terms[c.term]}.{process.scale_parameter().name}" == name
 
     def _row(self, name: str) -> Vector | None:
-        # At a scale of zero the derivative is zero too; what is wanted is which coordinate it is.
+        # At a scale of zero the derivative is zero, so the coordinate of a scale is found by its name.
         for k, c in enumerate(self.problem.coordinates):
             if c.shape is None and self._is(k, name):
                 row = np.zeros(len(self.problem.coordinates))
@@ -111,7 +116,7 @@ class _Profile:
         return jacobian(self.problem, self.fit.model).get(name)
 
     def _end(self, k: int, name: str, side: int) -> float | None:
-        """The parameter where its profile has fallen by z²/2 on one side; None where it never does."""
+        """The parameter at which its profile has fallen by z²/2 on one side; None if it never falls so far."""
         best = self.problem.at(self.fit.model)
         low, high = self.problem.bounds[k]
         if self.problem.coordinates[k].shape is None and side < 0:
@@ -145,7 +150,7 @@ class _Profile:
         return self._parameter(best[k] + step, k, name)
 
     def _along(self, best: Vector, k: int) -> Vector:
-        """How all coordinates move with one, at first: d = I⁻¹e / (I⁻¹)_kk; and its standard error, in `reach`."""
+        """The direction of the profile at the maximum, d = I⁻¹e / (I⁻¹)_kk; sets `reach` to the standard error."""
         gone = {k for k, c in enumerate(self.problem.coordinates) if c.shape is None and best[k] == -math.inf}
         terms = {self.problem.coordinates[i].term for i in gone}
         active = [i for i, c in enumerate(self.problem.coordinates) if c.term not in terms]
@@ -160,13 +165,13 @@ class _Profile:
         return along
 
     def _limit_from_zero(self, k: int, name: str, best: Vector) -> float | None:
-        """The scale at which the profile has fallen by z²/2, of a term that is zero at the top."""
+        """The scale at which the profile has fallen by z²/2, for a term that is zero at the maximum."""
         at = best.copy()
         at[k] = self.problem.faint(best, k, self.fit.model, 1e-3)
         found = self.problem.evaluate(at, [k])
         if found is None:
             return None
-        # With the others held the fall is c s + ½ k s² to begin with, and less once they follow.
+        # For small s and with the others held, the log-likelihood falls by c s + ½ k s²; it falls less if they move.
         size = math.exp(at[k])
         c, curvature = max(-float(found.gradient[0]) / size, 0.0), float(found.information[0, 0]) / size**2
         coordinate = math.log((math.sqrt(c * c + curvature * self.z**2) - c) / curvature)
@@ -184,7 +189,7 @@ class _Profile:
         return self._parameter(coordinate, k, name)
 
     def _root(self, z: Vector, k: int) -> tuple[float, Vector]:
-        """√(2 (largest log-likelihood − that with this coordinate held)), and where that is."""
+        """The root of the deviance, √(2 (maximum − profile at this coordinate)), and the maximum with it held."""
         found = Search(self.problem, held=(k,), tolerance=_GAIN, revive=False).run(z)
         if found is None:
             return math.inf, z

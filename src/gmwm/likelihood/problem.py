@@ -1,4 +1,4 @@
-"""The likelihood of a model as a function of coordinates in which every real number is allowed."""
+"""The likelihood of a model as a function of unconstrained coordinates."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ from gmwm.processes.model import Model
 from gmwm.processes.parameter import Branch
 
 LEAST_DECAY = 1e-3
-"""Decay per record below which a correlation time cannot be told from an infinite one."""
+"""Correlation times above 1 / LEAST_DECAY recordings count as infinite: e^(−1e-3) changes no variance by more than
+0.1 %, less than any standard error of a scale."""
 _FAR = 12.0
+"""Bound of any other coordinate: a factor of 160 000."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +35,7 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The log-likelihood at a point, with its slope (q,) and the information (q, q) by the coordinates."""
+    """The log-likelihood at a point, with its gradient (q,) and the information matrix (q, q) in the coordinates."""
 
     value: float
     gradient: Vector
@@ -43,14 +45,16 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A model whose values are sought, and the record.
+    """A likelihood problem: a model with starting values, and a recording.
 
     Attributes
     ----------
     model : Model
-        With values of all parameters, from which the search starts.
+        The model with starting values of all parameters.
+    record : Record
+        The recording.
     mean : float or None
-        Of the record, where it is known.
+        Mean of the recording if it is known.
     """
 
     model: Model
@@ -59,17 +63,17 @@ class Problem:
 
     @cached_property
     def rate(self) -> float:
-        """Samples per second (Hz)."""
+        """Sampling rate (Hz)."""
         return self.record.rate
 
     @cached_property
     def regressors(self) -> list[Regressor]:
-        """What the record is regressed on."""
+        """The regressors: unknown levels and drifts."""
         return regressors(self.model, self.rate, self.record.values.size, self.mean)
 
     @cached_property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """What is sought: of each random term the scale and the shape, unless they are held."""
+        """The free coordinates: scale and shape of each random term, unless they are held."""
         found: list[Coordinate] = []
         for k, process in enumerate(self.model.processes):
             if is_ramp(process, self.rate):
@@ -80,18 +84,21 @@ class Problem:
             held = [process.is_fixed(p.name) for p in shapes]
             if any(held) and not all(held):
                 raise ModelError(
-                    f"{self.model.terms[k]} has some parameters of its shape held and some free; hold all of them, "
-                    "or none"
+                    f"some shape parameters of {self.model.terms[k]} are held and some are free",
+                    advice="Hold all of them, or none.",
                 )
             if shapes and not held[0]:
                 found.extend(Coordinate(k, i) for i in range(len(shapes)))
         if len(found) > _core.most_slopes:
-            raise ModelError(f"a model has at most {_core.most_slopes} free parameters here, got {len(found)}")
+            raise ModelError(
+                f"the model has {len(found)} free parameters, and maximum likelihood allows {_core.most_slopes}",
+                advice="Use a smaller model, or hold parameters with `fixed(…)`.",
+            )
         return tuple(found)
 
     @cached_property
     def series(self) -> Matrix:
-        """The record less a number near it, and the regressors below (1 + m, N)."""
+        """The centred recording and the regressors, row by row (1 + m, N)."""
         size = self.record.values.size
         rows = np.empty((1 + len(self.regressors), size))
         np.subtract(self.record.values, self.centre, out=rows[0])
@@ -104,7 +111,7 @@ class Problem:
 
     @cached_property
     def centre(self) -> float:
-        """What is taken off the record first: its mean where that is known, a number near it where it is sought."""
+        """The number that is subtracted from the recording: its mean if that is known, else a number near it."""
         if self.mean is not None:
             return self.mean
         return self.record.centre
@@ -112,11 +119,11 @@ class Problem:
     # --- points ---------------------------------------------------------------------------------------
 
     def start(self) -> Vector:
-        """Coordinates of the model's own values."""
+        """Coordinates of the starting values."""
         return self.at(self.model)
 
     def at(self, model: Model) -> Vector:
-        """Coordinates of a model's values."""
+        """Coordinates of the values of a model."""
         out = []
         for coordinate in self.coordinates:
             process = model.processes[coordinate.term]
@@ -144,7 +151,7 @@ class Problem:
 
     @cached_property
     def bounds(self) -> Matrix:
-        """Ends (q, 2) of the coordinates, beyond which a record cannot tell a shape from the one at the end."""
+        """Bounds (q, 2) of the coordinates, beyond which the recording cannot distinguish shapes."""
         out, samples = [], self.record.values.size
         for coordinate in self.coordinates:
             if coordinate.shape is None:
@@ -161,7 +168,7 @@ class Problem:
         return np.array(out).reshape(-1, 2)
 
     def faint(self, z: Vector, k: int, model: Model, share: float) -> float:
-        """The coordinate k, a scale, at which its term is nowhere more than a share of a model's wavelet variance."""
+        """The scale coordinate k at which its term is at most a share of a model's wavelet variance at every level."""
         levels, at = max(int(math.log2(self.record.observed)), 1), z.copy()
         at[k] = 0.0
         own = self.at_point(at).processes[self.coordinates[k].term].wavelet_variance(levels, self.rate)
@@ -169,7 +176,7 @@ class Problem:
         return math.log(share * float(np.min(whole[own > 0] / own[own > 0])))
 
     def branch(self, coordinate: Coordinate) -> tuple[Branch, ...]:
-        """What the process says of the ends of a single shape."""
+        """The search branches of the process of a coordinate."""
         return self.model.processes[coordinate.term].search(self.record.values.size, self.rate)
 
     # --- likelihood -----------------------------------------------------------------------------------
@@ -179,10 +186,10 @@ class Problem:
         return _likelihood(assemble(model, self.rate), self.series, self.regressors)
 
     def evaluate(self, z: Vector, active: Sequence[int]) -> Evaluation | None:
-        """The log-likelihood with slope and information by the `active` coordinates; None where there is none."""
+        """The log-likelihood with gradient and information matrix in the `active` coordinates; None if undefined."""
         try:
             model = self.at_point(z)
-        except OverflowError:  # a scale that the rest of a profile ran away to
+        except OverflowError:  # a scale can diverge along a profile
             return None
         system = assemble(model, self.rate)
         value, level = _likelihood(system, self.series, self.regressors)
@@ -207,7 +214,7 @@ class Problem:
 
 
 def _likelihood(system: System, series: Matrix, wanted: list[Regressor]) -> tuple[float, Level]:
-    """The log-likelihood (−inf where the model leaves nothing to chance), and the regression behind it."""
+    """The log-likelihood (−inf if the model predicts a sample exactly), and the regression coefficients."""
     good, count, _, logs, cross = _core.kalman_innovations(*system.matrices, series, np.empty(0))
     size = len(series)
     sums, labels = cross.reshape(size, size), tuple(r.label for r in wanted)
@@ -232,9 +239,9 @@ def _inverse(gram: Matrix) -> Matrix:
 
 
 def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
-    """Innovations over their standard deviations (N,), NaN where a sample is missing; and how many levels were fitted.
+    """Standardised innovations (N,), NaN where a sample is missing, and the number of fitted regression coefficients.
 
-    The levels are those of the whole record.
+    The coefficients are estimated from the whole recording.
     """
     system = assemble(model, problem.rate)
     value, level = _likelihood(system, problem.series, problem.regressors)
@@ -249,15 +256,17 @@ def standardised(problem: Problem, model: Model) -> tuple[Vector, int]:
 def nothing_to_chance(model: Model) -> ModelError:
     """The error of a model that predicts a sample exactly."""
     return ModelError(
-        f"{model} leaves nothing to chance: some sample would follow exactly from those before. Give it white noise, "
-        "or another term that is not zero"
+        f"{model} predicts some sample exactly from the samples before, so it has no likelihood",
+        advice="Add white noise, or another term that is not zero.",
     )
 
 
 def as_mean(mean: float | None) -> float | None:
-    """The known mean of a record, or None."""
+    """Check the known mean of a recording, or None."""
     if mean is None:
         return None
     if isinstance(mean, bool) or not isinstance(mean, (int, float, np.number)) or not math.isfinite(mean):
-        raise OptionError(f"mean must be a finite number in the unit of the data, or None if unknown; got {mean!r}")
+        raise OptionError(
+            argument="mean", expected="a finite number in the unit of the data, or None if it is unknown", got=mean
+        )
     return float(mean)

@@ -1,4 +1,4 @@
-"""A record for the Kalman filter: samples at equal steps, NaN where one is missing."""
+"""A recording for the Kalman filter: samples at equal steps, NaN where one is missing."""
 
 from __future__ import annotations
 
@@ -9,27 +9,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._text import counted
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 
 _ROOM = 10_000_000
-"""Missing samples that gaps may add whatever the length of the record."""
+"""Missing samples that gaps may add to a recording of any length: 80 MB. Pinned by
+tests/likelihood/test_loglikelihood.py."""
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """One axis at equal steps.
+    """The samples of one axis at equal steps.
 
     Attributes
     ----------
     values : (N,) array, in `unit`
-        NaN where a sample is missing.
+        Samples; NaN where a sample is missing.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
+    unit, axis : str
+        Unit of the samples and name of the axis, or "".
     start : float
         Time of the first sample (s).
     centre : float
-        A number near the values, taken off before anything is squared.
+        A number near the values, subtracted before squares are computed to avoid cancellation.
     """
 
     values: Vector
@@ -44,7 +48,7 @@ class Record:
 
     @property
     def observed(self) -> int:
-        """Number of samples that are there."""
+        """Number of observed samples."""
         return int(np.count_nonzero(np.isfinite(self.values)))
 
     @property
@@ -53,9 +57,9 @@ class Record:
         return np.asarray(self.start + np.arange(self.values.size) / self.rate)
 
     def signal(self) -> Signal:
-        """The same as a signal with segments, whose wavelet variance can be had; short segments are left out.
+        """The recording as a signal with segments, for its wavelet variance. Segments that are too short are left out.
 
-        Where most of it lies in segments that are too short, the missing samples are drawn in straight lines.
+        If most samples lie in such segments, missing samples are interpolated linearly instead.
         """
         there = np.isfinite(self.values)
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
@@ -78,31 +82,47 @@ class Record:
 
 
 def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data") -> Record:
-    """The record that `data` stands for.
+    """Make a recording for the Kalman filter from a signal or an array.
 
     Parameters
     ----------
     data : Signal or (N,) array
-        Gaps between the segments of a signal are missing samples, as many as their time stamps say, to the nearest
-        step, and one where the clock was set back. In an array NaN, or a masked value, is a missing sample.
+        Gaps between the segments of a signal become missing samples. Their number follows from the time stamps, and is
+        one where the clock was set back. In an array, NaN or a masked value is a missing sample.
     rate : float, optional
-        Samples per second (Hz); needed with an array only.
+        Sampling rate (Hz); needed only if `data` is an array.
+    name : str
+        Name of the argument, for error messages.
+
+    Returns
+    -------
+    Record
 
     Raises
     ------
     DataError
-        If fewer than 8 samples are there, a value is infinite, or gaps are so long that they outweigh the record.
+        If fewer than 8 samples are observed, a value is infinite, or the gaps are much longer than the recording.
     ModelError
-        If the samples are all alike.
+        If all samples are equal.
     OptionError
-        If the rate is missing, or contradicts that of a signal.
+        If the rate is missing, or contradicts the rate of a signal.
     """
     if isinstance(data, Signal):
         if rate is not None and as_rate(rate) != data.rate:
-            raise OptionError(f"rate={rate:g} contradicts the signal's {data.rate:g} Hz; leave rate out")
+            raise OptionError(
+                argument="rate",
+                expected=f"{data.rate:g}, the sampling rate of the signal (Hz)",
+                got=rate,
+                advice="Leave {--rate} out.",
+            )
         values, step, unit, axis, start = _with_gaps(data), data.rate, data.unit, data.axis, data.start
     elif isinstance(data, Imu):
-        raise DataError(f"{name} must be one axis, got a recording of {', '.join(data)}; pass imu[{data.axes[0]!r}]")
+        raise DataError(
+            f"{name} must be one axis; got a recording of {', '.join(data)}",
+            argument=name,
+            advice="Pass one axis, for example `imu['{axis}']`.",
+            axis=data.axes[0],
+        )
     else:
         given = np.ma.filled(data.astype(np.float64), np.nan) if isinstance(data, np.ma.MaskedArray) else data
         values, unit, axis, start = as_vector(given, name, finite=False).copy(), "", "", 0.0
@@ -113,35 +133,43 @@ def as_record(data: Signal | ArrayLike, rate: float | None, *, name: str = "data
     if endless:
         at = int(np.argmax(np.isinf(values)))
         raise DataError(
-            f"{axis or name} must be finite, NaN where a sample is missing; got {endless} infinite (first at {at})"
+            f"{axis or name} must be finite; got {counted(endless, 'infinite value')}, the first at index {at}",
+            argument=name,
+            advice="Mark missing samples as NaN.",
         )
     if seen.size < MINIMUM_SAMPLES:
         raise DataError(
-            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing, got {seen.size} of "
-            f"{values.size}"
+            f"{axis or name} must have at least {MINIMUM_SAMPLES} samples that are not missing; got {seen.size} of "
+            f"{values.size}",
+            argument=name,
+            got=seen.size,
         )
     centre = float(np.mean(seen))
     if np.min(seen) == np.max(seen):
-        raise ModelError("a constant signal has no noise to model: all its samples are alike")
+        raise ModelError(
+            "the signal is constant: all its samples are equal",
+            advice="Check that the sensor was recording, and that the right column was read.",
+        )
     return Record(values=values, rate=step, unit=unit, axis=axis, start=start, centre=centre)
 
 
 def _with_gaps(signal: Signal) -> Vector:
-    """The samples of a signal with NaN for those that are missing between its segments."""
+    """The samples of a signal, with NaN for the samples that are missing between its segments."""
     if len(signal.segments) == 1:
         return signal.values.copy()
     places: list[int] = []
     at, end = 0, 0.0
     for (first, last), time in zip(signal.segments, signal.starts, strict=True):
-        # From the sample before to this one is at least two steps, or there would be no gap.
+        # A gap has at least one missing sample.
         at = max(round(at + (time - end) * signal.rate), at + 1) if places else 0
         places.append(at)
         at += last - first
         end = time + (last - first) / signal.rate
     if at > 10 * len(signal) + _ROOM:
         raise DataError(
-            f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps and {len(signal)} that are "
-            "there; use signal.longest(), or each part by itself"
+            f"{signal.axis or 'the signal'} has {at - len(signal)} samples missing in gaps, and only {len(signal)} "
+            "observed samples",
+            advice="Use the longest part without a gap (`signal.longest()`), or each part alone.",
         )
     values = np.full(at, np.nan)
     for place, segment in zip(places, signal.segment_values(), strict=True):

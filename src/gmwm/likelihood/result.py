@@ -1,4 +1,4 @@
-"""A model fitted by maximum likelihood."""
+"""The result of a maximum-likelihood fit."""
 
 from __future__ import annotations
 
@@ -30,25 +30,27 @@ if TYPE_CHECKING:
     from gmwm.likelihood.intervals import Method
     from gmwm.plots.view import UnitSystem, ViewName
 
+_SOURCE = "Pass the values that `LikelihoodFit.to_dict()` returned."
+
 
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodDiagnostics:
-    """What to know before using the fit.
+    """Diagnostics of a maximum-likelihood fit: terms that the data do not determine, the search, and remarks.
 
     Attributes
     ----------
     acts_as : mapping of term to process name
-        Terms at an end of their domain, which these data cannot tell from another process.
+        Terms at an end of their domain, which the data cannot distinguish from another process.
     not_supported : tuple of str
-        Terms estimated as zero: these data do not show them.
+        Terms that are estimated as zero.
     evaluations : int
-        Passes of the filter with derivatives that the search took.
+        Number of evaluations of the likelihood with derivatives.
     converged : bool
-        Whether the search ended where nothing more is to be gained.
+        Whether the search converged to a maximum.
     started_at : float
-        The log-likelihood where it started.
+        Log-likelihood at the starting values.
     remarks : tuple of Remark
-        What to know before using the fit.
+        Remarks about terms and the search.
     """
 
     acts_as: Mapping[str, str]
@@ -61,34 +63,36 @@ class LikelihoodDiagnostics:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LikelihoodFit(KalmanMethods):
-    """A model fitted to a record by maximum likelihood.
+    """A model fitted to a recording by maximum likelihood.
 
     Attributes
     ----------
     model : Model
-        With its estimates; repeated terms have the shortest correlation time first.
+        The model with its estimates. Repeated terms are sorted by correlation time, the shortest first.
     parameters : mapping of name to value
-        "WN.sigma2", "GM.beta", with repeats "GM[1].beta"; SI and per sample, β in 1/s.
+        Estimates by name: "WN.sigma2", "GM.beta", and "GM[1].beta" for repeated terms. SI units and per sample, β in
+        1/s.
     loglikelihood : float
-        At the estimate.
-    level, level_error : float or None, in the unit of the record
-        The record's mean by least squares, and its standard error; None where it is known, or is that of a walk.
+        Log-likelihood at the estimate.
+    level, level_error : float or None, in the unit of the recording
+        Mean of the recording and its standard error; None if it was known or is the level of a random walk.
     mean : float or None
-        The mean where it was known beforehand.
+        The mean that was passed as known.
     samples, missing : int
-        Samples that were there, and that were not.
+        Number of observed and of missing samples.
     names : tuple of str
-        The p parameters that were estimated inside their domains.
+        Names of the p parameters that are estimated inside their domains.
     covariance : (p, p) array
-        Their covariance, the inverse of the information; infinite where the data do not determine one.
+        Covariance of these parameters, the inverse of the information matrix; infinite if the data do not determine
+        one.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     unit, axis : str
-        Of the record.
+        Unit of the recording and name of the axis.
     diagnostics : LikelihoodDiagnostics
-        How the search went, and what the data do not support.
+        Terms that act as another process or that the data do not support, and the search.
     record : Record or None
-        What was fitted; None of a fit that was read from a file.
+        The recording; None if the fit was read from a file.
 
     Examples
     --------
@@ -123,48 +127,51 @@ class LikelihoodFit(KalmanMethods):
 
     @cached_property
     def wavelet_variance(self) -> WaveletVariance:
-        """Of the record, to hold the model against.
+        """Wavelet variance of the recording.
 
         Raises
         ------
         ModelError
-            If the fit was read from a file, which does not hold the record.
+            If the fit was read from a file, which does not hold the recording.
         """
         if self.record is None:
-            raise ModelError("the wavelet variance is that of the record, which a fit that was read from a file lacks")
+            raise ModelError(
+                "the fit was read from a file, which does not hold the recording for its wavelet variance",
+                advice="Fit the model to the recording again.",
+            )
         return measure(self.record.signal())
 
     @cached_property
     def implied(self) -> Vector:
-        """Wavelet variance (J,) of the fitted model at the levels of the record's."""
+        """Wavelet variance (J,) of the fitted model, at the levels of `wavelet_variance`."""
         wv = self.wavelet_variance
         return freeze(self.model.wavelet_variance(wv.levels, wv.rate, wv.filter))
 
     @cached_property
     def decomposition(self) -> dict[str, Vector]:
-        """That of each term (J,), by label."""
+        """Wavelet variance (J,) of each term, by label."""
         wv = self.wavelet_variance
         return self.model.decomposition(wv.levels, wv.rate, wv.filter)
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard error of each parameter that was estimated inside its domain."""
+        """Standard error of each parameter that is estimated inside its domain, by name."""
         errors = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
         return Named(errors, "standard error of", why_no_error(self.model, errors, self.diagnostics.acts_as))
 
     @property
     def estimated(self) -> int:
-        """Number of parameters that were estimated, zeros among them."""
+        """Number of free parameters, including those estimated as zero."""
         return len(self.model.names) - len(self.model.fixed_names)
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion 2p − 2 log L."""
+        """Akaike information criterion, 2p − 2 log L."""
         return 2.0 * self.estimated - 2.0 * self.loglikelihood
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion p log N − 2 log L."""
+        """Bayesian (Schwarz) information criterion, p log N − 2 log L."""
         return self.estimated * math.log(self.samples) - 2.0 * self.loglikelihood
 
     def confidence_intervals(self, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:
@@ -280,11 +287,11 @@ class LikelihoodFit(KalmanMethods):
         return plot_fit(self, view=view, units=units, decomposition=decomposition, ax=ax, path=path)
 
     def units(self) -> dict[str, str]:
-        """Unit of every parameter."""
+        """Unit of every parameter, by name."""
         return self.model.units(self.unit)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fit as plain numbers, lists and texts, ready for JSON; the record is not among them."""
+        """The fit as numbers, lists and strings, ready for JSON, without the recording."""
         d = self.diagnostics
         return {
             "method": "maximum likelihood",
@@ -314,12 +321,12 @@ class LikelihoodFit(KalmanMethods):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> LikelihoodFit:
-        """The fit whose `to_dict` gave `values`, or its JSON, without its record.
+        """Read a fit from the values of `to_dict`, also after JSON, without its recording.
 
         Raises
         ------
         ReadError
-            If they are not those of such a fit.
+            If a value is missing, or has the wrong type or size.
 
         Examples
         --------
@@ -332,7 +339,7 @@ class LikelihoodFit(KalmanMethods):
             model = Model.parse(values["model"])
             parameters = {name: value for name, value in model.parameters.items() if value is not None}
             if parameters != dict(values["parameters"]):
-                raise ModelError(f"the parameters are not those of {model}")
+                raise ModelError(f"the parameters do not match the model {model}")
             matrix = np.array(
                 [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
             ).reshape(len(values["names"]), len(values["names"]))
@@ -361,13 +368,13 @@ class LikelihoodFit(KalmanMethods):
                 diagnostics=diagnostics,
             )
         except KeyError as error:
-            raise ReadError(f"not a fit by likelihood: it has no {error.args[0]!r}") from error
+            raise ReadError(f"not a maximum-likelihood fit: {error.args[0]!r} is missing", advice=_SOURCE) from error
         except (TypeError, ValueError, AttributeError) as error:
-            raise ReadError(f"not a fit by likelihood: {error}") from error
+            raise ReadError(f"not a maximum-likelihood fit: {error}".rstrip("."), advice=_SOURCE) from error
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What to know before using the fit."""
+        """Remarks about the terms and the search. Read them before using the fit."""
         return self.diagnostics.remarks
 
     def _repr_html_(self) -> str:

@@ -1,4 +1,4 @@
-"""The way up a likelihood: Fisher scoring, damped where it fails, on the terms that the record shows."""
+"""Maximise a likelihood by damped Fisher scoring, on the terms that the recording supports."""
 
 from __future__ import annotations
 
@@ -12,34 +12,43 @@ from gmwm._arrays import Matrix, Vector
 from gmwm.likelihood.problem import Evaluation, Problem
 
 LONGEST = 2.0
-"""Of a step in a coordinate: a factor of seven in a scale."""
+"""Longest step in a coordinate: a factor of seven in a scale."""
 TOLERANCE = 1e-9
-"""Of the log-likelihood that may still be gained."""
+"""The search ends when the expected gain of the log-likelihood is smaller."""
 _ROUNDS = 200
+# The constants below decide which terms are tried at zero; tests/likelihood/test_fit_ml.py pins them: a term that the
+# data do not support is estimated as zero, and a term that they do support is found again.
 _WORTH = 0.01
-"""Log-likelihood that a term must promise to be tried again."""
+"""Expected gain of the log-likelihood above which a term at zero is tried again."""
 _PLACES = 12
-"""Along the range of a shape, where a term is looked for."""
+"""Number of shapes at which such a term is tried."""
 _BEYOND = 1.6
-"""Above the range in which wavelets see a shape: samples also see a process that is gone within one."""
+"""Extension of the range of shapes beyond the range of a wavelet fit, because the likelihood also shows processes that
+decay within one sample: a factor of 5 in β."""
 _FAINT = 0.05
-"""Information on the logarithm of a scale below which its error is more than four times itself: is it there at all?"""
+"""Information about the logarithm of a scale below which zero is tried: the relative standard error exceeds 4."""
 _GONE = 1e-7
-"""Log-likelihood that a term can still lose by shrinking, from which on it counts as zero."""
+"""Change of the log-likelihood with the logarithm of a scale below which the term counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Maximum:
-    """The local maximum of the likelihood that one search reached.
+    """A local maximum of the likelihood.
 
     Attributes
     ----------
     z : (q,) array
         Coordinates; −inf for the scale of a term that is zero.
     active : tuple of int
-        Coordinates that are neither held at an end nor of a term that is zero.
+        Coordinates that are neither at a bound nor of a term that is zero.
     at_end : mapping of coordinate to side
-        −1 or 1 for shapes that rest at an end.
+        Shapes at a bound: −1 for the lower, 1 for the upper.
+    evaluation : Evaluation
+        The last evaluation of the likelihood.
+    evaluations : int
+        Number of evaluations.
+    converged : bool
+        Whether the search converged.
     """
 
     z: Vector
@@ -54,9 +63,19 @@ Progress = Callable[[int, float], None]
 
 
 class Search:
-    """One search; `held` coordinates stay where they are, and it ends where less than `tolerance` is to be gained.
+    """One search for a local maximum.
 
-    `revive`: whether terms that were given up are tried once more at the end.
+    Parameters
+    ----------
+    problem : Problem
+    held : tuple of int
+        Coordinates that do not move.
+    progress : callable, optional
+        Called after each evaluation.
+    tolerance : float
+        The search ends when the expected gain of the log-likelihood is smaller.
+    revive : bool
+        Try terms that became zero once more at the end.
     """
 
     def __init__(
@@ -77,14 +96,14 @@ class Search:
         self.scales = {c.term: k for k, c in enumerate(problem.coordinates) if c.shape is None}
 
     def run(self, start: Vector) -> Maximum | None:
-        """The optimum that `start` leads to; None where the start has no likelihood."""
+        """The local maximum that `start` leads to; None if the likelihood is undefined at the start."""
         z = self._apart(np.clip(start, *self.problem.bounds.T))
         self.gone = {c.term for c, value in zip(self.problem.coordinates, start, strict=True) if value == -math.inf}
         z, found, converged = self._climb(z)
         if found is None:
             return None
         z, found = self._tidy(z, found)
-        # A term that is at zero may have a place once the others have found theirs, and then another one too.
+        # A term at zero may be supported after the others have moved, and then another one too: two passes.
         for term in [*sorted(self.gone)] * 2 if self.revive else ():
             tried = self._back(z, found, term) if term in self.gone else None
             if tried is not None:
@@ -121,7 +140,7 @@ class Search:
         return found
 
     def _climb(self, z: Vector) -> tuple[Vector, Evaluation | None, bool]:
-        """Steps d = (I + μ diag I)⁻¹ g until nothing is to be gained that rounding would not hide."""
+        """Steps d = (I + μ diag I)⁻¹ g until the expected gain is smaller than the tolerance or rounding."""
         active = self._active(z)
         now = self._evaluate(z, active)
         if now is None:
@@ -130,7 +149,7 @@ class Search:
         for _ in range(_ROUNDS if active else 0):
             step, gain = self._step(now, z, active, damping)
             if gain < 0.0 and damping < 1e6:
-                damping = max(10.0 * damping, 1e-2)  # a direction that is hardly known spoilt the step
+                damping = max(10.0 * damping, 1e-2)  # a direction with little information made the step too long
                 continue
             if gain <= max(self.tolerance, 8e-16 * abs(now.value)):
                 converged = gain >= 0.0
@@ -155,7 +174,7 @@ class Search:
                 damping = 0.0 if ratio > 0.5 and damping < 1e-3 else damping * (0.2 if ratio > 0.5 else 1.0)
                 z, now = trial, after
             elif gain <= 1e-5 and damping > 1e3:
-                converged = True  # the likelihood's own rounding is all that is left
+                converged = True  # the remaining gain is below the rounding error of the likelihood
                 break
             else:
                 damping = max(10.0 * damping, 1e-2)
@@ -164,7 +183,7 @@ class Search:
         return z, now, converged
 
     def _step(self, now: Evaluation, z: Vector, active: list[int], damping: float) -> tuple[Vector, float]:
-        """The step of the active coordinates, inside their bounds, and what it promises to gain."""
+        """The step of the active coordinates inside their bounds, and its expected gain."""
         bounds, at = self.problem.bounds[active], z[active]
         low = np.maximum(bounds[:, 0] - at, -LONGEST)
         high = np.minimum(bounds[:, 1] - at, LONGEST)
@@ -172,7 +191,7 @@ class Search:
         return step, float(now.gradient @ step - 0.5 * step @ now.information @ step)
 
     def _give_up(self, now: Evaluation, z: Vector, active: list[int]) -> bool:
-        """Whether a term has shrunk to where it no longer matters, and goes."""
+        """Set terms to zero whose scale no longer changes the likelihood; whether there is one."""
         gone = set()
         for term, k in self.scales.items():
             if k not in active:
@@ -186,7 +205,7 @@ class Search:
         return True
 
     def _tidy(self, z: Vector, now: Evaluation) -> tuple[Vector, Evaluation]:
-        """Terms that came to rest so small that they might as well be zero are zero."""
+        """Set small terms to zero if the likelihood does not fall."""
         active = self._active(z)
         for term, k in self.scales.items():
             if k not in active or now.information[active.index(k), active.index(k)] > _FAINT:
@@ -211,7 +230,7 @@ class Search:
         return z
 
     def _apart(self, z: Vector) -> Vector:
-        """Terms of a kind that start at one place would stay together: there they are a single one."""
+        """Separate terms of one kind that start with the same shape, because they would stay together."""
         z = z.copy()
         seen: list[tuple[type, Vector]] = []
         for term, process in enumerate(self.problem.model.processes):
@@ -225,10 +244,10 @@ class Search:
         return z
 
     def _back(self, z: Vector, now: Evaluation, term: int) -> tuple[Vector, Evaluation, bool] | None:
-        """The optimum with a term that is at zero, if the likelihood rises where it comes back.
+        """The maximum with a term that was zero, if the likelihood increases with it; else None.
 
-        It is looked at while it is so small that it changes nothing: its slope g and information I on the logarithm of
-        the scale say that g²/2I is to be gained. A shape of one parameter is tried all along its range.
+        The term is added with a negligible scale. From its gradient g and information I on the logarithm of the scale,
+        the expected gain is g²/2I. If the shape has one parameter, it is tried over its whole range.
         """
         k = self.scales.get(term)
         if k is None or k in self.held:
@@ -242,7 +261,7 @@ class Search:
             slope, information = float(tried.gradient[0]), float(tried.information[0, 0])
             if slope * slope / (2.0 * information) > most:
                 most, best = slope * slope / (2.0 * information), at
-                # Where the parabola has its top: c/I of the scale itself.
+                # The maximum of the parabola in the scale itself.
                 best[k] += min(max(math.log(slope / information), 0.0), 9.0)
         if best is None:
             return None
@@ -255,7 +274,7 @@ class Search:
         return None
 
     def _places(self, z: Vector, term: int) -> list[Vector]:
-        """Where to look for a term: all along its shape if that has one parameter, else where it stands."""
+        """Points at which to try a term: over the range of its shape if that has one parameter, else at its values."""
         mine = [i for i, c in enumerate(self.problem.coordinates) if c.term == term and c.shape is not None]
         if len(mine) != 1:
             return [z.copy()]
@@ -271,9 +290,9 @@ class Search:
 
 
 def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damping: float) -> Vector:
-    """The d between `low` and `high` that gains most, g·d − ½ dᵀ(I + μ diag I)d: what leaves the box rests on its side.
+    """The step d between `low` and `high` that maximises g·d − ½ dᵀ(I + μ diag I)d, by an active-set method.
 
-    Coordinates come off a side again where the slope there points inwards.
+    A coordinate that leaves the box is held at its bound, and released if the gradient there points inwards.
     """
     size = np.sqrt(np.diag(information))
     size = np.where(size > 0, size, 1.0)
@@ -297,7 +316,7 @@ def boxed(information: Matrix, gradient: Vector, low: Vector, high: Vector, damp
 
 
 def solved(matrix: Matrix, vector: Vector) -> Vector:
-    """M⁻¹ v of a matrix with ones on its diagonal; directions in which it is nothing are left out."""
+    """M⁻¹ v for a matrix with unit diagonal; directions with eigenvalues near zero are left out."""
     if not vector.size:
         return vector
     values, vectors = np.linalg.eigh(matrix)

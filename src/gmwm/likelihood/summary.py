@@ -1,4 +1,4 @@
-"""A fit by maximum likelihood in words."""
+"""Summary of a maximum-likelihood fit in text and HTML."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def in_words(
     residuals: Residuals | None = None,
     missing: Remark | None = None,
 ) -> str:
-    """The same with intervals and residuals that are already known, and a remark if there are no intervals."""
+    """The summary from intervals and residuals that are already computed, with a remark if there are no intervals."""
     words = texts(without_axis(missing, *fit.remarks))
     lines = [*head(fit, residuals), "", *table_text(rows(fit, intervals), level)]
     return "\n".join([*lines, "", *words] if words else lines)
@@ -47,7 +47,7 @@ def as_html(fit: LikelihoodFit) -> str:
 def intervals_if_known(
     fit: LikelihoodFit, level: float, method: Method = "wald"
 ) -> tuple[dict[str, Interval], Remark | None]:
-    """The intervals, or none and the reason why: a fit from a file has no record to make all of them of."""
+    """The intervals; if they cannot be computed, none and a remark that says why."""
     try:
         return confidence_intervals(fit, level, method), None
     except ModelError as error:
@@ -55,14 +55,14 @@ def intervals_if_known(
 
 
 def own_residuals(fit: LikelihoodFit) -> Residuals | None:
-    """The standardised innovations of the record that was fitted; None of a fit that was read from a file."""
+    """Residuals of the fitted recording; None if the fit was read from a file."""
     if fit.record is None:
         return None
     return fit.residuals(fit.record.values)
 
 
 def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval]) -> dict[str, Any]:
-    """Intervals and standard errors as plain numbers, ready for JSON; None where there is no number."""
+    """Intervals and standard errors as numbers, ready for JSON; None if there is no number."""
     return {
         "confidence": level,
         "confidence_intervals": {
@@ -75,7 +75,7 @@ def inference(fit: LikelihoodFit, level: float, intervals: Mapping[str, Interval
 
 
 def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
-    """Model, data, the likelihood, and what is left of the data."""
+    """The first lines of a summary: model, data, log-likelihood, mean and tests of the residuals."""
     d = fit.diagnostics
     missing = f", {counted(fit.missing, 'sample')} missing" if fit.missing else ""
     duration = (fit.samples + fit.missing) / fit.rate
@@ -93,17 +93,17 @@ def head(fit: LikelihoodFit, residuals: Residuals | None = None) -> list[str]:
 
 
 def checks_in_words(residuals: Residuals) -> str:
-    """Whether residuals are white and normal, in a line."""
-    normal = f"normal? p {_p(residuals.normality().p_value)} (Jarque-Bera)"
+    """The tests of the residuals in one line."""
+    normal = f"normality p {_p(residuals.normality().p_value)} (Jarque-Bera)"
     try:
         white = residuals.ljung_box()
-    except OptionError:  # so few samples that no lag is left to test
+    except OptionError:  # too few samples for a lag to test
         return normal
-    return f"white? p {_p(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
+    return f"whiteness p {_p(white.p_value)} (Ljung-Box, {white.lags} lags); {normal}"
 
 
 def p_text(p: float) -> str:
-    """A p-value with three decimals, or that it is less than one in a thousand.
+    """A p-value with three decimals, or "< 0.001".
 
     >>> p_text(0.04251), p_text(2e-9)
     ('0.043', '< 0.001')
@@ -117,7 +117,7 @@ def _p(p: float) -> str:
 
 
 def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
-    """Every parameter with its interval, in the order of the terms."""
+    """One row for each parameter of a fit, in the order of the terms."""
     errors, units = fit.standard_errors, fit.units()
     shown = []
     for name, value in fit.parameters.items():
@@ -137,7 +137,7 @@ def rows(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> list[Row]:
 
 
 def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[str, str]:
-    """Each parameter in one word: estimate and relative standard error, upper limit, or what its term acts as."""
+    """A short text for each parameter: estimate and relative standard error, upper limit, or what its term acts as."""
     shown = {}
     for row in rows(fit, intervals):
         value = fit.parameters[row.name]
@@ -155,7 +155,7 @@ def short_values(fit: LikelihoodFit, intervals: Mapping[str, Interval]) -> dict[
 
 
 def _undetermined(fit: LikelihoodFit, intervals: Mapping[str, Interval], name: str) -> bool:
-    """Whether a parameter is the shape of a term that is not there."""
+    """Whether a parameter is the shape of a term that is estimated as zero."""
     gone = name.rpartition(".")[0] in fit.diagnostics.not_supported
     if not gone or name in fit.model.fixed_names or fit.parameters[name] == 0:
         return False

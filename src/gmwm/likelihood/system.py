@@ -1,8 +1,8 @@
-"""A model as the Kalman filter takes it: matrices, their derivatives, and what is regressed on.
+"""A model as the Kalman filter needs it: matrices, their derivatives, and regressors.
 
-What is unknown without a distribution enters as a regressor: the constant that each record has (an offset, gravity),
-on which a walk's unknown level falls as well; and a drift, whose slope is a parameter. Their coefficients are known by
-least squares once the filter has run, exactly as if their variance were infinite.
+An unknown without a distribution is a regressor: the constant of a recording (an offset, gravity), which is also the
+unknown level of a random walk; and a drift, whose slope is a parameter. Their coefficients follow by least squares
+after the filter has run, exactly as if their variance were infinite.
 """
 
 from __future__ import annotations
@@ -20,22 +20,24 @@ from gmwm.processes.model import Model
 from gmwm.statespace import StateSpace, powers
 
 LEVEL = "level"
-"""The label of the record's constant mean, where no walk takes it up."""
+"""Label of the constant mean of the recording, if no random walk includes it."""
 STEP = 0.02
-"""Of a coordinate, in which matrices are differentiated by differences of order 6."""
+"""Step of a coordinate for derivatives of matrices by differences of order 6, whose error is about STEP⁶ = 6e-11;
+tests/likelihood/test_score.py compares with other derivatives."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """A known course of which only the size is unknown.
+    """A known function of time with an unknown coefficient.
 
     Attributes
     ----------
     course : (N,) array
+        The function at each sample.
     label : str
-        LEVEL, or the label of the term it belongs to.
+        LEVEL, or the label of its term.
     flat : bool
-        Whether its size is integrated out (a level of no interest) rather than estimated (a drift).
+        Whether the coefficient is integrated out (a level) or estimated (a drift).
     """
 
     course: Vector
@@ -56,7 +58,7 @@ class TermBlock:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """The random terms of a model with values, as one state space whose start has a covariance."""
+    """The random terms of a model with values, as one state space with a proper initial covariance."""
 
     blocks: tuple[TermBlock, ...]
     F: Matrix
@@ -67,26 +69,31 @@ class System:
 
     @property
     def matrices(self) -> tuple[Matrix, Matrix, Vector, float, Matrix]:
-        """F, Q, H, R, P0, as the kernels take them."""
+        """F, Q, H, R and P0, in the order of the kernels."""
         return self.F, self.Q, self.H, self.R, self.P0
 
 
 def require_state(process: Process) -> None:
-    """An error where a process has no state-space form, with the way out."""
+    """Raise an error if a process has no state-space form.
+
+    Raises
+    ------
+    MissingTheoryError
+    """
     if not process.has("state_space"):
         if not is_own(type(process)):
             raise MissingTheoryError(
-                f"{process.name} defines no state_space, which the likelihood and the Kalman filter need; give the "
-                "class one if the process has a finite state, or stay with the fit to the wavelet variance"
+                f"{process.name} does not define state_space, which the likelihood and the Kalman filter need",
+                advice="Define it if the process has a finite state, or fit the wavelet variance.",
             )
         raise MissingTheoryError(
-            f"{process.name} has no finite state, which the likelihood and the Kalman filter need; take two or three "
-            "Gauss-Markov terms in its place, or stay with the fit to the wavelet variance"
+            f"{process.name} has no finite state, which the likelihood and the Kalman filter need",
+            advice="Replace it by two or three Gauss-Markov terms, or fit the wavelet variance.",
         )
 
 
 def is_ramp(process: Process, rate: float) -> bool:
-    """Whether a process has no chance in it, as a drift: its whole course is known but for its size."""
+    """Whether a process is deterministic up to its scale, as a drift is."""
     one = type(process).standard(process.nonlinear) if process.nonlinear_parameters() else type(process).standard()
     if not one.has("state_space"):
         return False
@@ -95,12 +102,12 @@ def is_ramp(process: Process, rate: float) -> bool:
 
 
 def _certain(space: StateSpace) -> bool:
-    """Whether there is no chance in it, at these values."""
+    """Whether a state space has no noise, at its values."""
     return not (np.any(space.Q) or np.any(space.R) or np.any(space.P0))
 
 
 def assemble(model: Model, rate: float) -> System:
-    """The system of a model's random terms at their values.
+    """Assemble the state space of the random terms of a model with values.
 
     Raises
     ------
@@ -127,7 +134,7 @@ def assemble(model: Model, rate: float) -> System:
 
 
 def _start(space: StateSpace) -> Matrix:
-    """P0, with a step's own variance where the level is unknown: a level on top of it is regressed on."""
+    """P0, with the variance of one step for states of unknown level; the level itself is a regressor."""
     start = np.array(space.P0)
     unknown = space.diffuse
     start[unknown, :] = 0.0
@@ -137,7 +144,7 @@ def _start(space: StateSpace) -> Matrix:
 
 
 def regressors(model: Model, rate: float, samples: int, mean: float | None) -> list[Regressor]:
-    """What a record of this model is regressed on: levels, and drifts whose slope is not held."""
+    """The regressors of a model: unknown levels, and drifts whose slope is free."""
     found, ramps = [], []
     level = mean is None
     for label, process in zip(model.terms, model.processes, strict=True):
@@ -147,11 +154,11 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
                 ramps.append(Regressor(np.asarray(course, dtype=np.float64), label, flat=False))
             continue
         space = process.state_space(rate)
-        # One that is held at zero takes up no level; one that is sought may come to need it.
+        # A term that is held at zero has no level; a free one may become positive and then needs it.
         wanders = process.scale > 0 or not process.is_fixed(process.scale_parameter().name)
         for state in np.flatnonzero(space.diffuse) if wanders else ():
             course = _course(space, int(state), samples)
-            # The level of a walk is a constant, and so is the record's: one of them is enough.
+            # The level of a random walk is a constant, so a second constant regressor would be redundant.
             level = level and bool(np.any(course != course[0]))
             found.append(Regressor(course, label, flat=True))
     if level:
@@ -160,7 +167,7 @@ def regressors(model: Model, rate: float, samples: int, mean: float | None) -> l
 
 
 def _course(space: StateSpace, state: int, samples: int) -> Vector:
-    """H Fᵗ e, what a state that starts at 1 is seen as."""
+    """The response H Fᵗ e of the output to a state that starts at 1."""
     start = np.zeros(space.states)
     start[state] = 1.0
     if np.array_equal(space.F @ start, start):
@@ -170,7 +177,7 @@ def _course(space: StateSpace, state: int, samples: int) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of a system's matrices by q coordinates: (q, p, p), (q, p, p), (q, p), (q,), (q, p, p)."""
+    """Derivatives of the matrices by q coordinates: (q, p, p), (q, p, p), (q, p), (q,), (q, p, p)."""
 
     F: Matrix
     Q: Matrix
@@ -181,14 +188,14 @@ class Slopes:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One number that is sought: the logarithm of a term's scale coefficient, or a coordinate of its shape."""
+    """A free coordinate: the logarithm of a term's scale coefficient, or one coordinate of its shape."""
 
     term: int
     shape: int | None = None
 
 
 def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate: float) -> Slopes:
-    """Derivatives of the system by the coordinates of its model's terms."""
+    """Derivatives of a system by the coordinates of its model."""
     p, q = system.H.size, len(coordinates)
     out = Slopes(np.zeros((q, p, p)), np.zeros((q, p, p)), H=np.zeros((q, p)), R=np.zeros(q), P0=np.zeros((q, p, p)))
     by_label = {block.label: block for block in system.blocks}
@@ -215,14 +222,14 @@ def slopes(model: Model, system: System, coordinates: Sequence[Coordinate], rate
 
 
 def moved(process: Process, shape: int, distance: float) -> Process:
-    """The process with one coordinate of its shape moved."""
+    """The process with one coordinate of its shape moved by `distance`."""
     z = type(process).coordinates(process.nonlinear.reshape(1, -1))
     z[0, shape] += distance
     return at_shape(process, z[0])
 
 
 def at_shape(process: Process, z: Vector) -> Process:
-    """The process with the coordinates of its shape at z."""
+    """The process with the coordinates z of its shape."""
     values = type(process).at_coordinates(np.asarray(z, dtype=np.float64).reshape(1, -1))[0].tolist()
     names = [p.name for p in process.nonlinear_parameters()]
     return process.with_values(**dict(zip(names, values, strict=True)))

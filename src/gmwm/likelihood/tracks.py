@@ -1,4 +1,4 @@
-"""The hidden processes of a record: filtered, smoothed, or predicted, each with its standard deviation."""
+"""Estimates of the latent processes of a recording by the Kalman filter: filtered, smoothed or predicted."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from gmwm.likelihood.problem import Problem, as_mean, nothing_to_chance
 from gmwm.likelihood.record import Record, as_record
 from gmwm.likelihood.result import LikelihoodFit
 from gmwm.likelihood.system import LEVEL, System, assemble
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, as_whole_number
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.parameter import Fixed
@@ -35,39 +35,40 @@ if TYPE_CHECKING:
 
 Kind = Literal["filter", "smooth", "predict"]
 Modelled = Fit | LikelihoodFit | Model | Process | str
-"""What says which model a record follows: a fit, or a model with values."""
+"""A fit, or a model with values."""
 
 BIAS = "bias"
-"""The label of the sum of all that wanders, the record's level among it: what a navigation filter estimates."""
+"""Label of the bias: the sum of the level of the recording and of all slow terms, as navigation filters define it."""
 FARTHEST = 10_000_000
-"""Samples that are predicted at most."""
+"""Largest number of predicted samples: some hundred bytes each, 1 GB in all."""
 RATES_ALIKE = 1e-3
-"""Relative difference up to which two rates count as one: time stamps of two recordings never give quite the same."""
+"""Relative difference up to which two rates count as equal, because rates from time stamps vary between recordings.
+Estimates per sample change by the same 0.1 %. Pinned by tests/likelihood/test_tracks.py."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tracks:
-    """The hidden processes of a record.
+    """Estimates of the latent processes of a recording, with their standard deviations.
 
     Attributes
     ----------
     kind : "filter", "smooth" or "predict"
-        Each sample from those up to it, from all there are, or from all before the record's end.
+        Estimates from the samples so far, from all samples, or after the end of the recording.
     model : Model
-        With its values.
+        The model with its values.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     unit, axis : str
-        Of the record.
+        Unit of the recording and name of the axis.
     times : (N,) array
-        Of the samples (s).
+        Times of the samples (s).
     data : (N,) array
-        The record, NaN where a sample is missing, as all are that are predicted.
+        The recording; NaN where a sample is missing, as all predicted samples are.
     mean, error : mapping of label to (N,) array
-        Expected value and standard deviation given the data, in the unit of the record: of each term; of "level", the
-        record's constant mean, where no walk takes it up; and of "bias", the sum of the level and of all terms that
-        wander, which have a correlation time of more than a sample. Where the data do not determine it
-        yet the error is infinite and the mean NaN.
+        Expected value and standard deviation given the data, in the unit of the recording. Labels are the terms;
+        "level", the constant mean, if no random walk includes it; and "bias", the sum of the level and of all terms
+        with a correlation time of more than one sample. While the data do not determine a process, its error is
+        infinite and its mean NaN.
 
     Examples
     --------
@@ -103,16 +104,30 @@ class Tracks:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What there is a track of."""
+        """Labels of the tracks."""
         return tuple(self.mean)
 
     def band(self, label: str = BIAS, level: float = 0.95) -> tuple[Vector, Vector]:
-        """Ends (N,) of the interval that holds the process `label` with probability `level`, sample by sample.
+        """Ends (N,) of the interval that contains the process at a sample with a given probability.
 
-        The parameters of the model count as known.
+        Parameters
+        ----------
+        label : str
+            A label of `labels`.
+        level : float
+            Probability, from 0.5 to below 1. The parameters of the model count as known.
+
+        Returns
+        -------
+        low, high : (N,) arrays, in the unit of the recording
+
+        Raises
+        ------
+        OptionError
+            If the label is unknown, or `level` is out of range.
         """
         if label not in self.mean:
-            raise OptionError(f"label must be one of {', '.join(self.mean)}; got {label!r}")
+            raise OptionError(argument="label", expected=f"one of {', '.join(self.mean)}", got=label)
         reach = NormalDist().inv_cdf((1 + as_confidence(level, "level")) / 2) * self.error[label]
         known = np.isfinite(reach)
         centre = np.where(known, self.mean[label], 0.0)
@@ -201,14 +216,15 @@ def predict_tracks(
     mean: float | None = None,
 ) -> Tracks:
     """Predict the latent processes after the end of a recording: see `Model.predict`."""
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
-        raise OptionError(f"steps must be a whole number of samples, 1 or more; got {steps!r}")
+    steps = as_whole_number(steps, "steps", 1)
     if steps > FARTHEST:
         raise OptionError(
-            f"steps must be at most {FARTHEST}, a track of which takes some hundred bytes each; got {steps}. For what "
-            "lies beyond, predict with the model in continuous time: model.continuous(rate).discrete(a slower rate)"
+            argument="steps",
+            expected=f"at most {FARTHEST}",
+            got=steps,
+            advice="Predict at a lower rate with `model.continuous(rate).discrete(lower_rate)`.",
         )
-    return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=int(steps))
+    return _tracks("predict", model, data=data, rate=rate, mean=mean, steps=steps)
 
 
 def _tracks(
@@ -244,14 +260,16 @@ def _tracks(
 
 
 def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: float | None, steps: int = 0) -> Problem:
-    """A model with values and a record, `steps` missing samples after its end."""
+    """The problem of a model with values and a recording, with `steps` missing samples after its end."""
     if isinstance(model, Fit | LikelihoodFit):
         known = model.wavelet_variance.rate if isinstance(model, Fit) else model.rate
         given = data.rate if isinstance(data, Signal) else rate
         if given is not None and not math.isclose(given, known, rel_tol=RATES_ALIKE):
             raise OptionError(
-                f"the model was fitted at {known:g} Hz, the data have {given:g} Hz; its values are per sample: "
-                "fit it to data of this rate"
+                argument="rate",
+                expected=f"{known:g}, the rate of the fit (Hz), because its values are per sample",
+                got=given,
+                advice="Fit the model to data with this rate.",
             )
         rate = None if isinstance(data, Signal) else known
         mean = model.mean if isinstance(model, LikelihoodFit) and mean is None else mean
@@ -259,7 +277,10 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
     wanted = as_model(model)
     missing = [name for name, value in wanted.parameters.items() if value is None]
     if missing:
-        raise ModelError(f"{wanted} needs a value for {', '.join(missing)}: fit it to data, or give them")
+        raise ModelError(
+            f"the Kalman filter of {wanted} needs a value for {', '.join(missing)}",
+            advice="Write the values into the model, or fit it to data.",
+        )
     record = as_record(data, rate)
     if steps:
         record = Record(
@@ -275,7 +296,7 @@ def posed(model: Modelled, data: Signal | ArrayLike, rate: float | None, mean: f
 
 
 def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
-    """Labels of the sums that are wanted, their weights of the states (g, p), and of the regressors (g, m)."""
+    """Labels of the tracks, and their weights of the states (g, p) and of the regressors (g, m)."""
     regressors = problem.regressors
     labels, states, shares = [], [], []
     bias, carried = np.zeros(system.H.size), np.zeros(len(regressors))
@@ -302,13 +323,13 @@ def _sums(problem: Problem, system: System) -> tuple[list[str], Matrix, Matrix]:
 
 
 def wanders(process: Process, rate: float) -> bool:
-    """Whether a process is part of a bias: it is still much the same one sample later, T > Δt, and is no line."""
+    """Whether a process is part of the bias: its correlation time is longer than a sample, and it is no sinusoid."""
     time = process.correlation_time(rate)
     return process.line(rate) is None and (time is None or time * rate > 1.0)
 
 
 def _known(problem: Problem, system: System, found: dict[str, tuple[Vector, Vector]]) -> None:
-    """Add what was taken off before: a known mean, the number near the record, and drifts with their values."""
+    """Add what was subtracted before: a known mean or the centre of the recording, and drifts with their values."""
     bias = found[BIAS][0]
     bias += problem.centre
     levelled = [r.label for r in problem.regressors if r.flat]

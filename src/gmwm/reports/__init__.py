@@ -1,4 +1,4 @@
-"""Reporting: a calibration as one HTML page that works without a network, from plain data through a template."""
+"""HTML reports of calibrations: plain data, a template, and one self-contained page."""
 
 from gmwm.reports.content import report_data
 from gmwm.reports.write import report

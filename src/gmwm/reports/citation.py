@@ -1,4 +1,4 @@
-"""How to cite: what CITATION.cff says, for who has the report and not the repository."""
+"""How to cite gmwm, as in CITATION.cff; reports include it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ METHOD = (
     "J. Balamuta, S. Guerrier, R. Molinari and W. Yang, A Computationally Efficient Framework for Automatic Inertial "
     "Sensor Calibration, IEEE Sensors Journal, 2018 (preprint arXiv:1603.05297)."
 )
-"""The paper whose method it is."""
+"""The paper that describes the method."""
 
 _BIBTEX = """@software{{gmwm,
   title = {{gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet Moments}},
@@ -27,7 +27,7 @@ _BIBTEX = """@software{{gmwm,
 
 
 def citation() -> dict[str, str]:
-    """The software and the method as texts, and both as BibTeX."""
+    """Return the citations of the software and of the method, and both as BibTeX."""
     version = metadata.version("gmwm")
     software = (
         f"The gmwm developers, gmwm: Stochastic calibration of inertial sensors by the Generalized Method of Wavelet "

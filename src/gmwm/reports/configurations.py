@@ -1,4 +1,4 @@
-"""Configuration files for other software, as texts to paste, with the settings that `export` has by default."""
+"""The configuration files for other programs that a report shows, with the default options of `export`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
 FIRST = "kalibr"
-"""The format that most others are like."""
+"""The format that is shown first."""
 LONGEST = 40_000
-"""Characters beyond which a file is no text to paste."""
+"""Longest file (characters) in a report; tests/reports/test_report_page.py limits the size of a report."""
 
 
 def configurations(calibration: Calibration) -> tuple[list[dict[str, str]], list[str]]:
-    """The file of each format, as `name`, `title` and `text`; and of those that cannot be had, the reason."""
+    """Return `name`, `title` and `text` of each file, and the reasons for formats that cannot be written."""
     found, left = [], []
     for name, title in sorted(export_formats().items(), key=lambda item: item[0] != FIRST):
         try:
@@ -26,7 +26,7 @@ def configurations(calibration: Calibration) -> tuple[list[dict[str, str]], list
             left.append(f"{title}: {error}")
             continue
         if len(text) > LONGEST:
-            left.append(f"{title}: too long to paste; gmwm export --format {name} writes it")
+            left.append(f"{title}: too long for the report. Write it with `gmwm export --format {name}`.")
             continue
         found.append({"name": name, "title": title[:1].upper() + title[1:], "text": text})
     return found, left

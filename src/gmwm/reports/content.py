@@ -1,4 +1,4 @@
-"""What a report says, as a dictionary of plain texts, numbers and lists; a template makes a page of it."""
+"""The data of a report: a dictionary of strings, numbers and lists that a template renders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gmwm.calibration.tables import SENSORS
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
 from gmwm.plots.labels import axis_title
-from gmwm.remarks import Dialect, texts
+from gmwm.remarks import Dialect, Remark, texts
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import axis_pictures, sensor_pictures
@@ -28,29 +28,29 @@ if TYPE_CHECKING:
     from gmwm.selection import Ranking
 
 Facts = list[tuple[str, str]]
-"""Name and value, in the order of a page."""
+"""Pairs of name and value, in the order of the page."""
 
 
 def report_data(calibration: Calibration) -> dict[str, Any]:
-    """What `report` shows, ready for JSON: the verdict, tables, pictures, configuration files and how to cite.
+    """Return the data of a report, ready for JSON: verdict, tables, figures, configuration files and citation.
 
-    Texts are as they come, not escaped: who makes a page of them has to.
+    Remarks are HTML in which names from files are escaped. All other texts are plain and must be escaped.
 
     Parameters
     ----------
     calibration : Calibration
-        As `calibrate` gives it or `Calibration.load` reads it.
+        The result of `calibrate` or `Calibration.load`.
 
     Returns
     -------
     dict
-        `title`, `verdict`, `advice`, `recording`, `settings`, `confidence`, `tables`, `sensors`, `axes`, `outliers`,
+        `title`, `verdict`, `notes`, `recording`, `settings`, `confidence`, `tables`, `sensors`, `axes`, `outliers`,
         `configurations`, `left_out`, `citation`, `pictures`, `gmwm`.
 
     Raises
     ------
     OptionError
-        If it is not a Calibration.
+        If the argument is not a Calibration.
 
     Examples
     --------
@@ -64,8 +64,9 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
 
     if not isinstance(calibration, Calibration):
         raise OptionError(
-            f"calibration must be a Calibration, got {type(calibration).__name__}; make one by "
-            "gmwm.calibrate(recording) or gmwm.Calibration.load(path)"
+            f"calibration must be a Calibration; got {type(calibration).__name__}",
+            argument="calibration",
+            advice="Make one with `gmwm.calibrate(recording)` or `gmwm.Calibration.load(path)`.",
         )
     pictures: dict[str, Any] = {}
     sensors = []
@@ -125,9 +126,7 @@ def _recording(calibration: Calibration) -> dict[str, Any]:
     if found is None:
         return {"facts": facts}
     gaps = found.segments - 1
-    lost = (
-        f"{gaps}, {duration_text(found.missing)} missing; segments are never glued" if found.missing > 0 else str(gaps)
-    )
+    lost = f"{gaps}, {duration_text(found.missing)} missing" if found.missing > 0 else str(gaps)
     facts.append(("Gaps", lost if gaps else "none"))
     stamps = "none" if found.jitter is None else f"jitter {significant(found.jitter, 3)} s (root mean square)"
     facts += [("Time stamps", stamps), ("At rest", "yes" if found.static else "no"), ("Knocks", str(found.knocks))]
@@ -163,7 +162,7 @@ def _settings(calibration: Calibration) -> Facts:
 
 def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
     fit, ranking = found.fit, found.ranking
-    # The table marks the recommended model and those that are as good.
+    # The table marks the recommended model and the equivalent ones.
     shown = [remark.about("") for remark in ranking.remarks if remark.code not in ("recommended", "as-good")]
     return {
         "axis": axis,
@@ -173,26 +172,28 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "parameters": _parameters(found),
         "test": _test(found, rejected),
         "rejected": rejected,
-        "proof": _proof(fit.gap),
+        "certificate": _certificate(fit.gap),
         "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
         "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
     }
 
 
 def _test(found: AxisCalibration, rejected: bool) -> str:
-    """The test of one axis; a single p below 5 % is no surprise among those of several axes."""
+    """The goodness-of-fit test of one axis. With several axes, one p-value below 5 % is expected by chance."""
     if found.test is None:
-        return "not tested: too few levels"
+        return "No test: there are too few levels"
     alone = found.test.pvalue <= SIZE and not rejected
-    return found.test.summary() + (" by itself, but not as one of several axes" if alone else "")
+    summary = found.test.summary()
+    whole = "; it is not rejected at the 5 % level for all axes together" if alone else ""
+    return f"{summary[:1].upper()}{summary[1:]}{whole}"
 
 
 def _ranked(ranking: Ranking) -> list[list[str]]:
-    """The first candidates and all that are as good as the best; the first row heads them."""
-    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Less the best"]]
+    """The first candidates and all that are equivalent to the best, below a row of headings."""
+    rows = [["Model", "", "Criterion", "= loss", "+ optimism", "Difference from the best"]]
     listed = [c for k, c in enumerate(ranking.distinct) if k < LISTED or c.equivalent or c.recommended]
     for candidate in listed:
-        word = "recommended" if candidate.recommended else "as good" if candidate.equivalent else ""
+        word = "recommended" if candidate.recommended else "equivalent" if candidate.equivalent else ""
         wic = candidate.wic
         numbers = (wic.value, wic.loss, wic.optimism, candidate.difference)
         rows.append([candidate.structure, word, *(f"{x:.2f}" if abs(x) < 1000 else f"{x:.5g}" for x in numbers)])
@@ -200,14 +201,15 @@ def _ranked(ranking: Ranking) -> list[list[str]]:
     return [*rows, *([[f"… and {left} more", *[""] * 5]] if left else [])]
 
 
-def _proof(gap: float | None) -> str:
+def _certificate(gap: float | None) -> str:
+    """The certificate of the optimum; "" if there is none."""
     if gap is None:
         return ""
-    return f"proven best: no other values gain {f'more than {100 * gap:.2g} % of the objective' if gap else 'anything'}"
+    return Remark.of("optimal", gap=100 * gap, exact="no" if gap > 0 else "yes").text(Dialect.PYTHON)
 
 
 def _number(entry: Entry) -> dict[str, Any]:
-    """A number of the datasheet in the field's units, in SI, and in what other units there are."""
+    """A number of the datasheet in its usual unit, in SI, and in other units."""
     usual, other = entry.units[0], [unit for unit in entry.units[1:] if unit != entry.unit]
     at = "" if entry.tau is None else f" at {significant(entry.tau, 2)} s"
     return {
@@ -220,14 +222,14 @@ def _number(entry: Entry) -> dict[str, Any]:
 
 
 def _short(entry: Entry, unit: str) -> str:
-    """A number without its interval, or its limit."""
+    """A number without its interval, or its upper limit."""
     value, low, high, _ = entry.in_units(unit)
     estimated = low is not None and high is not None and math.isfinite(high) and not entry.upper_only
     return f"{significant(value, 4)} {unit}" if estimated else entry.text(unit)
 
 
 def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
-    """The parameters of the model per sample, as the library has them."""
+    """The parameters of the discrete-time model, per sample."""
     fit = found.fit
     units = fit.units()
     rows = []
@@ -239,8 +241,8 @@ def _parameters(found: AxisCalibration) -> list[dict[str, str]]:
             held = process.is_fixed(parameter.name)
             rows.append({
                 "name": name, "symbol": parameter.symbol, "title": parameter.description,
-                "value": "means nothing: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
-                "interval": "held" if held else "" if interval is None else _interval(*interval),
+                "value": "undetermined: the term is zero" if nothing else f"{fit.parameters[name]:.5g}",
+                "interval": "fixed" if held else "" if interval is None else _interval(*interval),
                 "unit": units[name],
             })  # fmt: skip
     return rows
@@ -253,16 +255,16 @@ def _interval(low: float, high: float) -> str:
 
 
 def _outliers(axis: str, found: AxisCalibration) -> dict[str, Any]:
-    """Classical against robust."""
+    """The test for outliers: the classical and the robust wavelet variance compared."""
     verdict, robust = found.verdict, found.fit.wavelet_variance.robust
-    said = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
+    row = {"axis": axis, "fitted": "robust" if robust else "classical", "contaminated": False, "p": "", "most": ""}
     if verdict is None:
-        return said | {"remarks": ["not tested"]}
+        return row | {"remarks": ["not tested"]}
     tested = verdict.tested & np.isfinite(verdict.excess)
     if np.any(tested):
         most = int(np.argmax(np.where(tested, verdict.excess, -np.inf)))
         percent = f"{100 * verdict.excess[most]:+.2g} %".replace("-", "−")
-        said["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
+        row["most"] = f"{percent} at {significant(verdict.tau[most], 3)} s"
     p = "< 0.001" if verdict.pvalue < 0.001 else f"{verdict.pvalue:.3f}"
     remarks = texts((remark.about("") for remark in verdict.remarks), Dialect.HTML)
-    return said | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}
+    return row | {"contaminated": bool(verdict.contaminated), "p": p, "remarks": remarks}

@@ -1,4 +1,4 @@
-"""The pictures of a report, as data: each in every view and unit system that it can be had in."""
+"""The figures of a report as data, in every view and unit system that is available."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
 
 Variants = dict[str, dict[str, Any]]
-"""A picture by "view-units", as "allan-si"."""
+"""The same figure by view and units, for example "allan-si"."""
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
-    """For each sensor its axes over one another, data and models; what measures in another unit stands by itself."""
+    """One figure for each sensor, with data and models of its axes; axes with other units get a figure of their own."""
     pictures = {}
     for sensor, axes in by_sensor(calibration.axes).items():
         units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())
@@ -53,7 +53,7 @@ def _overlay(sensor: str, axes: Mapping[str, AxisCalibration]) -> Callable[[View
 
 
 def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
-    """Of one axis: the data, the model and its terms; and where the best models leave the data."""
+    """Two figures of one axis: data, model and terms; and the distances of the best models from the data."""
 
     def distances(view: ViewName, units: UnitSystem) -> Panel:
         panel = ranking_figure(found.ranking, view=view, units=units).rows[0][1]
@@ -62,13 +62,13 @@ def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
 
     return (
         _variants(lambda view, units: fit_panel(found.fit, view=view, units=units)),
-        # Distances have no unit: one for each view is enough.
+        # Distances have no unit, so one figure for each view suffices.
         {key: picture for key, picture in _variants(distances).items() if key.endswith("-si")},
     )
 
 
 def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:
-    """The picture in every view and unit system; those that these data do not have are left out."""
+    """The figure in every view and unit system that these data have."""
     return {f"{view}-{units}": picture for view, units, picture in _drawn(panel)}
 
 
@@ -79,5 +79,5 @@ def _drawn(panel: Callable[[ViewName, UnitSystem], Panel]) -> Iterator[tuple[str
                 drawn = panel(view, units)
             except OptionError:  # no Allan deviation of this filter, or no datasheet unit of this signal
                 continue
-            # The page names the picture; two names would be one too many.
+            # The page has a heading for the figure.
             yield view, units, plotly_panel(replace(drawn, title=""))

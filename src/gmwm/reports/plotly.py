@@ -1,6 +1,6 @@
-"""The renderer for Plotly: plot data become the traces and the layout of a Plotly figure, as plain JSON.
+"""Render plot data as the traces and the layout of a Plotly figure, as plain JSON.
 
-Plotly reads some HTML and templates of its own in texts: each goes through `safe`, so that a name stays a name.
+Plotly interprets some HTML and its own templates in texts, so every text is escaped with `safe`.
 """
 
 from __future__ import annotations
@@ -19,13 +19,15 @@ from gmwm.plots.style import GRID
 PIXELS = 4 / 3
 """CSS pixels in a point."""
 DIGITS = 6
-"""Significant digits of a position: more than a screen shows."""
+"""Significant digits of a position: more than a screen can show."""
 MARKER = 6.0
+"""Size of a marker (CSS pixels)."""
 FOOT = 0.03
+"""Height of marks at the lower edge, as a share of the panel."""
 FAR = 100.0
-"""So many times beyond its border a band without a limit ends."""
+"""A band without a limit ends at this multiple of the limits of the axis."""
 BAR = 1.04
-"""Half the width of the bar, as a factor, that stands for a band of a single point."""
+"""Half width, as a factor, of the bar that shows a band of a single point."""
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "circle", "square": "square", "diamond": "diamond", "triangle": "triangle-up", "down": "triangle-down",
@@ -35,7 +37,7 @@ _THIN = ("x-thin", "cross-thin")
 
 
 def safe(text: str) -> str:
-    """A text that Plotly shows as it is: neither HTML nor a placeholder of its templates.
+    """Escape HTML and the placeholders of Plotly's templates in a text.
 
     >>> safe("<b>%{x}</b> & more")
     '&lt;b&gt;%&#123;x}&lt;/b&gt; &amp; more'
@@ -46,7 +48,7 @@ def safe(text: str) -> str:
 def plotly_panel(panel: Panel) -> dict[str, Any]:
     """A panel as `{"data": traces, "layout": …, "entries": number of entries in the legend}`.
 
-    A click on an entry of the legend takes all marks of that name away, and those without a name that have its colour.
+    A click on an entry of the legend hides all marks of that name, and the marks without a name in its colour.
     """
     across, up = Scale(panel.x), Scale(panel.y)
     seen: set[str] = set()
@@ -60,7 +62,7 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
             drawn.append((mark.layer, trace | _swatch(mark)))
             trace["showlegend"] = False
         drawn.append((0 if isinstance(mark, Foot) else mark.layer, trace))
-    # Later traces lie over earlier ones; the sort is stable.
+    # Plotly draws later traces over earlier ones; the sort is stable.
     return {
         "data": [trace for _, trace in sorted(drawn, key=lambda item: item[0])],
         "layout": _layout(panel, across, up),
@@ -69,10 +71,11 @@ def plotly_panel(panel: Panel) -> dict[str, Any]:
 
 
 class Scale:
-    """Positions on an axis as Plotly wants them: as they are on its logarithmic and linear axes.
+    """Positions on an axis for Plotly.
 
-    An axis that is even about zero and logarithmic beyond is not one of Plotly's: there the even part takes a unit on
-    each side, a decade another one, and the axis is linear.
+    On logarithmic and linear axes, a position is the value. Plotly has no axis that is linear around zero and
+    logarithmic beyond. Such an axis is drawn as a linear one: the linear part has the length 1 on each side, and each
+    decade beyond has the length 1.
     """
 
     def __init__(self, axis: Axis) -> None:
@@ -83,7 +86,7 @@ class Scale:
         self.far = (low / FAR, high * FAR) if self.type == "log" else (2 * low - high, 2 * high - low)
 
     def place(self, values: Vector) -> Vector:
-        """Where values stand."""
+        """Positions of values."""
         if not self.mixed:
             return values
         size = np.abs(values) / self.axis.linear
@@ -91,16 +94,16 @@ class Scale:
         return np.asarray(np.sign(values) * np.where(size <= 1, size, beyond))
 
     def range(self) -> list[float]:
-        """The limits, as Plotly wants them: exponents on a logarithmic axis."""
+        """Limits for Plotly: exponents on a logarithmic axis."""
         ends = self.place(np.array(self.axis.limits))
         return [_short(end) for end in (np.log10(ends) if self.type == "log" else ends)]
 
     def at(self, value: float) -> float:
-        """Where an annotation stands."""
+        """Position of an annotation."""
         return self.of(np.array([math.log10(value) if self.type == "log" else value]))[0] or 0.0
 
     def of(self, values: Vector) -> list[float | None]:
-        """The same as JSON has it: None for what has no place."""
+        """Positions of values for JSON; None for values that are not finite."""
         return [_json(value) for value in self.place(values).tolist()]
 
 
@@ -113,7 +116,7 @@ def _short(value: float) -> float:
 
 
 def _grouped(marks: tuple[Mark, ...]) -> Iterator[tuple[Mark, str]]:
-    """Each mark with the entry of the legend that it belongs to."""
+    """Each mark with its entry of the legend."""
     by_colour: dict[str, str] = {}
     for mark in marks:
         if isinstance(mark, Line) and mark.label:
@@ -140,7 +143,7 @@ def _trace(mark: Mark, panel: Panel, across: Scale, up: Scale) -> dict[str, Any]
 
 
 def _look(stroke: Stroke) -> dict[str, Any]:
-    """How a line looks, in Plotly's words."""
+    """The style of a line for Plotly."""
     modes = [*(["lines"] if stroke.width else []), *(["markers"] if stroke.symbol else [])]
     look: dict[str, Any] = {"type": "scatter", "mode": "+".join(modes) or "none", "connectgaps": False}
     if stroke.width:
@@ -156,17 +159,17 @@ def _look(stroke: Stroke) -> dict[str, Any]:
 
 
 def _hover(line: Line, panel: Panel, up: Scale) -> dict[str, Any]:
-    """What is told of a point: name, position, and the limits of the band that the line has."""
+    """The text at the pointer: name, position, and the limits of the band of the line."""
     (_, time), (_, unit) = _quantity(panel.x.label), _quantity(panel.y.label)
-    # Where the scale is not Plotly's own, a position is not the value.
+    # On a mixed axis, a position is not the value.
     value = "%{customdata[0]:+.3~g}" if up.mixed else "%{y:.4~g}"
-    said = [f"<b>{safe(line.label)}</b>", f"τ = %{{x:.4~g}} {safe(time)}", f"{value} {safe(unit)}".rstrip()]
+    rows = [f"<b>{safe(line.label)}</b>", f"τ = %{{x:.4~g}} {safe(time)}", f"{value} {safe(unit)}".rstrip()]
     more = [line.y] if up.mixed else []
     band = next((b for b in panel.bands if b.colour == line.stroke.colour and np.array_equal(b.x, line.x)), None)
     if band is not None and not up.mixed:
         more = [band.lower, band.upper]
-        said.append(f"{safe(band.label)}: %{{customdata[0]:.4~g}} … %{{customdata[1]:.4~g}}")
-    found: dict[str, Any] = {"hovertemplate": "<br>".join(said) + "<extra></extra>"}
+        rows.append(f"{safe(band.label)}: %{{customdata[0]:.4~g}} … %{{customdata[1]:.4~g}}")
+    found: dict[str, Any] = {"hovertemplate": "<br>".join(rows) + "<extra></extra>"}
     if more:
         found["customdata"] = [[_json(number) for number in row] for row in np.column_stack(more).tolist()]
     return found
@@ -181,17 +184,17 @@ def _quantity(label: str) -> tuple[str, str]:
     name, mark, unit = label.rpartition(" (")
     if not mark:
         return label, ""
-    # "(confidence limit = 1)" is no unit.
+    # "(confidence limit = 1)" is not a unit.
     return name, "" if "=" in unit else unit.removesuffix(")")
 
 
 def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
-    """A shaded region as a closed line around each run without a hole."""
+    """A shaded region as a closed line around each run of finite limits."""
     lower, upper = (np.clip(edge, *up.far) for edge in (band.lower, band.upper))
-    there = np.isfinite(lower) & np.isfinite(upper)
+    finite = np.isfinite(lower) & np.isfinite(upper)
     xs: list[float | None] = []
     ys: list[float | None] = []
-    for first, last in _runs(there):
+    for first, last in _runs(finite):
         x, low, high = band.x[first:last], lower[first:last], upper[first:last]
         if x.size == 1 and across.type == "log":
             x, low, high = np.array([x[0] / BAR, x[0] * BAR]), np.repeat(low, 2), np.repeat(high, 2)
@@ -204,7 +207,7 @@ def _band(band: Band, across: Scale, up: Scale) -> dict[str, Any]:
 
 
 def _swatch(band: Band) -> dict[str, Any]:
-    """What stands in the legend for bands of several colours: nothing is seen of it in the panel."""
+    """A trace that appears in the legend only, for bands of several colours."""
     return {"x": [None], "y": [None], "fillcolor": _shade(band.swatch, band.opacity)}
 
 
@@ -213,9 +216,9 @@ def _shade(colour: str, opacity: float) -> str:
     return f"rgba({red},{green},{blue},{opacity:g})"
 
 
-def _runs(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
-    """Index ranges in which all are true."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+def _runs(flags: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int]]:
+    """Index ranges of consecutive true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
@@ -223,20 +226,20 @@ def _runs(there: np.ndarray[Any, np.dtype[np.bool_]]) -> Iterator[tuple[int, int
 
 
 def _layout(panel: Panel, across: Scale, up: Scale) -> dict[str, Any]:
-    said: list[dict[str, Any]] = [
+    texts: list[dict[str, Any]] = [
         _text(text.text, "x domain", x=text.x, yref="y domain", y=text.y) for text in panel.texts
     ]
-    said += [_opposite(tick, across) for tick in panel.x.opposite]
+    texts += [_opposite(tick, across) for tick in panel.x.opposite]
     title = {"title": {"text": safe(panel.title)}} if panel.title else {}
     return title | {
         "xaxis": _axis(panel.x, across, minor_grid=True),
         "yaxis": _axis(panel.y, up, minor_grid=False),
-        "annotations": said,
+        "annotations": texts,
     }
 
 
 def _axis(axis: Axis, scale: Scale, *, minor_grid: bool) -> dict[str, Any]:
-    """An axis with exactly the ticks and grid lines of the data."""
+    """An axis with the ticks and grid lines of the plot data."""
     ticks = np.array([tick.value for tick in axis.ticks])
     minor = np.array(axis.grid if minor_grid else axis.minor, dtype=np.float64)
     return {
@@ -254,7 +257,7 @@ def _text(text: str, xref: str, x: float, yref: str, y: float) -> dict[str, Any]
 
 
 def _opposite(tick: Tick, across: Scale) -> dict[str, Any]:
-    """A second reading of the horizontal scale, over the panel."""
+    """A label above the panel, on a second horizontal scale."""
     return _text(tick.label, "x", x=across.at(tick.value), yref="y domain", y=1.0) | {
         "yanchor": "bottom", "font": {"size": 11, "color": "#555555"},
     }  # fmt: skip

@@ -1,10 +1,12 @@
-"""The verdict on a calibration: a headline, what was found, and the remarks, each with its state."""
+"""The verdict box of a report: a headline, the remarks, and the main results."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from gmwm._text import duration_text
 from gmwm.calibration.findings import rejected, unusable
@@ -15,9 +17,10 @@ from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
+    from gmwm.outliers import Verdict
 
 State = Literal["good", "look", "bad"]
-"""Nothing to do; read the remark; do not use before the cause is found."""
+"""Nothing to do; read the remark first; do not use the numbers before the cause is found."""
 
 _STATES: Mapping[Severity, State] = {
     Severity.UNUSABLE: "bad",
@@ -29,11 +32,19 @@ _STATES: Mapping[Severity, State] = {
 
 
 def verdict(calibration: Calibration) -> dict[str, Any]:
-    """Return `{"state": …, "headline": …, "points": [{"state": …, "code": …, "text": …}, …]}`; texts are HTML."""
+    """Return `{"state": …, "code": …, "headline": …, "points": [{"state": …, "code": …, "text": …}, …]}`.
+
+    Texts are HTML. The remarks that affect a number come first, then the main results.
+    """
     head = calibration.verdict
     cautions = [remark for remark in calibration.remarks if remark.severity is not Severity.INFO]
-    points = [*cautions, *_found(calibration)]
-    return {"state": _STATES[head.severity], "headline": head.text(Dialect.HTML), "points": _points(points)}
+    points = [*cautions, *_results(calibration)]
+    return {
+        "state": _STATES[head.severity],
+        "code": head.code,
+        "headline": head.text(Dialect.HTML),
+        "points": _points(points),
+    }
 
 
 def notes(calibration: Calibration) -> list[dict[str, Any]]:
@@ -48,8 +59,8 @@ def _points(remarks: list[Remark]) -> list[dict[str, Any]]:
     ]
 
 
-def _found(calibration: Calibration) -> Iterator[Remark]:
-    """What is good to know: the axes, the numbers that are asked for first, the tests, and the certificate."""
+def _results(calibration: Calibration) -> Iterator[Remark]:
+    """The main results: the axes, the numbers N, B and K, the tests, and the certificate of the optimum."""
     wv = next(iter(calibration.axes.values())).fit.wavelet_variance
     total = len(calibration.axes) + len(calibration.failed)
     length = duration_text(wv.samples / wv.rate)
@@ -63,18 +74,23 @@ def _found(calibration: Calibration) -> Iterator[Remark]:
     ]
     for axis in passed:
         yield Remark.of("test-passed", axis)
-    if calibration.verdicts and not any(found.contaminated for found in calibration.verdicts.values()):
+    # Axes that could not be tested have a remark of their own.
+    if calibration.verdicts and all(_is_clean(found) for found in calibration.verdicts.values()):
         yield Remark.of("no-outliers")
     if calibration.recording is not None and calibration.recording.static:
         yield Remark.of("at-rest")
     gaps = [found.fit.gap for found in calibration.axes.values()]
-    proven = [gap for gap in gaps if gap is not None]
-    if len(proven) == len(gaps):
-        yield Remark.of("optimal", gap=100 * max(proven), exact="no" if max(proven) > 0 else "yes")
+    certified = [gap for gap in gaps if gap is not None]
+    if len(certified) == len(gaps):
+        yield Remark.of("optimal", gap=100 * max(certified), exact="no" if max(certified) > 0 else "yes")
+
+
+def _is_clean(verdict: Verdict) -> bool:
+    return bool(np.any(verdict.tested)) and not verdict.contaminated
 
 
 def _numbers(axes: Mapping[str, Any]) -> str:
-    """The numbers that are asked for first, over the axes of a sensor."""
+    """The ranges of N, B and K over the axes of a sensor."""
     parts = []
     for symbol in in_order([list(one.datasheet) for one in axes.values()]):
         entries = {axis: one.datasheet[symbol] for axis, one in axes.items() if symbol in one.datasheet}
@@ -87,7 +103,7 @@ _FIRST = ("N", "B", "K")
 
 
 def _range(entries: Mapping[str, Entry]) -> str:
-    """From the smallest to the largest value; limits where the data only bound all of them."""
+    """The smallest and the largest value, or the largest upper limit if no axis has a value."""
     known: dict[str, float] = {}
     bounds = []
     unit = ""
@@ -99,6 +115,6 @@ def _range(entries: Mapping[str, Entry]) -> str:
             bounds.append(high)
     if known:
         texts = dict.fromkeys(significant(value, 3) for value in (min(known.values()), max(known.values())))
-        more = f" (on {', '.join(known)}; of others only a limit is known)" if len(known) < len(entries) else ""
+        more = f" ({', '.join(known)}; upper limits for the other axes)" if len(known) < len(entries) else ""
         return f"{' to '.join(texts)} {unit}{more}"
     return f"at most {significant(max(bounds), 3)} {unit}" if bounds else "not determined"

@@ -1,4 +1,4 @@
-"""The page: the data of a report through its template, with all that it needs inside."""
+"""Render the data of a report as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gmwm.reports.content import report_data
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration
 
-# Inside <script> the parser of HTML looks for these; in JSON they may be written so as well.
+# The HTML parser interprets these characters inside <script>; JSON allows the escaped form.
 _IN_SCRIPT = str.maketrans({"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"})
 
 
@@ -28,16 +28,16 @@ def report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
     """Write a calibration as one HTML page: see `Calibration.report`."""
     file = Path(path)
     if file.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"path must end in .html, got {str(path)!r}")
+        raise OptionError(argument="path", expected="a file name that ends in .html", got=str(path))
     write_text(file, page(report_data(calibration)))
     return file
 
 
 def page(data: dict[str, Any]) -> str:
-    """The page of what `report_data` gave.
+    """Render the result of `report_data` as HTML.
 
-    Only the scripts that belong to it may run in it, by their SHA-256, and nothing may be fetched: a name from a file
-    that slipped through the escaping would still be nothing but text.
+    The content security policy allows only the scripts of the report, by their SHA-256, and no network request. So a
+    name from a file cannot run a script, even if the escaping of the template fails.
     """
     import jinja2
 
@@ -63,20 +63,20 @@ def page(data: dict[str, Any]) -> str:
 
 
 def as_json(value: Any) -> str:
-    """JSON that can stand between <script> tags."""
+    """Write a value as JSON that is safe inside <script>."""
     text = json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     return text.translate(_IN_SCRIPT)
 
 
 def _ours(text: str) -> Any:
-    """A text of our own, which is not to be escaped."""
+    """Mark a text of gmwm as safe HTML."""
     from markupsafe import Markup
 
     return Markup(text)
 
 
 def _worded(text: str) -> Any:
-    """A text of ours, in which names of commands and options stand between backticks."""
+    """Escape a text, and show the parts between backticks as code."""
     return _ours(re.sub("`([^`]+)`", r"<code>\1</code>", html.escape(text)))
 
 

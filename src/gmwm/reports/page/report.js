@@ -7,7 +7,7 @@
   let printing = false;
   const font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Liberation Sans", sans-serif';
 
-  // What was asked for; where these data have no such picture, the nearest to it.
+  // The chosen view and units; the nearest available ones if these data do not have them.
   function variant(name) {
     const all = pictures[name];
     const keys = [`${chosen.view}-${chosen.units}`, `${chosen.view}-si`, `wavelet-${chosen.units}`, ...Object.keys(all)];
@@ -16,7 +16,7 @@
 
   function layoutOf(picture, width) {
     const longest = Math.max(0, ...picture.data.filter((t) => t.showlegend).map((t) => t.name.length));
-    // Plotly gives a legend the width of the panel; entries that do not fit beside one another go below.
+    // Plotly limits the legend to the width of the panel; entries that do not fit go to the next row.
     const entry = Math.min(width - 90, 70 + 7 * longest);
     const rows = Math.ceil(picture.entries / Math.max(1, Math.floor((width - 80) / entry)));
     const foot = 66 + 20 * rows;
@@ -32,7 +32,7 @@
     };
   }
 
-  // What was taken away stays away in another view, where its name may have other numbers; its place is the same.
+  // A hidden curve stays hidden in another view. Its name may differ there, but its place in the legend does not.
   function hiddenIn(place) {
     return new Set((place.data || []).filter((t) => t.visible === "legendonly").map((t) => t.legendrank));
   }
@@ -64,7 +64,7 @@
     });
   }
 
-  // Where the clipboard is closed to pages from a file, the old way: select and copy.
+  // If the clipboard is not available to pages from a file, select the text and copy it.
   function copySelected(text) {
     const field = document.createElement("textarea");
     field.value = text;
@@ -101,7 +101,7 @@
 
   let closed = [];
   window.addEventListener("beforeprint", () => {
-    // Of the configuration files those are printed that are open.
+    // Configuration files are printed only if they are open.
     closed = [...document.querySelectorAll("details:not([open], .file)")];
     for (const one of closed) one.open = true;
     printing = true;
