@@ -44,28 +44,28 @@ KERNELS = (
            "two multiply-and-adds a sample that wait for those before"),
 )  # fmt: skip
 
-WORDS = """The share is that of what must pass between memory and processor at least, at the speed of a plain copy of as
-many samples (a copy reads 8 bytes a sample and writes 8).
+WORDS = """The share is the minimum time for the memory traffic divided by the measured time. The minimum
+time assumes the speed of a plain copy of as many samples (a copy reads 8 bytes per sample and writes 8).
 
 {table}
 
 - **The running sum** is the step of the wavelet variance that memory limits. For 10⁷ samples it takes {sum:.1f} times
-  as long as a copy takes for as many bytes, {fresh:.0f} % of that for pages that the system hands out and zeroes at
-  every call. `np.cumsum` is further off: it adds one number after another, and each waits for the last.
+  as long as a copy of as many bytes, and {fresh:.0f} % of that is for pages that the system provides and zeroes at
+  every call. `np.cumsum` is slower, because each addition waits for the previous one.
 - **The levels** read one running sum and write nothing. A tile of 4096 samples (32 KiB) passes five levels at
-  once, which share their reads; what lies h and 2h back is in a near cache up to h of some 10⁵ samples. So a
-  sample passes from memory once, and through the registers 19 or 23 times: {near:.2f} ns a sample and level at
-  10⁶, which is the reads and the arithmetic (a load and a half and three or four operations for a vector of
+  once, which share their reads. Samples at the lags h and 2h are in a near cache up to h of about 10⁵ samples. A
+  sample is therefore read from memory once, and passes the registers 19 or 23 times. This takes {near:.2f} ns per
+  sample and level at 10⁶ for reads and arithmetic (one and a half loads and three or four operations per vector of
   coefficients).
-- **Beyond the caches** (10⁷ samples, a running sum of 80 MB) the coarsest levels look back further than the last
-  cache holds. Each such level is one more stream from memory, and all levels cost {far:.2f} ns a sample on average
-  instead of {near:.2f}. In chunks these levels take 64 coefficients a scale, so that their streams are gone:
-  {chunks:.1f} ns a sample where memory needs {memory:.1f}.
-- **What is left**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
-  {real:.1f}. Coarse levels from every τ/64-th coefficient, as the stream takes them, are the way there; in memory
-  every coefficient counts, and the answer is that of the definition.
-- **Robust, likelihood, fit**: arithmetic and chains of dependence, at a small share of the bandwidth; threads
-  over axes help, a faster memory would not."""
+- **Beyond the caches** (10⁷ samples, a running sum of 80 MB) the lags of the coarsest levels exceed the last cache.
+  Each such level is another stream from memory, and the levels take {far:.2f} ns per sample on average instead of
+  {near:.2f}. In chunks these levels use 64 coefficients per scale and need no such streams: {chunks:.1f} ns per
+  sample, where memory needs {memory:.1f}.
+- **Possible improvement**: with all levels at the speed of memory, 10⁶ samples would take {ideal:.1f} ms instead of
+  {real:.1f}. This would need coarse levels from every τ/64-th coefficient, as in a stream. In memory gmwm uses every
+  coefficient, as the definition does.
+- **Robust, likelihood, fit**: limited by arithmetic and by dependent operations, at a small share of the bandwidth.
+  Threads over axes help; a faster memory would not."""
 
 
 def bandwidth_words(results: Results) -> str:

@@ -17,26 +17,26 @@ from gmwm.plots.axes import number_text, power_text
 DOCUMENTS = Path(__file__).resolve().parent.parent / "docs"
 NAME = "benchmarks"
 
-PAGE = """# How fast, and how much memory
+PAGE = """# Run time and memory
 
-What everyone has beside what is here, timed in turns in one process: a ratio of neighbours in time cancels what
-both suffer from. Ratios are ours over the other's, medians of the pairs, on one thread where nothing else is
-said; below 1 gmwm is faster. Times in ms and ns are those of one machine: {machine}. A plain copy moves
+The benchmarks time gmwm and another program alternately in one process, so that changes of the machine affect both.
+Ratios are the time of gmwm divided by that of the other program, medians of the pairs, on one thread unless stated
+otherwise. Below 1 gmwm is faster. Times in ms and ns are from one machine: {machine}. A plain copy moves
 {bandwidth:.1f} GB/s there, read and written.
 
-`make bench` runs all of it, prints it, and keeps the numbers in `build/benchmarks.json`; `make bench PAGE=1` writes
-this page. Nothing here is typed by hand.
+`make bench` runs all benchmarks, prints them, and stores the numbers in `build/benchmarks.json`. `make bench PAGE=1`
+writes this page. No number is typed by hand.
 
 ![Time of a sample against the length of the record; time against Gauss-Markov terms and axes; memory.](benchmarks.svg)
 
-Above: the time of one sample. Small records pay for limits and checks, {small} µs a call; beyond, curves are flat
-up to where a record no longer fits the caches. In chunks the working set always does. allantools and PyWavelets
-are drawn up to calls of a few seconds: the stationary transform of PyWavelets filters with zeros between, so that
-each level costs twice the one before. Below: fits, covariance and choice of a model from a wavelet variance of
-10⁶ samples, calibration of several axes, and the largest resident set beyond that of `import gmwm`, samples
-included.
+Top: time per sample. For small records the confidence limits and checks dominate, {small} µs per call. The time per
+sample is then constant until a record no longer fits into the caches; the working set of a chunk always fits.
+allantools and PyWavelets are shown up to calls of a few seconds. The stationary transform of PyWavelets filters with
+zeros in between, so each level takes twice as long as the one before. Bottom: fits, covariance and model selection
+from a wavelet variance of 10⁶ samples, calibration of several axes, and the largest resident set beyond that of
+`import gmwm`, including the samples.
 
-## How far from memory bandwidth, and why
+## Comparison with the memory bandwidth
 
 {kernels}
 
@@ -44,14 +44,14 @@ included.
 
 {lengths}
 
-A record of {longest} samples in chunks takes {stream:.2g} ns a sample, {over:.2f} times as long as one of 10⁷ in
-memory does, and {memory:.0f} MB of memory in all, {beyond:.0f} MB beyond the import, whatever its length; what is
-kept between two chunks is {state:.1f} MB.
+A record of {longest} samples in chunks takes {stream:.2g} ns per sample, {over:.2f} times as long as one of 10⁷ in
+memory. It needs {memory:.0f} MB of memory, {beyond:.0f} MB beyond the import, whatever its length. The state between
+two chunks is {state:.1f} MB.
 
-## What the words say
+## Statements in the documentation
 
-What README and documents say of time and memory, and what this run found; kept is what is at most {margin:g}
-times as large.
+The table compares statements about time and memory in README and the documentation with this run. A statement is kept
+if the measured value is at most {margin:g} times as large.
 
 {claims}
 
@@ -61,8 +61,9 @@ times as large.
 
 ## Memory and processes
 
-Each in a process of its own: wall time with the start of Python, the largest resident set, and how much of that
-is beyond `import gmwm`. Samples are those of all axes; a stream is drawn as it goes, which is most of its time.
+Each row is a separate process: wall time including the start of Python, the largest resident set, and its part beyond
+`import gmwm`. Samples are those of all axes. The samples of a stream are drawn while it runs, which takes most of
+its time.
 
 {children}
 """

@@ -24,7 +24,7 @@ def table(result: Result) -> str:
     lines = [_introduction(result), "", f"![{_CAPTION}](comparison.svg)", "", _CAPTION]
     lines += [
         "",
-        "## Errors and time at a glance",
+        "## Errors and time",
         "",
         _overall(result),
         "",
@@ -43,21 +43,21 @@ def _introduction(result: Result) -> str:
     counts = zip(result["lengths"], zip(*result["counts"], strict=True), strict=True)
     lengths = ", ".join(f"{_range(numbers)} of {_power(samples)} samples" for samples, numbers in counts)
     return (
-        "# Who estimates a sensor's noise best?\n\n"
-        f"The same simulated recordings at {result['rate']:g} Hz for all methods: {lengths}. Slopes: `gmwm.avlr`, "
-        "which reads white noise, random walk and quantization noise off the Allan deviation (AVLR); told: at the "
-        "averaging times where the true term has nearly all of the variance, which no reader knows. Vaccaro-Zaki: the "
-        "best linear unbiased estimate of WN + RW from Allan variances, the only model it knows. GMWM: `gmwm.fit`, "
-        "with the proof of the optimum. ML log-sampled: the exact likelihood of block means, "
-        f"{result['blocks']} of each length 1, 2, 4 … through the record, which is the idea of Nikolic and others in a "
-        "scheme of our own (`validation/log_sampled.py`). ML: `gmwm.fit_ml`, the likelihood of all "
-        "samples by a Kalman filter. Both likelihoods start from a GMWM fit, whose time is in theirs.\n\n"
-        "Errors are those of the logarithm, log(estimate / truth), which for small errors are relative errors; one by "
-        f"more than a factor of {result['factor']:g} counts as that factor, as does a term that is estimated as zero. "
-        "Gauss-Markov processes are matched with the true ones in the order of β; those that are white noise or a "
-        "random walk to the record (βΔt > 3, βNΔt < 0.1) count as that. Quantization errors are uniform, as those of a "
-        "sensor; the likelihoods take them for Gaussian. Times are medians of processor time "
-        "from samples to estimates, over that of `numpy.cumsum` of the same samples."
+        f"# Comparison of estimation methods\n\nAll methods use the same simulated recordings at {result['rate']:g} "
+        f"Hz: {lengths}.\n\n- Slopes: `gmwm.avlr`, which reads white noise, random walk and quantization noise from "
+        "the Allan deviation (AVLR). Told: only at the averaging times where the true term has nearly all of the "
+        "variance, which a user does not know.\n- Vaccaro-Zaki: the best linear unbiased estimate of WN + RW from "
+        "Allan variances, defined for this model only.\n- GMWM: `gmwm.fit`, including the certificate of the "
+        f"optimum.\n- ML log-sampled: the exact likelihood of block means, {result['blocks']} of each length 1, 2, 4 "
+        "… through the recording. This is the idea of Nikolic and others in our own scheme "
+        "(`validation/log_sampled.py`).\n- ML: `gmwm.fit_ml`, the likelihood of all samples from a Kalman filter. "
+        "Both likelihood methods start from a GMWM fit, and their time includes it.\n\nErrors are those of the "
+        "logarithm, log(estimate / truth), which are relative errors if they are small. An error of more than a "
+        f"factor of {result['factor']:g} counts as that factor, and so does a term estimated as zero. Gauss-Markov "
+        "processes are matched with the true ones in the order of β. Those that are white noise or a random walk in "
+        "this recording (βΔt > 3, βNΔt < 0.1) count as such. Quantization errors are uniform, as in a sensor; the "
+        "likelihood methods assume Gaussian ones. Times are medians of processor time from samples to estimates, "
+        "divided by that of `numpy.cumsum` of the same samples."
     )
 
 
@@ -65,11 +65,11 @@ def _range(numbers: Sequence[int]) -> str:
     return f"{min(numbers)} to {max(numbers)}" if min(numbers) < max(numbers) else str(max(numbers))
 
 
-_CAPTION = "Errors over those of ML against the length of the record; below, near 1, with ± 2 standard errors."
+_CAPTION = "Errors divided by those of ML, by the length of the recording; below, near 1, with ± 2 standard errors."
 
 _LEGEND = (
-    "Bias / root mean square error in %; in how many recordings the term was estimated as zero, where there are any. "
-    "The bias is that of the recordings in which the term was found; the error is that of all."
+    "Bias / root mean square error in %, and the share of recordings with the term estimated as zero, if there are "
+    "any. The bias is that of the recordings in which the term was found; the error is that of all recordings."
 )
 
 
@@ -116,8 +116,8 @@ def _glance(result: Result) -> list[str]:
     """Ratio to the likelihood and time, one line for each model and method."""
     heads = [f"errors, {_power(n)}" for n in _lengths(result)] + [f"time, {_power(n)}" for n in _lengths(result)]
     lines = [
-        "Errors: geometric mean, over the parameters that a method gives, of its root mean square error over that of "
-        "ML, with its standard error; below 1 it is nearer to the truth than ML. Time: that of so many running sums.",
+        "Errors: root mean square error divided by that of ML, as geometric mean over the parameters that a method "
+        "estimates, with its standard error; below 1 the method is better than ML. Time: in cumulative sums.",
         "",
         f"| model | method | {' | '.join(heads)} |",
         "|---|---" + "|---" * len(heads) + "|",
@@ -177,7 +177,7 @@ def verdict(result: Result, model: str) -> str:
         here = [row for row in _of(result, model=model, samples=samples) if row["complete"]]
         best = next(row for row in here if row["method"] == row["best"])["method"]
         level = [r["method"] for r in here if r["method"] != best and r["over_best"] - 1 < 2 * r["best_uncertain"]]
-        others = f", not to be told from {_listed(level)}" if level else ""
+        others = f", not significantly smaller than {_listed(level)}" if level else ""
         winners.setdefault(f"{best} has the smallest errors{others}", []).append(_power(samples))
     words = [f"At {_listed(lengths)} samples {what}." for what, lengths in winners.items()]
     last = _of(result, model=model, samples=_lengths(result)[-1])

@@ -1,4 +1,4 @@
-"""What do 1 % of bad samples do to a fit, classical and robust?
+"""Effect of 1 % outliers on classical and robust fits.
 
 Recordings of a Gauss-Markov gyroscope with white noise are simulated, spoilt in three ways, and fitted. An estimate is
 called recovered where it lies within the central 95 % of those that the same estimator gives on clean recordings.
@@ -111,11 +111,13 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each estimator, kind of outliers and parameter."""
     lines = [
         f"{result['spoilt']} recordings of {result['samples']} samples at {result['rate']:g} Hz of {result['model']}, "
-        "1 % of the samples spoilt by fifty standard deviations of the white noise. Recovered: within the central "
-        f"95 % of the same estimator on {result['clean']} clean recordings. A single spike spoils 2^j coefficients of "
-        "level j: no estimator that works level by level recovers from those.",
+        "1 % of the samples with added outliers of fifty standard deviations of the white noise. Recovered: the "
+        f"estimate is within the central 95 % of the estimates of the same estimator from {result['clean']} clean "
+        "recordings. A single spike affects 2^j coefficients of level j, so no estimator that works level by level "
+        "recovers.",
         "",
-        "| estimator | outliers | parameter | clean: estimate / truth | spoilt: median | recovered | all three |",
+        "| estimator | outliers | parameter | clean: estimate / truth | with outliers: median | recovered | all three "
+        "|",
         "|---|---|---|---|---|---|---|",
     ]
     lines += [

@@ -1,4 +1,4 @@
-"""Does the test of contamination keep its size, on clean and on coarsely rounded recordings, and what does it find?
+"""Size and power of the test for outliers, on clean and on coarsely rounded recordings.
 
 Units of six axes are simulated, each axis rounded in one of two ways or not at all: every sample to the nearest step
 ("rate"), or the angle, whose differences are the samples ("angle"). Steps are in standard deviations of what is rough
@@ -112,12 +112,13 @@ def _spoilt(kind: str, deviations: float, seed: tuple[int, ...]) -> Array:
 def table(result: dict[str, Any]) -> str:
     """Markdown: false alarms of each model, rounding and length; then what is found."""
     lines = [
-        f"Units of {result['axes']} axes at {RATE:g} Hz, tested at {100 * LEVEL:g} % a unit. A step is in standard "
-        "deviations of what is rough in the signal; the rate or the angle is rounded. Units: share with at least one "
-        f"axis that is called contaminated; axes: share of single axes at {100 * LEVEL:g} % each; levels: how many "
-        "are tested on average, where the others have too few coefficients or are ruled by the rounding.",
+        f"Devices with {result['axes']} axes at {RATE:g} Hz, tested at the {100 * LEVEL:g} % level per device. A step "
+        "is a quantization step in standard deviations of the high-frequency noise; the rate or the angle is rounded. "
+        "Devices alarmed: share with at least one axis classified as contaminated. Axes alarmed: share of single "
+        f"axes, each tested at {100 * LEVEL:g} %. Levels: mean number of tested levels; the others have too few "
+        "coefficients or are dominated by the rounding.",
         "",
-        "| model | samples | rounding | step | units | units alarmed | axes alarmed | levels |",
+        "| model | samples | rounding | step | devices | devices alarmed | axes alarmed | levels |",
         "|---|---|---|---|---|---|---|---|",
     ]
     lines += [
@@ -132,9 +133,9 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| all | {samples} | | | {count} | {100 * units:.1f} % | {100 * axes:.1f} % | |")
     lines += [
         "",
-        f"Recordings of {result['samples']} samples of {result['model']}, 1 % of the samples spoilt, by so many "
-        "standard deviations of the white noise. Found: called contaminated as one axis of six. Excess: of the "
-        "classical over the robust variance, the largest of a level, median.",
+        f"Recordings of {result['samples']} samples of {result['model']}, 1 % of the samples with outliers of the "
+        "given size in standard deviations of the white noise. Found: share classified as contaminated, as one axis of "
+        "six. Excess of the classical over the robust variance: the largest of all levels, median.",
         "",
         "| outliers | deviations | found | excess |",
         "|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Is the covariance of the wavelet variance what simulation says?
+"""Covariance of the wavelet variance compared with simulation.
 
 Many recordings of a known model; the scatter of their wavelet variances against the exact covariance, entry by entry.
 """
@@ -81,11 +81,11 @@ def _scatter(nu: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each level of each model, one for all covariances between its levels."""
     lines = [
-        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz. Simulated variance of each level's "
-        "wavelet variance over the exact one, and its deviation in Monte Carlo standard errors. Errors of rounding are "
-        "uniform, which the exact variance of the classical estimate counts and that of the robust one (efficiency "
-        "0.6) does not. The robust one is exact for many coefficients: where few of them are uncorrelated it scatters "
-        "more.",
+        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz. Ratio of the simulated to the exact "
+        "variance of the wavelet variance at each level, and its deviation from 1 in Monte Carlo standard errors. "
+        "Rounding errors are uniform; the exact variance of the classical estimate includes this and that of the "
+        "robust one (efficiency 0.6) does not. The robust variance is asymptotic: it is too small at levels with few "
+        "uncorrelated coefficients.",
         "",
         "| model | estimator | level | exact variance | simulated / exact | deviation in standard errors |",
         "|---|---|---|---|---|---|",

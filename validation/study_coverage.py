@@ -1,4 +1,4 @@
-"""Do 95 % intervals hold the truth in 95 of 100 recordings?
+"""Coverage of 95 % confidence intervals.
 
 Recordings of known models are simulated and fitted, with diagonal and with optimal weights; for each parameter, the
 share of intervals that hold the truth, and the standard errors that the fits report beside the spread of the estimates.
@@ -51,11 +51,12 @@ def table(result: dict[str, Any]) -> str:
     noise = 100 * np.sqrt(0.95 * 0.05 / result["recordings"])
     worst = min(r["covered"] for r in result["rows"]), max(r["covered"] for r in result["rows"])
     lines = [
-        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, the "
-        "same ones for both weightings. Asymptotic intervals at 95 %. Covered: the interval holds the truth; by chance "
-        f"alone the share scatters by {noise:.1f} %. Low, high: all of the interval lies below or above the truth. "
-        "Spread: the standard deviation of the estimates. Standard error: the median of those that the fits report. "
-        f"These and the median are over the truth. Coverage runs from {worst[0]:.1%} to {worst[1]:.1%}.",
+        f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
+        "the same ones for both weightings. Asymptotic 95 % intervals. Covered: the interval contains the true value; "
+        f"the standard error of this share is {noise:.1f} %. Low, high: the whole interval is below or above the true "
+        "value. Spread: the standard deviation of the estimates. Standard error: the median of the reported ones. "
+        f"Median, spread and standard error are divided by the true value. The coverage is {worst[0]:.1%} to "
+        f"{worst[1]:.1%}.",
         "",
         "| model | weighting | parameter | truth | covered | low | high | median | spread | standard error |",
         "|---|---|---|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""How near do the wavelet moments come to maximum likelihood?
+"""Efficiency of the wavelet moments relative to maximum likelihood.
 
 Gauss-Markov and white noise have an exact likelihood that is cheap (`validation/likelihood.py`). Recordings are
 simulated and fitted by both; beside them stands what theory says, without simulation: standard errors of the wavelet
@@ -124,12 +124,12 @@ def _over(errors: NDArray[np.float64], yardstick: NDArray[np.float64]) -> tuple[
 def table(result: dict[str, Any]) -> str:
     """Markdown: errors and ratios of each parameter; the ratios of theory."""
     lines = [
-        "How near do the wavelet moments come to maximum likelihood? "
+        "This study compares the errors of the wavelet moments with those of maximum likelihood. "
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of "
         + "; ".join(f"{text} ({case})" for case, text in result["truths"].items())
-        + ". Root mean square errors, relative to the truth, and their ratios to those of maximum likelihood on the "
-        "same recordings, with the ratio's own standard error; then the ratio of the errors of the logarithm. The "
-        "bound is that of Cramér and Rao for a long record.",
+        + ". Root mean square errors relative to the true value, and their ratios to those of maximum likelihood on "
+        "the same recordings, with the standard error of the ratio; then the ratio of the errors of the logarithm. The "
+        "bound is the Cramér-Rao bound for a long recording.",
         "",
         "| case | parameter | bound | maximum likelihood | optimal | diagonal | optimal / ML | diagonal / ML "
         "| logarithm: optimal / ML | diagonal / ML |",
@@ -144,8 +144,9 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        'From theory, without simulation: standard error over the bound. "No ends" is the limit of a long record, '
-        "where every level has as many coefficients as there are samples; the others have the exact covariance.",
+        'From theory, without simulation: standard error divided by the bound. "No ends" is the limit of a long '
+        "recording, where every level has as many coefficients as there are samples; the other rows use the exact "
+        "covariance.",
         "",
         "| case | moments | GM.beta | GM.sigma2 | WN.sigma2 |",
         "|---|---|---|---|---|",
@@ -156,9 +157,9 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "Haar, optimal weights, of the slow case with other β:",
+        "Haar filter with optimal weights, for the slow case with other values of β:",
         "",
-        "| correlation times in the record | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
+        "| correlation times in the recording | bound of GM.beta | GM.beta | GM.sigma2 | WN.sigma2 |",
         "|---|---|---|---|---|",
     ]
     lines += [
@@ -170,13 +171,13 @@ def table(result: dict[str, Any]) -> str:
 
 
 _WORDS = (
-    "Octaves lose next to nothing here: in a long record the Haar variances with optimal weights hold nearly all that "
-    "the likelihood knows. Ideal bands lose a little more, as a band has one weight where the spectrum bends within "
-    "it; the Haar bands overlap, and what leaks into the neighbour tells of the bend. What is lost is lost at the "
-    "ends of the record: level j has only the N − 2^j + 1 coefficients that do not reach beyond them, and nothing "
-    "below the last level is seen. That costs the more the fewer correlation times the record holds: 1 % at a "
-    "thousand, 6 % at a hundred, and beyond 10 % from some fifty down, where β is known to a quarter at best. Longer "
-    "filters have fewer coefficients at every level and fewer levels, and lose more: for a Gauss-Markov process in "
-    "white noise d4 and la8 are no better. Diagonal weights know nothing of the correlation of neighbouring levels; "
-    "they cost most where the white noise shows in the first level or two only."
+    "One scale per octave loses almost nothing: in a long recording the Haar variances with optimal weights contain "
+    "nearly all the information of the likelihood. Ideal bands lose slightly more, because a band has one weight and "
+    "the spectrum varies within it. The Haar bands overlap, and the leakage into neighbouring bands contains this "
+    "information. The loss occurs at the ends of the recording: level j has only N − 2^j + 1 coefficients, and there "
+    "are no levels beyond the last one. The loss is larger for fewer correlation times in the recording: 1 % at a "
+    "thousand, 6 % at a hundred, and more than 10 % below about fifty, where β is known to a quarter at best. Longer "
+    "filters have fewer coefficients and fewer levels, and lose more: for a Gauss-Markov process in white noise d4 "
+    "and la8 are no better. Diagonal weights ignore the correlation of neighbouring levels. They cost most if the "
+    "white noise is visible in the first one or two levels only."
 )

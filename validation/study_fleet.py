@@ -1,4 +1,4 @@
-"""Does what a fleet says hold? False alarms among healthy units, odd ones found, and intervals that hold the truth.
+"""Fleets: false alarms among healthy devices, detection of outlying devices, and coverage of intervals.
 
 Fleets are drawn as the model has them: true numbers of units that scatter by τ about μ, measured with errors s that are
 all alike or differ by a factor of ten.
@@ -106,11 +106,11 @@ def table(result: Result) -> str:
 def _words(result: Result) -> Iterator[str]:
     low, high = result["unequal"]
     yield (
-        f"{result['fleets']} fleets of each kind ({result['many']} with 100 units), one number each: true values "
-        f"scatter by τ between units, estimates by s about them, all errors s = 1 or between {low:g} and {high:g}, "
-        "evenly in the logarithm. Alarms: share of healthy fleets in which a unit is said to be unlike the others, at "
-        "5 % for one number, and at 5 % for all of 36 numbers together (0.14 % for one). Covered: how often intervals "
-        "of 95 % hold μ, τ, and the true number of a further unit."
+        f"{result['fleets']} fleets of each kind ({result['many']} with 100 devices), one number each. The true "
+        "values have the standard deviation τ between devices, and the estimates have standard errors s: all s = 1, "
+        f"or between {low:g} and {high:g}, uniform in the logarithm. Alarms: share of healthy fleets with a device "
+        "classified as an outlier, at the 5 % level for one number, and at 5 % for 36 numbers together (0.14 % for "
+        "one). Covered: share of 95 % intervals that contain μ, τ, and the true number of a further device."
     )
     yield ""
     yield from map("- {}".format, _seen(result["rows"], result["found"]))
@@ -121,26 +121,25 @@ def _seen(rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]]) -> It
     scatter = (0.05 * 0.95 / min(r["fleets"] for r in rows)) ** 0.5
     hidden, seen = ([r for r in rows if (r["spread"] >= 1) is large] for large in (False, True))
     yield (
-        f"Alarms at 5 %: in {_span(seen, 'alarm_0')} of the fleets where τ is s or more, in {_span(hidden, 'alarm_0')} "
-        f"where it is less and hidden by the errors; by chance alone these scatter by up to {scatter:.1%}."
+        f"Alarms at 5 %: {_span(seen, 'alarm_0')} of the fleets with τ ≥ s, {_span(hidden, 'alarm_0')} of the fleets "
+        f"with τ < s, where the errors hide τ. The standard error of these shares is at most {scatter:.1%}."
     )
-    yield f"At 0.14 %: in {_span(rows, 'alarm_1', '.2%')}."
+    yield f"Alarms at 0.14 %: {_span(rows, 'alarm_1', '.2%')}."
     yield (
-        f"μ is held by {_span(rows, 'mean_covered')} of its intervals, τ by {_span(rows, 'spread_covered')}, a further "
-        f"unit by {_span(seen, 'further_covered')} where τ is s or more, by {_span(hidden, 'further_covered')} where "
-        "it is less."
+        f"Coverage of μ: {_span(rows, 'mean_covered')}. Coverage of τ: {_span(rows, 'spread_covered')}. Coverage of a "
+        f"further device: {_span(seen, 'further_covered')} for τ ≥ s, {_span(hidden, 'further_covered')} for τ < s."
     )
     for units in dict.fromkeys(r["units"] for r in found):
         least = [r["off"] for r in found if r["units"] == units and r["one_found"] >= 0.9 and r["errors"] == "equal"]
-        enough = f"from {min(least)} τ on" if least else f"at no distance up to {max(r['off'] for r in found)} τ"
-        yield f"Of {units} units, the odd one is found in 90 % of the fleets or more {enough} (equal errors)."
+        enough = f"from a distance of {min(least)} τ" if least else f"not up to {max(r['off'] for r in found)} τ"
+        yield f"{units} devices: an outlying one is found in at least 90 % of the fleets {enough} (equal errors)."
     wrong = max(max(r["one_wrong"], r.get("several_wrong", 0.0)) for r in found)
-    yield f"Beside odd units a healthy one is said to be odd in {wrong:.2%} of the fleets at most."
+    yield f"Beside outlying devices, a healthy one is classified as an outlier in at most {wrong:.2%} of the fleets."
 
 
 def _lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
     yield (
-        "| units | τ / s | errors | alarms at 5 % | at 0.14 % | μ covered | τ covered | further unit covered "
+        "| devices | τ / s | errors | alarms at 5 % | at 0.14 % | μ covered | τ covered | further device covered "
         "| mean τ̂² |"
     )
     yield "|---|---|---|---|---|---|---|---|---|"
@@ -154,12 +153,13 @@ def _lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
 
 def _found(result: Result) -> Iterator[str]:
     yield (
-        f"Odd units, off by so many τ, with τ = {result['odd_at']:g} s; the test as in a fleet with 36 numbers. Found: "
-        "share of the odd units that are said to be; wrong: share of the fleets in which a healthy one is said to be "
-        "too. Several: a tenth of the units, two thirds of them above and a third below."
+        f"Outlying devices at a distance in units of τ, with τ = {result['odd_at']:g} s; tested as in a fleet with 36 "
+        "numbers. Found: share of the outlying devices that are classified as outliers. Wrong: share of the fleets "
+        "with a healthy device classified as an outlier. Several: a tenth of the devices, two thirds of them above "
+        "and a third below."
     )
     yield ""
-    yield "| units | off by | errors | one: found | wrong | several | found | wrong |"
+    yield "| devices | distance | errors | one: found | wrong | several | found | wrong |"
     yield "|---|---|---|---|---|---|---|---|"
     for r in result["found"]:
         several = f"{r['several']} | {r['several_found']:.0%} | {r['several_wrong']:.2%}" if r["several"] > 1 else "| |"

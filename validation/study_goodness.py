@@ -1,4 +1,4 @@
-"""Does a test at 5 % reject a right model in 5 of 100 recordings, and how often a wrong one?
+"""Size and power of the goodness-of-fit test.
 
 The recordings of the study of coverage, fitted by the models that they come from, give the size of the test. Recordings
 of two Gauss-Markov processes, fitted by one, give its power.
@@ -93,9 +93,9 @@ def table(result: dict[str, Any]) -> str:
     size = [r for r in result["rows"] if r["kind"] == "size"]
     power = [r for r in result["rows"] if r["kind"] == "power"]
     lines = [
-        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz. The right model is fitted: a test at 5 % "
-        "should reject 5 %. The asymptotic test leaves out the two coarsest levels; the bootstrap, of "
-        f"{result['draws']} simulated recordings for each, uses all.",
+        f"Recordings of {result['samples']} samples at {result['rate']:g} Hz. The fitted model is right, so a test at "
+        "5 % should reject 5 %. The asymptotic test excludes the two coarsest levels. The bootstrap, with "
+        f"{result['draws']} simulated recordings each, uses all levels.",
         "",
         "| model | method | weighting | recordings | rejected at 5 % | at 1 % | median p-value |",
         "|---|---|---|---|---|---|---|",
@@ -107,8 +107,9 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        f"The slower Gauss-Markov process is left out: {WITHOUT} is fitted to recordings of two such processes. Where "
-        "it is too weak to be seen, a test at 5 % rejects as often as a right model.",
+        f"The fitted model omits the slower Gauss-Markov process: {WITHOUT} is fitted to recordings of two such "
+        "processes. If the slower process is too weak to be detected, a test at 5 % rejects as often as for a right "
+        "model.",
         "",
         "| truth | weighting | recordings | rejected at 5 % | at 1 % |",
         "|---|---|---|---|---|",

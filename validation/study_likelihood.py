@@ -1,4 +1,4 @@
-"""Do intervals of maximum-likelihood fits hold the truth in 95 of 100 recordings, and do residuals pass their tests?
+"""Maximum likelihood: coverage of 95 % intervals, and tests of the residuals.
 
 Recordings of known models, with a mean that the fit does not know, are simulated and fitted from nothing but the
 model's name. Beside the intervals: how far the log-likelihood at the truth lies below its maximum, twice of which is
@@ -112,16 +112,18 @@ def table(result: dict[str, Any]) -> str:
     least = min(row["profiles"] for row in result["rows"])
     rough = 100 * np.sqrt(0.95 * 0.05 / least)
     lines = [
-        f"{result['recordings']} recordings at {result['rate']:g} Hz of each model, on a mean of {result['offset']:g} "
-        "that the fit does not know; maximum likelihood, started from the fit to the wavelet variance. Intervals at "
-        "95 %. Covered: the Wald interval holds the truth; by chance alone the share scatters by "
-        f"{noise:.1f} %. Low, high: all of the interval lies below or above the truth. Profile: the share of profile "
-        f"intervals that hold it, of the first {least} recordings or more, which scatters by {rough:.1f} %. Median, "
-        "spread (half of what the middle 68 % span) and standard error (the median of those reported) are over the "
-        "truth; bias is that of the estimates in standard errors of their mean. Wald intervals of the long recordings "
-        f"cover from {min(covered):.1%} to {max(covered):.1%}, profile intervals of all from {min(followed):.1%} to "
-        f"{max(followed):.1%}: where a recording has but a few correlation times of a process, as the short ones have "
-        'five, take method="profile". The standard error of the mean takes the parameters as known.',
+        f"{result['recordings']} recordings at {result['rate']:g} Hz of each model with a mean of "
+        f"{result['offset']:g} that the fit does not know. Maximum likelihood starts from the fit to the wavelet "
+        "variance. Intervals at 95 %. Covered: the Wald interval contains the true value; the standard error of this "
+        f"share is {noise:.1f} %. Low, high: the whole interval is below or above the true value. Profile: the share "
+        f"of profile intervals that contain it, for the first {least} recordings or more, with a standard error of "
+        f"{rough:.1f} %. Median, spread (half the range of the central 68 %) and standard error (the median of the "
+        "reported ones) are divided by the true value. Bias is that of the estimates in standard errors of their "
+        f"mean. Wald intervals of the long recordings cover {min(covered):.1%} to {max(covered):.1%}, profile "
+        f"intervals of all recordings {min(followed):.1%} to {max(followed):.1%}. If a recording contains only a few "
+        "correlation times of a process "
+        '(five in the short ones), use method="profile". The standard error of the mean treats the parameters as '
+        "known.",
         "",
         "| model | samples | parameter | truth | covered | low | high | profile | median | bias | spread "
         "| standard error |",
@@ -135,10 +137,10 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "Of all parameters at once: 2 (log L(estimate) − log L(truth)), its mean and how often it exceeds the 5 % "
-        "limit of chi-square; and how often the tests of the standardised innovations reject at 5 % the model that is "
-        "right. Ljung-Box takes off what the estimates take from the lags that it looks at. "
-        f"By chance alone these shares scatter by {noise:.1f} %.",
+        "For all parameters together: the mean of 2 (log L(estimate) − log L(truth)) and how often it exceeds the 5 % "
+        "limit of the chi-square distribution; and how often the tests of the standardised innovations at 5 % reject "
+        "the right model. The Ljung-Box test reduces its degrees of freedom by the estimated parameters. The standard "
+        f"error of these shares is {noise:.1f} %.",
         "",
         "| model | samples | parameters | mean of 2 Δ log L | likelihood ratio | Ljung-Box | Jarque-Bera |",
         "|---|---|---|---|---|---|---|",

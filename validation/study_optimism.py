@@ -1,4 +1,4 @@
-"""Is the optimism that the criterion adds to a loss the one that there is?
+"""Optimism of the model selection criterion compared with simulation.
 
 Recordings of known models are fitted under one Ω, that of the truth; twice the covariance of what was measured and what
 was fitted is the optimism, and what theory and bootstrap make of it is put beside.
@@ -185,11 +185,12 @@ def _bootstrapped(draws: int, asked: tuple[int, str, int]) -> float:
 def table(result: dict[str, Any]) -> str:
     """Markdown: the right models, then those of which a term is weak or missing."""
     lines = [
-        f"{result['recordings']} recordings of each model, fitted under one Ω, that of the truth: 1 / V_jj (diagonal), "
-        "V⁻¹ (optimal), or 1 / (upper − lower)² by the confidence limits of the true curve (limits). Simulated: "
-        "2 tr Cov(ν̂, Ων(θ̂)) over them. Asymptotic: by theory, at the truth; the mean over the fits to "
-        f"{result['fits']} of them, with the range of 90 %; and its ratio to what was simulated. Bootstrap: the mean "
-        f"over {result['bootstraps']} fits, of {result['draws']} draws each. ± is one standard error.",
+        f"{result['recordings']} recordings of each model, fitted with the Ω of the true model: 1 / V_jj (diagonal), "
+        "V⁻¹ (optimal), or 1 / (upper − lower)² from the confidence limits of the true curve (limits). Simulated: 2 "
+        "tr Cov(ν̂, Ων(θ̂)) over all recordings. Asymptotic: from theory, at the true parameters; the mean over the "
+        f"fits to {result['fits']} recordings, with the central 90 %; and its ratio to the simulated value. "
+        f"Bootstrap: the mean over {result['bootstraps']} fits, with {result['draws']} draws each. ± is one standard "
+        "error.",
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio | bootstrap "
         "| ratio |",
@@ -202,9 +203,9 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "With V of the truth: a walk that many recordings do not show (WN + RW), which theory takes a fit to have or "
-        "not to have, and is low on average; and a model that lacks a process (GM + WN, for two Gauss-Markov "
-        "processes), for which the second derivatives in H matter.",
+        "With the V of the true model, two special cases. WN + RW has a random walk that many recordings do not show; "
+        "theory treats it as either present or absent, and is too low on average. GM + WN lacks the second of two "
+        "Gauss-Markov processes, so the second derivatives in H matter.",
         "",
         "| model | samples | weighting | simulated | asymptotic: truth | fits | 90 % of fits | ratio "
         "| truth, without second derivatives |",

@@ -1,4 +1,4 @@
-"""Does every fit reach the global optimum? Against random multistarts of a general optimiser.
+"""Global optimum of fits compared with random starts of a general optimiser.
 
 A hundred recordings of mixed models are simulated and fitted. Each objective must not exceed the one at the true
 parameters, nor, but for rounding, the best that scipy.optimize finds from random starting values: L-BFGS-B with the
@@ -104,7 +104,7 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: for each model, the worst ratios and the certificate."""
     lines = [
         f"{len(result['rows'])} recordings of {result['samples']} samples, "
-        f"{result['starts']} random starts of L-BFGS-B each; the worst of each model.",
+        f"{result['starts']} random starts of L-BFGS-B each. The table shows the worst recording of each model.",
         "",
         "| model | recordings | objective / at the truth | objective / best of the multistarts "
         "| multistarts that missed it | gap to lower bound | nodes |",

@@ -1,4 +1,4 @@
-"""Does gmwm.plan agree with the scatter of fits?
+"""Standard errors of gmwm.plan compared with simulated fits.
 
 Recordings of known models are simulated in three lengths and fitted; the scatter of estimate / truth is put beside the
 relative standard error that gmwm.plan gives, without a simulation, for the same length.
@@ -82,10 +82,10 @@ def table(result: dict[str, Any]) -> str:
     lines = [
         f"{result['recordings']} recordings of each length at {result['rate']:g} Hz of each model, diagonal weighting: "
         + "; ".join(f"`{text}`" for text in result["truths"])
-        + ". Relative standard error as planned, from the exact covariance without a simulation, and as found: half "
-        "the distance between the 15.87 and the 84.13 % quantiles of estimate / truth, and its standard deviation. "
-        f"Where the plan says 30 % or less, quantiles and plan differ by {100 * worst:.0f} % at most. Beyond, "
-        "estimates are skewed and sometimes zero, and a standard error says little.",
+        + ". Planned: the relative standard error from the exact covariance, without a simulation. Simulated: half "
+        "the distance between the 15.87 and the 84.13 % quantiles of estimate / truth, and its standard deviation. If "
+        f"the planned standard error is at most 30 %, the quantiles differ from it by at most {100 * worst:.0f} %. "
+        "Above, estimates are skewed and sometimes zero, and a standard error is of little use.",
         "",
         "| model | parameter | samples | plan | quantiles | standard deviation | quantiles / plan | median |",
         "|---|---|---|---|---|---|---|---|",

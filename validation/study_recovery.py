@@ -1,4 +1,4 @@
-"""Do the estimates centre on the truth, and how far do they scatter?
+"""Bias and standard deviation of the estimates.
 
 Recordings of known models are simulated and fitted; for each parameter, the mean and the spread of estimate / truth.
 """
@@ -54,9 +54,8 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each parameter of each model."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "diagonal weighting, iterated to the weights of the estimate. Random walks and slow decay rates have a skewed "
-        "law, with a median nearer to the truth than the mean, or the other way round. "
-        "Estimate / truth:",
+        "diagonal weighting, iterated until the weights match the estimate. The estimates of random walks and small "
+        "decay rates have a skewed distribution, so their median and mean differ. Estimate divided by the true value:",
         "",
         "| model | parameter | truth | mean | median | standard deviation | bias in its standard errors |",
         "|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Does automatic selection find the model that the data come from?
+"""Model selection: how often the true model is recommended.
 
 Recordings of known models are simulated, and every model within a general one is ranked on each.
 """
@@ -76,9 +76,9 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each truth and weighting."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model; "
-        f"every model within {result['general']} ranked. Recommended: the truth is what is recommended; least "
-        "criterion: it has the least; in the set: it is among the equivalent ones; under, over: what is recommended "
-        "lacks a term of the truth and has no other, or has all of them and more. "
+        f"gmwm ranks every model within {result['general']}. Recommended: the true model is the recommended one. "
+        "Least criterion: it has the smallest criterion. In the set: it is among the equivalent models. Under: the "
+        "recommended model lacks a term of the true one and has no other. Over: it has all true terms and more. "
         f"{result['draws']} draws.",
         "",
         "| truth | weighting | recommended | least criterion | in the set | median size of the set | largest | under "

@@ -1,4 +1,4 @@
-"""Where do 95 % intervals hold the truth less often: in short recordings, beside a zero, after a choice?
+"""Reduced coverage of 95 % intervals: short recordings, terms estimated as zero, model selection.
 
 Three times the data hardly show what the theory of the intervals takes as shown: a Gauss-Markov process of which a
 recording holds few correlation times; a term that is there and is estimated as zero, which its neighbours then pay
@@ -190,16 +190,17 @@ def table(result: dict[str, Any]) -> str:
     count, followed = result["recordings"], result["likelihood_recordings"]
     noise, rough = (100 * np.sqrt(0.95 * 0.05 / n) for n in (count, followed))
     lines = [
-        f"Intervals at 95 %, {count} recordings each, {followed} by likelihood: a share of 95 % scatters by "
-        f"{noise:.1f} % and {rough:.1f} % by chance alone. In long recordings, of models whose every term they show, "
-        "intervals hold the truth [in 93 to 97 of 100](coverage.md).",
+        f"95 % intervals of {count} recordings each, {followed} for maximum likelihood. The standard error of a share "
+        f"of 95 % is {noise:.1f} % and {rough:.1f} %. In long recordings of models whose terms are all visible, the "
+        "intervals contain the true value [in 93 to 97 %](coverage.md).",
         "",
         "## Few correlation times",
         "",
-        f"`{result['truth']}` at {result['rate']:g} Hz, T_c = {result['samples_per_time']} samples, fitted as GM + WN: "
-        "the share of intervals of β and of σ² that hold the truth, by how many T_c the recording lasts. Open: the "
-        "interval of β is (0, ∞), as the term acts as another process. Told: the fit says that it is so, or that there "
-        "are few correlation times. Silent: coverage of β and σ² in the recordings of which it says neither.",
+        f"`{result['truth']}` at {result['rate']:g} Hz, T_c = {result['samples_per_time']} samples, fitted as GM + "
+        "WN: the share of intervals of β and of σ² that contain the true value, by the length of the recording in "
+        "T_c. Open: the interval of β is (0, ∞), because the term acts as another process. Told: a remark of the fit "
+        "says so, or says that the recording has few correlation times. Silent: coverage of β and σ² in the "
+        "recordings without such a remark.",
         "",
         "| T / T_c | by | recordings | β | σ² | open | told | β, silent | σ², silent |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -212,11 +213,11 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "## Beside a term that is zero",
+        "## A weak term estimated as zero",
         "",
-        "The right model is fitted, but one of its terms is so weak that in many recordings it is estimated as zero. "
-        "Errors are computed at the estimate, where the noise of that term is missing: coverage of its neighbour in "
-        "all recordings, in those where the term is zero, and in the others.",
+        "The fitted model is right, but one of its terms is so weak that it is often estimated as zero. Standard "
+        "errors are computed at the estimate, without the noise of that term. The table has the coverage of the other "
+        "term in all recordings, in those with the weak term at zero, and in the remaining ones.",
         "",
         "| truth | samples | weak | by | recordings | zero | parameter | covered | where zero | elsewhere |",
         "|---|---|---|---|---|---|---|---|---|---|",
@@ -228,12 +229,13 @@ def table(result: dict[str, Any]) -> str:
     ]
     lines += [
         "",
-        "## After a choice",
+        "## After model selection",
         "",
-        "The same recordings, the model chosen by `gmwm.select` within the true one: how often the recommendation "
-        "lacks the weak term, and how often the interval of its neighbour under the recommended model holds the truth; "
-        "of all recordings, of those where the term is lacking, and of the others. Largest: the interval under the "
-        "largest model compared, which is the true one here. Both: from the least to the most of the two.",
+        "The same recordings, with the model that `gmwm.select` recommends within the true one. The table has the "
+        "share of recommendations without the weak term, and the coverage of the other term under the recommended "
+        "model: in all recordings, in those without the weak term, and in the remaining ones. Largest: the interval "
+        "under the largest model, here the true one. Both: the interval from the smaller lower to the larger upper "
+        "limit of the two.",
         "",
         "| truth | samples | lacking | recommended without it | parameter | covered | where lacking | elsewhere "
         "| largest | both |",

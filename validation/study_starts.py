@@ -1,4 +1,4 @@
-"""Where do the paper's random starting values lead, beside the convex route?
+"""Random starting values of the paper compared with the convex method.
 
 The paper's Appendix A fits 3*GM to 100 … 10⁶ samples from starting values that are exact, or the best of 1 000, 10 000
 and 20 000 draws. Here, for recordings of a known 3*GM, classical and robust, under the paper's Ω = diag((upper −
@@ -75,9 +75,9 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each length and start."""
     least = min(row["least"] for row in result["rows"])
     lines = [
-        f"{result['recordings']} recordings of {result['model']} at {result['rate']:g} Hz for each length, fitted with "
-        "the paper's diagonal weights. Objective over that of the convex route, which needs no starting values; "
-        f"reached: equal to 1e-6. The least ratio of all is 1 {least - 1:+.1e}.",
+        f"{result['recordings']} recordings of {result['model']} at {result['rate']:g} Hz for each length, fitted "
+        "with the paper's diagonal weights. The table has the objective divided by that of the convex method, which "
+        f"needs no starting values. Reached: equal to 1e-6. The smallest ratio is 1 {least - 1:+.1e}.",
         "",
         "| variance | samples | start | reached | median | worst |",
         "|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""Do 95 % intervals of autoregressive and moving-average models hold the truth in 95 of 100 recordings?
+"""Coverage of 95 % intervals of autoregressive and moving-average models.
 
 Recordings of known models are simulated, measured and fitted from nothing but the model's name.
 """
@@ -64,10 +64,10 @@ def table(result: dict[str, Any]) -> str:
     covered = [row["covered"] for row in result["rows"]]
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz of each model, "
-        "fitted without starting values. Asymptotic intervals at 95 %. Covered: the interval holds the truth; by "
-        f"chance alone the share scatters by {noise:.1f} %. Low, high: all of the interval lies below or above the "
-        "truth. Rejected: the test of the fit at 5 % rejects the model. Coverage runs from "
-        f"{min(covered):.1%} to {max(covered):.1%}.",
+        "fitted without starting values. Asymptotic 95 % intervals. Covered: the interval contains the true value; "
+        f"the standard error of this share is {noise:.1f} %. Low, high: the whole interval is below or above the true "
+        f"value. Rejected: the goodness-of-fit test at 5 % rejects the model. The coverage is {min(covered):.1%} to "
+        f"{max(covered):.1%}.",
         "",
         "| model | weights | parameter | truth | covered | low | high | median | spread | standard error | rejected |",
         "|---|---|---|---|---|---|---|---|---|---|---|",

@@ -1,4 +1,4 @@
-"""How near do filter and smoother come to the true bias of a gyroscope, and do they say how near?
+"""Errors of the filtered and the smoothed bias of a gyroscope, and their stated standard deviations.
 
 Gyroscopes are simulated process by process, so that the bias is known: an offset and all that wanders. A stretch of
 each record is taken away. The bias is estimated with the true parameters, with those of the wavelet fit, and with those
@@ -151,14 +151,14 @@ def _words(result: Result) -> Iterator[str]:
     rate, gap = result["rate"], (result["gap"][1] - result["gap"][0]) / result["rate"]
     values = "; ".join(f"`{text}`" for text in dict.fromkeys(row["values"] for row in result["rows"]))
     yield (
-        f"{result['recordings']} records of each of these gyroscopes (rad/s, {rate:g} Hz, "
-        f"{result['samples'] / rate / 60:g} min, bias at switch-on {result['offset']:g}, {gap:g} s missing): {values}. "
-        "They are simulated process by process, so that the bias, the offset and all that wanders, is known. It is "
-        "estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all of them, with the true "
-        "parameters and with those that `fit` (GMWM) and `fit_ml` (ML) find in the same record. RMS error: against "
-        "the truth, in 10⁻⁶ rad/s (0.2 °/h), over all records, without the gap and the first and the last "
-        f"{SETTLED / rate:g} s. Said: the RMS of the standard deviations that go with the estimates. Over true: the "
-        "error over that with the true parameters. Gap: the same where samples are missing."
+        f"{result['recordings']} recordings of each of these gyroscopes (rad/s, {rate:g} Hz, "
+        f"{result['samples'] / rate / 60:g} min, turn-on bias {result['offset']:g}, {gap:g} s missing): {values}. "
+        "Each process is simulated separately, so the true bias is known: the offset and all correlated processes. "
+        "The bias is estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all samples, with "
+        "the true parameters and with those that `fit` (GMWM) and `fit_ml` (ML) estimate from the same recording. RMS "
+        "error: difference from the true bias in 10⁻⁶ rad/s (0.2 °/h), over all recordings, without the gap and the "
+        f"first and last {SETTLED / rate:g} s. Said: the RMS of the standard deviations of the estimates. Over true: "
+        "the error divided by that with the true parameters. Gap: the same within the gap."
     )
     yield ""
     yield from map("- {}".format, _seen(result["rows"], result["recordings"]))
@@ -173,22 +173,25 @@ def _seen(rows: Sequence[dict[str, Any]], count: int) -> Iterator[str]:
     smoothed = [{"share": a / b} for a, b in zip(pairs["smooth"], pairs["filter"], strict=True)]
     wider = [{"times": row["gap_error"] / row["error"]} for row in rows]
     yield (
-        f"With the true parameters errors are as large as said, within {off:.1%}, and {_span(true, 'covered')} of the "
-        f"samples lie in the 95 % band; by chance alone this share scatters by up to {chance:.1%}."
+        f"With the true parameters the errors agree with the stated standard deviations within {off:.1%}, and "
+        f"{_span(true, 'covered')} of the samples are in the 95 % band. The standard error of this share is at most "
+        f"{chance:.1%}."
     )
     yield (
-        f"With fitted parameters errors are {_span(fitted, 'over_true', '.3f')} times those, and as large as said "
-        f"within {off_fitted:.1%}; {_span(fitted, 'covered')} lie in the band, though it takes the parameters as known."
+        f"With fitted parameters the errors are {_span(fitted, 'over_true', '.3f')} times as large, and agree with "
+        f"the stated ones within {off_fitted:.1%}. {_span(fitted, 'covered')} of the samples are in the band, "
+        "although it treats the parameters as known."
     )
     yield f"The error of a smoothed bias is {_span(smoothed, 'share', '.2f')} times that of a filtered one."
     yield (
-        f"In the gap errors are {_span(wider, 'times', '.1f')} times as large, and the band is as much wider: "
-        f"{_span(true, 'gap_covered')} lie in it with the true parameters, {_span(fitted, 'gap_covered')} with fitted "
-        f"ones; by chance alone this share scatters by up to {chance_gap:.1%}."
+        f"In the gap the errors are {_span(wider, 'times', '.1f')} times as large, and the band is wider by the same "
+        f"factor. {_span(true, 'gap_covered')} of the samples are in it with the true parameters, "
+        f"{_span(fitted, 'gap_covered')} with fitted ones. The standard error of this share is at most "
+        f"{chance_gap:.1%}."
     )
     yield (
-        f"The Ljung-Box test at 5 % rejects {_span(true, 'rejected')} of the records with the true parameters and "
-        f"{_span(fitted, 'rejected')} with fitted ones; by chance alone this share scatters by "
+        f"The Ljung-Box test at 5 % rejects {_span(true, 'rejected')} of the recordings with the true parameters and "
+        f"{_span(fitted, 'rejected')} with fitted ones. The standard error of this share is "
         f"{(0.05 * 0.95 / count) ** 0.5:.1%}."
     )
 

@@ -1,4 +1,4 @@
-"""What is said of a random walk or a drift that the recordings barely show, or not at all?
+"""Intervals and upper limits of a weak or absent random walk or drift.
 
 Recordings are simulated with ever weaker random walks and drifts, and fitted with diagonal and with optimal weights:
 the share of estimates that are zero, the share of intervals that begin at zero, and how often the truth lies within.
@@ -100,10 +100,10 @@ def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each value of each model and weighting."""
     lines = [
         f"{result['recordings']} recordings of {result['samples']} samples at {result['rate']:g} Hz for each truth. "
-        "Relative error: the standard error, from theory, of γ² or ω² over its value. One-sided: the interval runs "
-        "from zero to an upper limit, one-sided at 95 %; otherwise it is two-sided. Covered: the interval holds the "
-        "truth, of all recordings. Limit holds: the upper end is not below the truth, of all, and of the one-sided "
-        "intervals alone.",
+        "Relative error: the theoretical standard error of γ² or ω² divided by its value. One-sided: the interval "
+        "extends from zero to a one-sided 95 % upper limit; otherwise it is two-sided. Covered: the interval contains "
+        "the true value, in all recordings. Limit holds: the upper end is not below the true value, in all recordings "
+        "and among the one-sided intervals.",
         "",
         "| model | weighting | truth | relative error | zero | one-sided | covered | limit holds "
         "| of the one-sided | median limit | limit / truth |",

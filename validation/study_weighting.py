@@ -1,4 +1,4 @@
-"""Which weighting is wise? Diagonal, optimal and identity, where the model is right and where it is not.
+"""Diagonal, optimal and identity weights for right and wrong models.
 
 Recordings of a gyroscope are simulated, spoilt in ways that the model fitted to them does not know, and fitted with
 each weighting. The parameters that the model shares with the truth should stay near it.
@@ -48,12 +48,12 @@ def right(samples: int, rng: np.random.Generator) -> Vector:
 
 
 def slow_process(samples: int, rng: np.random.Generator) -> Vector:
-    """A slow, weak Gauss-Markov process besides."""
+    """An additional slow, weak Gauss-Markov process."""
     return np.asarray(right(samples, rng) + gmwm.GM(beta=0.15, sigma2=1e-7).simulate(samples, RATE, rng))
 
 
 def rounding(samples: int, rng: np.random.Generator) -> Vector:
-    """Quantization noise besides."""
+    """Additional quantization noise."""
     return np.asarray(right(samples, rng) + gmwm.QN(q2=4e-7).simulate(samples, RATE, rng))
 
 
@@ -64,7 +64,7 @@ def line(samples: int, rng: np.random.Generator) -> Vector:
 
 
 def swing(samples: int, rng: np.random.Generator) -> Vector:
-    """A slow swing, as of the temperature, with a period of 500 s and an amplitude of 5e-3 rad/s."""
+    """A slow oscillation, for example of the temperature, with a period of 500 s and an amplitude of 5e-3 rad/s."""
     phase = rng.uniform(0, 2 * np.pi)
     return right(samples, rng) + 5e-3 * np.sin(2 * np.pi * np.arange(samples) / (500 * RATE) + phase)
 
@@ -76,7 +76,7 @@ def heavy_tails(samples: int, rng: np.random.Generator) -> Vector:
 
 
 def knocks(samples: int, rng: np.random.Generator) -> Vector:
-    """Five knocks that ring off within a second, ten standard deviations of the white noise at first."""
+    """Five knocks that decay within a second, with an initial size of ten standard deviations of the white noise."""
     x = right(samples, rng)
     length = round(RATE)
     for start in length * rng.choice(samples // length, 5, replace=False):
@@ -185,13 +185,13 @@ def _disturbances(levels: NDArray[np.int64]) -> Vector:
 def table(result: dict[str, Any]) -> str:
     """Markdown: one line for each case and parameter; one for each parameter of each model of theory."""
     lines = [
-        f"Which weighting is wise? {result['recordings']} recordings at {result['rate']:g} Hz of {result['model']}, "
-        "as it is, and with what GM + WN + RW does not know:",
+        f"This study compares three weightings. {result['recordings']} recordings at {result['rate']:g} Hz of "
+        f"{result['model']}, without and with a disturbance that GM + WN + RW does not include:",
         "",
         *(f"- {case}: {record.__doc__}" for case, (record, _) in CASES.items() if record is not right),
         "",
-        "Estimate / truth: median, root mean square error, and how often the 95 % interval holds the truth (identity: "
-        f"one recording in {RARELY}).",
+        "Estimate divided by the true value: median, root mean square error, and coverage of the 95 % interval "
+        f"(identity: one recording in {RARELY}).",
         "",
         "| case | samples | parameter | diagonal: median | error | covered | optimal: median | error | covered "
         "| identity: median | error | covered |",
@@ -202,12 +202,12 @@ def table(result: dict[str, Any]) -> str:
         lines.append(f"| {r['case']} | {r['samples']} | {r['parameter']} | {' | '.join(cells)} |")
     lines += [
         "",
-        f"From theory, of {SAMPLES} samples. Where the model is right: relative standard error of optimal weights, and "
-        "how many times larger those of the others are. Where it is slightly wrong: one of 25 disturbances is added "
-        "(a line with a period of 3 to 46 000 samples, a Gauss-Markov process with β from 0.01 to 100, rounding), as "
-        "large as the best test for it would see at three standard deviations; root mean square error over them all, "
-        "bias and scatter, in standard errors of optimal weights, and the share of disturbances under which diagonal "
-        "weights have the smaller error.",
+        f"From theory, for {SAMPLES} samples. Right model: relative standard error with optimal weights, and the "
+        "ratio of the others to it. Slightly wrong model: one of 25 disturbances is added (a sinusoid with a period "
+        "of 3 to 46 000 samples, a Gauss-Markov process with β from 0.01 to 100, rounding), with the size that the "
+        "best test for it would detect at three standard deviations. The table has the root mean square error over "
+        "all disturbances, from bias and standard deviation, in standard errors of optimal weights, and the share of "
+        "disturbances with a smaller error for diagonal weights.",
         "",
         "| model | parameter | optimal | diagonal | identity "
         "| wrong: optimal | diagonal | identity | diagonal is better |",
@@ -229,20 +229,21 @@ def _words(result: dict[str, Any]) -> str:
     walk = {r["case"]: r for r in result["rows"] if r["parameter"] == "RW.gamma2"}
     slow, swing = walk["slow process left out"], walk["slow swing"]
     return (
-        f"Where the model is right, diagonal weights have errors {np.median(diagonal) - 1:.0%} larger than optimal "
-        f"ones, and at worst {max(diagonal) - 1:.0%}: for walks, and for white noise that shows in the first level or "
-        "two only. Where it is wrong, neither is the safer: under small disturbances diagonal weights have the smaller "
-        f"error in {np.mean([r['diagonal_better'] for r in result['theory']]):.0%} of cases, and one larger by "
-        f"{np.median(disturbed) - 1:.0%} in the middle, {max(disturbed) - 1:.0%} at worst. Under large ones it depends "
-        "on what was left out: with a slow process left out the walk comes out at "
-        f"{slow['diagonal_median']:.2f} of the truth with diagonal weights and at {slow['optimal_median']:.2f} with "
-        f"optimal ones, under a slow swing at {swing['diagonal_median']:.2f} and {swing['optimal_median']:.2f}. No "
-        "weighting mends a model that is wrong: both miss the truth by several standard errors, and so do their "
-        "intervals. Heavy tails and knocks leave all but the white noise about where it was, under either; the "
-        "intervals of the white noise are too short then, as the covariance is that of a Gaussian signal, or miss "
-        "what the knocks add to it. Identity weights see "
-        f"little but the largest levels: errors are up to {max(r['identity'] for r in result['theory']):.0f} times "
-        "larger even where the model is right, and its intervals, which take the criterion to be a parabola, do not "
-        "hold what they promise. They are wise nowhere here. The weights did not settle in "
-        f"{sum(result['unsettled'].values())} of {len(CASES) * len(WEIGHTINGS) * result['recordings']} fits."
+        f"If the model is right, the errors with diagonal weights are {np.median(diagonal) - 1:.0%} larger than with "
+        f"optimal ones in the median, and {max(diagonal) - 1:.0%} larger at worst, for random walks and for white "
+        "noise that is visible in the first one or two levels only. If the model is wrong, neither weighting is "
+        "always better. Under small disturbances diagonal weights have the smaller error in "
+        f"{np.mean([r['diagonal_better'] for r in result['theory']]):.0%} of the cases, and an error larger by "
+        f"{np.median(disturbed) - 1:.0%} in the median and {max(disturbed) - 1:.0%} at worst. Under large "
+        "disturbances the result depends on the omitted process. With a slow process omitted, the estimate of the "
+        f"random walk is {slow['diagonal_median']:.2f} of the true value with diagonal weights and "
+        f"{slow['optimal_median']:.2f} with optimal ones; under a slow swing it is {swing['diagonal_median']:.2f} and "
+        f"{swing['optimal_median']:.2f}. No weighting corrects a wrong model: both estimates and their intervals miss "
+        "the true value by several standard errors. Heavy tails and knocks affect only the white noise, with either "
+        "weighting. Its intervals are then too short, because the covariance assumes a Gaussian signal, or do not "
+        "include the contribution of the knocks. Identity weights depend almost only on the largest levels: errors "
+        f"are up to {max(r['identity'] for r in result['theory']):.0f} times larger even if the model is right. Their "
+        "intervals, which assume a quadratic objective, do not have the nominal coverage. Identity weights are never "
+        f"a good choice in this study. The weights did not converge in {sum(result['unsettled'].values())} of "
+        f"{len(CASES) * len(WEIGHTINGS) * result['recordings']} fits."
     )
