@@ -18,13 +18,13 @@ class _Arma(Lagged, abstract=True, listed=False):
 
     @classmethod
     def repeats(cls, count: int) -> str:
-        """Autoregressions add up to an ARMA process, moving averages to one of the same order."""
+        """Say why a sum cannot hold several: autoregressions add up to an ARMA, moving averages to a moving average."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0:
-            return f"a sum of them is again one, so that no data can tell it from a single one; write {cls.name} once"
+            return f"their sum is again a moving average of this order; write {cls.name} once"
         if seasonal_p + seasonal_q == 0:
-            return f"a sum of {count} is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
-        return f"a sum of {count} is one process of higher orders, whose parts no data can tell; write {cls.name} once"
+            return f"their sum is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
+        return f"their sum is one process of higher orders, whose parts cannot be distinguished; write {cls.name} once"
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
@@ -78,7 +78,7 @@ class AR(_Arma, abstract=True):
     def check_orders(cls, orders: tuple[int, ...]) -> None:
         """p from 1."""
         if orders[0] < 1:
-            raise ModelError(f"p of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+            raise ModelError(f"p of {cls.written()} must be at least 1; got 0", argument="p", got=orders[0])
 
 
 class MA(_Arma, abstract=True):
@@ -110,7 +110,7 @@ class MA(_Arma, abstract=True):
     def check_orders(cls, orders: tuple[int, ...]) -> None:
         """q from 1."""
         if orders[0] < 1:
-            raise ModelError(f"q of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+            raise ModelError(f"q of {cls.written()} must be at least 1; got 0", argument="q", got=orders[0])
 
 
 class ARMA(_Arma, abstract=True):
@@ -144,7 +144,12 @@ class ARMA(_Arma, abstract=True):
         p, q = orders
         if p == 0 or q == 0:
             simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
-            raise ModelError(f"p and q of {cls.written()} must be at least 1, got {p} and {q}; write {simpler}")
+            raise ModelError(
+                f"p and q of {cls.written()} must be at least 1; got {p} and {q}",
+                got=(p, q),
+                advice="Write `{simpler}`.",
+                simpler=simpler,
+            )
 
 
 class SARMA(_Arma, abstract=True):
@@ -180,7 +185,12 @@ class SARMA(_Arma, abstract=True):
         p, q, seasonal_p, seasonal_q, _ = orders
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
-            raise ModelError(f"P or Q of {cls.written()} must be at least 1, got 0 and 0; write {simpler}")
+            raise ModelError(
+                f"P or Q of {cls.written()} must be at least 1; got 0 and 0",
+                got=(0, 0),
+                advice="Write `{simpler}`.",
+                simpler=simpler,
+            )
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:

@@ -62,7 +62,6 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "allan_variance": ("running_sum_covariance",),
 }
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
-_WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
 _LONGEST_SUM = 2**24
 
 
@@ -94,12 +93,16 @@ class Process(ABC):
         if abstract:
             return
         if missing := [name for name in ("name", "title", "parameters") if not hasattr(cls, name)]:
-            raise ModelError(f"{cls.__name__} must define name, title and parameters; it has no {missing[0]}")
+            raise ModelError(
+                f"{cls.__name__} must define name, title and parameters; {missing[0]} is missing", argument=missing[0]
+            )
         if sum(p.scale_power is not None for p in cls.parameters) != 1:
-            raise ModelError(f"{cls.__name__}.parameters must have exactly one scale parameter (with a scale_power)")
+            raise ModelError(
+                f"{cls.__name__}.parameters must have exactly one parameter with a scale_power", argument="parameters"
+            )
         if not cls.has("wavelet_variance"):
             sources = ", ".join(_SOURCES["wavelet_variance"])
-            raise ModelError(f"{cls.__name__} must define at least one of shape, {sources}")
+            raise ModelError(f"{cls.__name__} must define at least one of shape, {sources}", argument="shape")
         _check_calls(cls)
         if register:
             _check_name(cls)
@@ -131,7 +134,11 @@ class Process(ABC):
         """Value of the parameter `name`; ModelError where it has none."""
         number = self.values[name]
         if number is None:
-            raise ModelError(f"{self.name}.{name} has no value: give one, as {self.name}({name}=…), or fit it to data")
+            raise ModelError(
+                f"{self.name}.{name} has no value",
+                argument=f"{self.name}.{name}",
+                advice="Give it a value in the model, or fit the model to data.",
+            )
         return number
 
     @property
@@ -149,10 +156,16 @@ class Process(ABC):
         known = [p.name for p in self.parameters]
         for name, value in values.items():
             if name not in known:
-                raise ModelError(f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}")
+                raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
         return replace(self, **values)  # type: ignore[type-var]
+
+    @classmethod
+    def no_parameter(cls, name: str) -> ModelError:
+        """Make the error for a parameter `name` that the process does not have."""
+        known = ", ".join(p.name for p in cls.parameters)
+        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
 
     @classmethod
     def scale_parameter(cls) -> Parameter:
@@ -187,8 +200,10 @@ class Process(ABC):
 
     @classmethod
     def repeats(cls, count: int) -> str:
-        """Why a sum cannot hold `count` of a process that is not `repeatable`, and the way out."""
-        return f"they all have one shape, so that no data can tell them from a single one; write {cls.name}() once"
+        """Say why a sum cannot hold `count` of a process that is not `repeatable`, and what to write instead."""
+        return (
+            f"all have the same shape, so that no data can distinguish them from a single one; write {cls.name}() once"
+        )
 
     # --- which processes are cases of which, for the choice among models ----------------------------------
 
@@ -324,8 +339,11 @@ class Process(ABC):
         longest = int(m.max(initial=0))
         if longest > _LONGEST_SUM:
             raise MissingTheoryError(
-                f"{self.name} has its running-sum covariance by summation only, up to lag {_LONGEST_SUM}, "
-                f"got {longest}; define running_sum_covariance or state_space in {type(self).__name__}"
+                f"{self.name} derives its running-sum covariance by summation, up to lag {_LONGEST_SUM} at most; "
+                f"got {longest}",
+                got=longest,
+                advice="Define `running_sum_covariance` or `state_space` in {process}.",
+                process=type(self).__name__,
             )
         r = self.autocovariance(np.arange(longest + 1), rate)
         # Var S_{m+1} − Var S_m = r(0) + 2 Σ_{k=1..m} r(k)
@@ -457,7 +475,7 @@ class Process(ABC):
         `theory` is the name of one of the methods above, from "wavelet_variance" to "simulate".
         """
         if theory not in _SOURCES:
-            raise OptionError(f"theory must be one of {', '.join(_SOURCES)}; got {theory!r}")
+            raise OptionError(argument="theory", expected=f"one of {', '.join(_SOURCES)}", got=theory)
         if cls._gives(theory):
             return True
         if theory in _NEEDS_STATIONARITY and not cls.stationary:
@@ -474,12 +492,19 @@ class Process(ABC):
             raise self.missing(theory)
 
     def missing(self, theory: str) -> MissingTheoryError:
-        """The error that says that the process lacks this theory, why, and what it has."""
-        there = ", ".join(name for name in _SOURCES if self.has(name))
-        why = "" if self.stationary else " (it is not stationary)"
-        what = _WORDS.get(theory, theory.replace("_", " ").replace("running sum", "running-sum"))
-        mean = "" if _function(type(self).mean) is Process.mean else ", and mean(t)"
-        return MissingTheoryError(f"{self.name} has no {what}{why}; it has {there}{mean}")
+        """Make the error for theory that the process does not define; the advice lists what it defines."""
+        defined = [name for name in _SOURCES if self.has(name)]
+        if _function(type(self).mean) is not Process.mean:
+            defined.append("mean")
+        what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
+        message = "cannot be simulated" if theory == "simulate" else f"has no {what}"
+        return MissingTheoryError(
+            f"{self.name} {message}{'' if self.stationary else ' (it is not stationary)'}",
+            advice="It defines {defined}.",
+            theory=theory,
+            process=self.name,
+            defined=", ".join(defined),
+        )
 
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
@@ -492,9 +517,12 @@ class Process(ABC):
         longest = filtered.lags_needed(filter, int(levels[-1]))
         if longest > _LONGEST_SUM or not self.has("running_sum_covariance"):
             raise MissingTheoryError(
-                f"{self.name} has its wavelet variance under filter {filter.name!r} by summation of its autocovariance "
-                f"only, up to lag {_LONGEST_SUM}; level {levels[-1]} needs {longest}. Use filter='haar', or define "
-                f"{'state_space' if self.stationary else 'shape'} in {type(self).__name__}"
+                f"{self.name} derives its wavelet variance under the filter {filter.name} by summation of its "
+                f"autocovariance, up to lag {_LONGEST_SUM} at most; level {levels[-1]} needs lag {longest}",
+                got=filter.name,
+                advice="Use {--filter=haar}, or define `{method}` in {process}.",
+                method="state_space" if self.stationary else "shape",
+                process=type(self).__name__,
             )
         if self._gives("autocovariance"):
             covariance = self.autocovariance(np.arange(longest), rate)
@@ -555,8 +583,12 @@ def _check_name(cls: type[Process]) -> None:
         return
     if not defined_anew(cls, older) or older.name != cls.name:
         raise ModelError(
-            f"there is already a process called {older.name}, {'of gmwm' if is_own(older) else 'defined'} in "
-            f"{older.__module__}: {older.__qualname__}; give {cls.__qualname__} another name"
+            f"the name {older.name} belongs to {older.__module__}.{older.__qualname__}"
+            f"{', a process of gmwm' if is_own(older) else ''}",
+            argument="name",
+            got=cls.name,
+            advice="Give {process} another name.",
+            process=cls.__qualname__,
         )
 
 
@@ -579,5 +611,6 @@ def _check_calls(cls: type[Process]) -> None:
             written = ", ".join((["cls"] if of_class else []) + [f"{w}=…" if w not in needed else w for w in wanted])
             raise ModelError(
                 f"{cls.__name__}.{name} must be {'a class method, ' if of_class else ''}{name}({written}); "
-                f"it is {name}{signature(_function(method))}"
+                f"it is {name}{signature(_function(method))}",
+                argument=name,
             ) from error

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.continuous_statespace import ContinuousStateSpace
-from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.errors import ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.kalman_methods import KalmanMethods
@@ -71,12 +71,13 @@ class Model(KalmanMethods):
         given: tuple[object, ...] = self.processes
         for process in given:
             if not isinstance(process, Process):
-                made = f"; write {process.name}()" if isinstance(process, type) and issubclass(process, Process) else ""
-                raise ModelError(f"a model is a sum of processes, as GM() + WN(); got {process!r}{made}")
+                raise _no_model(process, "every term of a model must be a process, such as GM()", "processes")
         if not self.processes:
-            raise ModelError("a model needs at least one process, got none; write WN(), say")
+            raise ModelError("a model needs at least one process; got none", got=self.processes)
         if len(self.processes) > MOST_TERMS:
-            raise ModelError(f"a model has at most {MOST_TERMS} terms, got {len(self.processes)}")
+            raise ModelError(
+                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}", got=len(self.processes)
+            )
         _check_repeats(self.processes)
         _check_parametrisations(self.processes)
 
@@ -166,7 +167,9 @@ class Model(KalmanMethods):
         """
         unknown = [label for label in values if label not in self.names]
         if unknown:
-            raise ModelError(f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}")
+            raise ModelError(
+                f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}", got=unknown[0]
+            )
         return Model(
             tuple(
                 process.with_values(
@@ -437,7 +440,7 @@ class Model(KalmanMethods):
     def __mul__(self, count: int) -> Model:
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MOST_TERMS:
             raise ModelError(
-                f"a process is repeated a whole number of times, 1 to {MOST_TERMS}, as 3 * GM(); got {count!r}"
+                f"a process must be repeated a whole number of times, from 1 to {MOST_TERMS}; got {count!r}", got=count
             )
         return Model(self.processes * int(count))
 
@@ -480,15 +483,19 @@ class Model(KalmanMethods):
         lacking = [p for p in self.processes if not p.has(theory)]
         if lacking:
             rest = [str(p) for p in self.processes if p not in lacking]
-            hint = f"; ask the rest, {' + '.join(rest)!r}, for it" if rest else ""
-            raise MissingTheoryError(f"{lacking[0].missing(theory)}{hint}")
+            error = lacking[0].missing(theory)
+            if rest:
+                error.advice += " All other terms define it: use `{rest}`."
+                error.facts["rest"] = " + ".join(rest)
+            raise error
 
     def _require_complete(self, what: str) -> None:
         missing = [label for label, value in self.parameters.items() if value is None]
         if missing:
             raise ModelError(
-                f"the {what} of {self} needs a value for {', '.join(missing)}: "
-                f"give them, as model.with_values({{{missing[0]!r}: …}}), or fit the model to data"
+                f"the {what} of {self} needs a value for {', '.join(missing)}",
+                advice="Give the values in the model, or fit the model to data.",
+                missing=tuple(missing),
             )
 
 
@@ -508,21 +515,30 @@ def as_model(model: Any, name: str = "model") -> Model:
         return Model((model,))
     if isinstance(model, str):
         return Model.parse(model)
-    hint = f"; write {model.name}()" if isinstance(model, type) and issubclass(model, Process) else ""
-    raise ModelError(f'{name} must be a sum of processes, as 2 * GM() + WN() or "2*GM + WN"; got {model!r}{hint}')
+    raise _no_model(model, f'{name} must be a sum of processes, such as "2*GM + WN"', name)
+
+
+def _no_model(got: object, message: str, argument: str) -> ModelError:
+    message = f"{message}; got {got!r}"
+    if isinstance(got, type) and issubclass(got, Process):
+        return ModelError(message, argument=argument, got=got, advice="Write `{term}`.", term=f"{got.name}()")
+    return ModelError(message, argument=argument, got=got)
 
 
 def _check_repeats(processes: tuple[Process, ...]) -> None:
     for name, count in Counter(p.name for p in processes).items():
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
-            raise ModelError(f"{name} cannot be repeated, got {count}: {process.repeats(count)}")
+            raise ModelError(
+                f"{name} cannot be repeated {count} times: {process.repeats(count)}", name=name, count=count
+            )
     for a, b in combinations(processes, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):
             held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
             raise ModelError(
-                f"two terms {a.name} are both held at {held}: no data can tell them apart; "
-                "hold them at different values, hold only one, or hold their scales too"
+                f"two terms {a.name} are both fixed at {held}, so that no data can distinguish them",
+                advice="Fix them at different values, fix one of them only, or fix their variances too.",
+                name=a.name,
             )
 
 
@@ -539,8 +555,10 @@ def _check_parametrisations(processes: tuple[Process, ...]) -> None:
         if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
             first = chosen[process.parametrises]
             raise ModelError(
-                f"{first} and {process.name} are one process ({process.parametrises}) in two parametrisations; "
-                f"write all such terms as {first}, or all as {process.name}"
+                f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
+                advice="Write all such terms as {first}, or all as {second}.",
+                first=first,
+                second=process.name,
             )
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
 
+_ESTIMATED = "Leave it out to estimate it."
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -140,12 +141,11 @@ class Parameter:
         if self.domain == "positive" and (number < 0 or (number == 0 and not zero_allowed)):
             least = "zero or positive" if zero_allowed else "positive"
             unit = f" ({self.unit()})" if self.unit() else ""
-            raise ModelError(f"{name} ({self.description}) must be {least}{unit}, got {value!r}")
+            raise _wrong(f"{name} ({self.description})", f"{least}{unit}", value, argument=name)
         low, high = self.limits
         if self.domain == "between" and not low < number < high:
-            raise ModelError(
-                f"{name} ({self.description}) must lie strictly between {low:g} and {high:g}, got {value!r}"
-            )
+            expected = f"strictly between {low:g} and {high:g}"
+            raise _wrong(f"{name} ({self.description})", expected, value, argument=name)
         return number
 
     # --- every real number as a coordinate ------------------------------------------------------------
@@ -217,8 +217,15 @@ def _power(base: str, power: int) -> str:
 
 def _as_number(value: object, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ModelError(f"{name} must be a number, got {value!r}; leave it out to have it estimated")
+        raise _wrong(name, "a number", value, argument=name, advice=_ESTIMATED)
     number = float(value)
     if not math.isfinite(number):
-        raise ModelError(f"{name} must be finite, got {value!r}; leave it out to have it estimated")
+        raise _wrong(name, "finite", value, argument=name, advice=_ESTIMATED)
     return number
+
+
+def _wrong(what: str, expected: str, got: object, argument: str, advice: str = "") -> ModelError:
+    # A literal message: the parameter of a process is no option of the command line.
+    return ModelError(
+        f"{what} must be {expected}; got {got!r}", argument=argument, expected=expected, got=got, advice=advice
+    )

@@ -116,14 +116,13 @@ class PowerLaw(Process, abstract=True):
         return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def missing(self, theory: str) -> MissingTheoryError:
-        """The error that says what the process lacks, and for a state space what to take in its place."""
+        """Make the error for theory that the process does not define, with a substitute for a state space."""
         error = super().missing(theory)
         if theory != "state_space":
             return error
-        return MissingTheoryError(
-            f"{error}. No finite number of states has a spectrum |f|^(-α): fit Gauss-Markov processes in its place, "
-            "one for every two or three octaves of averaging time that it is to hold over"
-        )
+        error.message += "; no finite number of states has a spectrum |f|^(-α)"
+        error.advice = "Fit Gauss-Markov processes instead, one for every two or three octaves of averaging time."
+        return error
 
 
 def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:

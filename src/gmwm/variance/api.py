@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.transform import (
@@ -169,8 +170,7 @@ def signal_wavelet_variance(
     """The wavelet variance of one signal; a recording of several axes is refused. See `wavelet_variance`."""
     as_confidence(confidence)
     wavelet = find_filter(filter)
-    if transform not in ("modwt", "dwt"):
-        raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+    one_of(transform, "transform", ("modwt", "dwt"))
     require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
@@ -179,15 +179,22 @@ def signal_wavelet_variance(
     else:
         segments = signal.segment_values()
         if rate is not None and as_rate(rate) != signal.rate:
-            raise OptionError(f"rate={rate:g} contradicts the signal's {signal.rate:g} Hz; leave rate out")
+            raise contradicting_rate(rate, signal.rate, "signal")
         rate = signal.rate
     lengths = tuple(segment.size for segment in segments)
     n = max(lengths)
     if n < MINIMUM_SAMPLES:
-        raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples for a wavelet variance, got {n}")
+        raise DataError(
+            f"a wavelet variance needs at least {MINIMUM_SAMPLES} samples without a gap; got {n}", argument="x", got=n
+        )
     deepest = deepest_level(n, wavelet, transform)
     if deepest < 1:
-        raise DataError(f"x must have at least {wavelet.length} samples for filter={wavelet.name!r}, got {n}")
+        raise DataError(
+            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}",
+            argument="x",
+            got=n,
+            advice="Use {--filter=haar}, or a longer recording.",
+        )
     levels = as_level_count(levels, deepest, n)
 
     slope = _slope(segments)
@@ -202,7 +209,7 @@ def signal_wavelet_variance(
     else:
         variance = _classical(segments, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
-        raise DataError("x is too large to be squared in double precision; scale it down")
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(
         levels=numbers,
@@ -306,7 +313,7 @@ def _rise(values: Vector) -> float:
         first, second = float(values[:half].sum()), float(values[half:].sum())
     if not math.isfinite(first + second):
         require_finite(values, "x")
-        raise DataError("x is too large to be summed in double precision; scale it down")
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     # The two halves' means lie N/2 samples apart.
     return (second / (values.size - half) - first / half) / (values.size / 2)
 
