@@ -1,4 +1,4 @@
-"""A model is a flat ordered sum of independent processes."""
+"""Models: sums of independent noise processes."""
 
 from __future__ import annotations
 
@@ -25,30 +25,31 @@ from gmwm.signals import Signal
 from gmwm.statespace import StateSpace
 
 MOST_TERMS = 100
-"""A sum with more terms than this is a slip of the pen: no record has that many levels."""
+"""Most terms of a model. A wavelet variance has 62 levels at most, so that more terms can never be estimated."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Model(KalmanMethods):
-    """A sum of independent latent processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
+    """Sum of independent noise processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
 
-    Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
-    they have the same terms with the same values, in any order. The written order stays for display, and numbers
-    repeated terms: `GM[1]`, `GM[2]`.
+    Write it as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
+    they have the same terms with the same values, in any order. The order is kept for display, and repeated terms are
+    numbered in this order: `GM[1]`, `GM[2]`.
 
-    Methods take what those of `Process` take: `rate` in Hz; `levels`, the number J of them or a list; `lags`
-    (samples); `frequencies` (Hz); `filter`, of `find_filter`; `n` and `paths`, how many samples and paths; `rng`, a
-    NumPy Generator or a seed. Theory that one of the terms has not raises `MissingTheoryError`; `has` asks for it.
+    The methods share their arguments with `Process`: `rate` in Hz; `levels`, their number J or an ascending list;
+    `lags` (samples); `frequencies` (Hz); `filter`, a name or a `WaveletFilter`; `n` and `paths`, the number of samples
+    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `MissingTheoryError` if a term does not
+    define the theory; check with `has`.
 
     Parameters
     ----------
     processes : tuple of Process
-        The terms, in the order in which they were written.
+        Terms, in the order in which they are displayed.
 
     Raises
     ------
     ModelError
-        If a process that cannot be repeated is, or one process comes in two parametrisations.
+        If a process occurs twice that cannot be repeated, or one process occurs in two parametrisations.
 
     Examples
     --------
@@ -88,9 +89,9 @@ class Model(KalmanMethods):
         Parameters
         ----------
         text : str
-            A sum of processes. A number in front repeats one, `3*GM`. Values are starting values and are written by
-            name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Held values are written
-            `fixed(0.1)`. Orders come first: `ARMA(2, 1)`.
+            A sum of processes. A number in front of a process repeats it: `3*GM`. Values are starting values; write
+            them by name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Write `fixed(0.1)` for a
+            value that is not estimated. Orders come first: `ARMA(2, 1)`.
 
         Returns
         -------
@@ -99,7 +100,7 @@ class Model(KalmanMethods):
         Raises
         ------
         ModelError
-            If the text cannot be read, with the place in it, or the processes cannot be summed.
+            If the text cannot be read, with the position of the error, or the processes cannot be summed.
 
         Examples
         --------
@@ -116,7 +117,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
-        """A label for each process: "WN"; "GM[1]", "GM[2]" where there are several."""
+        """Label of each process: "WN"; "GM[1]", "GM[2]" if there are several."""
         total, seen, labels = Counter(p.name for p in self.processes), Counter[str](), []
         for process in self.processes:
             seen[process.name] += 1
@@ -130,12 +131,12 @@ class Model(KalmanMethods):
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        """Value of each parameter by label; None where it is to be estimated."""
+        """Value of each parameter by label; None if it is to be estimated."""
         return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
 
     @property
     def structure(self) -> str:
-        """The text form without values: "3*GM + WN"."""
+        """Text of the model without values: "3*GM + WN"."""
         return _text(p.name for p in self.processes)
 
     def units(self, signal_unit: str = "u") -> dict[str, str]:
@@ -148,7 +149,7 @@ class Model(KalmanMethods):
 
     @property
     def fixed_names(self) -> frozenset[str]:
-        """Labels of the parameters that are held."""
+        """Labels of the fixed parameters."""
         return frozenset(
             f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
         )
@@ -159,7 +160,7 @@ class Model(KalmanMethods):
         return all(process.is_complete for process in self.processes)
 
     def with_values(self, values: Mapping[str, Value]) -> Model:
-        """A copy in which the parameters named by label have other values; held ones stay held.
+        """Copy with other values, by label. A fixed parameter stays fixed if its new value is a number.
 
         >>> from gmwm.processes import GM, fixed
         >>> (GM() + GM(beta=fixed(1.0))).with_values({"GM[2].beta": 3.0, "GM[2].sigma2": 0.5})
@@ -180,7 +181,7 @@ class Model(KalmanMethods):
         )
 
     def sorted(self, rate: float) -> Model:
-        """The same sum with repeated terms by correlation time, shortest first; other terms stay in place."""
+        """Copy with repeated terms in ascending order of correlation time; other terms stay in place."""
         rate, ordered = as_rate(rate), list(self.processes)
         for name in {p.name for p in ordered}:
             at = [k for k, p in enumerate(ordered) if p.name == name]
@@ -196,11 +197,11 @@ class Model(KalmanMethods):
         Parameters
         ----------
         levels : int or (J,) ascending ints
-            Levels j, of the scales 2^j samples; a number J stands for 1 … J.
+            Levels j, with scales of 2^j samples; a number J means 1 … J.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         filter : str or WaveletFilter
-            A name of `find_filter`.
+            Wavelet filter, see `gmwm.filters.find_filter`.
 
         Returns
         -------
@@ -212,7 +213,7 @@ class Model(KalmanMethods):
         ModelError
             If a parameter has no value.
         OptionError
-            If the levels do not ascend from 1, the rate is not positive, or there is no such filter.
+            If the levels are not ascending integers from 1, the rate is not positive, or the filter is unknown.
 
         Examples
         --------
@@ -225,9 +226,9 @@ class Model(KalmanMethods):
     def decomposition(
         self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
     ) -> dict[str, Vector]:
-        """The wavelet variance of each term, by label: (J,) arrays in u² that add up to `wavelet_variance`.
+        """Wavelet variance of each term by label, (J,) arrays in u²; their sum is `wavelet_variance`.
 
-        It takes the same levels, rate (Hz) and filter, and raises the same errors.
+        The arguments and errors are the same as for `wavelet_variance`.
 
         >>> Model.parse("WN(sigma2=4) + RW(gamma2=1)").decomposition(3, rate=100.0)
         {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
@@ -236,7 +237,7 @@ class Model(KalmanMethods):
         return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
-        """∂ν_j²/∂θ (J, p) by the parameters themselves, in the order of `names`."""
+        """Derivative ∂ν_j²/∂θ (J, p) with respect to the parameters, in the order of `names`."""
         self._require_complete("Jacobian")
         wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
         for process in self.processes:
@@ -252,11 +253,11 @@ class Model(KalmanMethods):
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance K(m) of the running sum, up to what second differences remove."""
+        """Generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
         return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²) of means over `clusters` of n samples, any whole n ≥ 1.
+        """Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
         >>> from gmwm.processes import RW, WN
         >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).allan_variance([1, 2, 3], rate=100.0).round(4)
@@ -273,11 +274,11 @@ class Model(KalmanMethods):
         return self._sum("psd", lambda p: p.psd(frequencies, rate))
 
     def mean(self, t: ArrayLike) -> Vector:
-        """Mean at sample numbers t: the drift."""
+        """Mean (u) at sample numbers t, from the drift."""
         return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
 
     def state_space(self, rate: float) -> StateSpace:
-        """The sum in steps of a sample, as one block-diagonal F, Q, H, R, m0, P0.
+        """State space of the sum in discrete time, with block-diagonal F, Q, H, R, m0 and P0.
 
         >>> from gmwm.processes import GM, RW, WN
         >>> model = GM(beta=1.0, sigma2=4.0) + RW(gamma2=0.01) + WN(sigma2=3.0)
@@ -291,14 +292,15 @@ class Model(KalmanMethods):
         return StateSpace.sum(p.state_space(rate) for p in self.processes)
 
     def state_terms(self, rate: float) -> tuple[str, ...]:
-        """The label of the term that each state of `state_space` belongs to; white noise has none."""
+        """Label of the term of each state in `state_space`; white noise has no state."""
         self._require("state_space")
         return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """The sum in continuous time, as one block-diagonal A, Qc, H, Rc, whose steps at `rate` are `state_space`.
+        """State space of the sum in continuous time, with block-diagonal A, Qc, H and Rc.
 
-        What has no continuous form, as quantization noise, is in its `left_out`.
+        Its discretisation at `rate` is `state_space`. The attribute `left_out` lists the terms without a continuous
+        form, such as quantization noise.
 
         >>> Model.parse("GM(beta=0.5, sigma2=4.0) + QN(q2=1.0) + RW(gamma2=0.01)").continuous(rate=100.0).left_out
         ('QN',)
@@ -307,10 +309,10 @@ class Model(KalmanMethods):
         return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
 
     def has(self, theory: str) -> bool:
-        """Whether every term has this theory; see `Process.has`."""
+        """Whether every term defines this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
 
-    # --- data, by the Kalman filter: `KalmanMethods` has the others ---------------------------------------
+    # --- likelihood; `KalmanMethods` has the other methods that use the Kalman filter ----------------------
 
     def loglikelihood(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> float:
         """Compute the exact Gaussian log-likelihood of a recording, by the Kalman filter.
@@ -364,23 +366,23 @@ class Model(KalmanMethods):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths of the sum, stationary parts from the start.
+        """Simulate Gaussian sample paths of the sum; stationary terms start in their stationary distribution.
 
         Parameters
         ----------
         n : int
-            Samples.
+            Number of samples.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         rng : numpy.random.Generator or int
-            The source of the draws, or its seed.
+            Random number generator, or its seed.
         paths : int or None
-            How many paths; None for one.
+            Number of paths; None for one path without an axis of paths.
 
         Returns
         -------
         (n,) or (paths, n) array
-            In the unit u of the signal; (n,) where `paths` is None.
+            In the unit u of the signal; (n,) if `paths` is None.
 
         Raises
         ------
@@ -389,7 +391,7 @@ class Model(KalmanMethods):
         MissingTheoryError
             If a term cannot be simulated.
         OptionError
-            If n or paths is not a positive integer, the rate not positive, or rng neither generator nor seed.
+            If n or paths is not a positive integer, the rate is not positive, or rng is neither generator nor seed.
 
         Examples
         --------
@@ -403,7 +405,7 @@ class Model(KalmanMethods):
         as_paths(n, paths)
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
         total = np.zeros(shape_of_paths(n, paths))
-        # Added in the order of drawing, so that the order of the terms changes no bit.
+        # Terms are added in the order of drawing, so that the order of the terms changes no bit of the sum.
         for label in self.drawing_order():
             total += by_label[label].simulate(n, rate, generator, paths)
         return total
@@ -411,7 +413,7 @@ class Model(KalmanMethods):
     def simulate_terms(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> dict[str, NDArray[np.float64]]:
-        """The latent processes one by one, by label; with the same seed they add up to `simulate`.
+        """Simulate each term separately, by label; with the same seed their sum is `simulate`.
 
         >>> from gmwm.processes import RW, WN
         >>> terms = (WN(sigma2=1.0) + RW(gamma2=0.01)).simulate_terms(1000, rate=100.0, rng=1)
@@ -425,7 +427,7 @@ class Model(KalmanMethods):
         return {label: drawn[label] for label in self.terms}
 
     def drawing_order(self) -> list[str]:
-        """Labels in the order in which `simulate` draws and adds the terms: that of their texts."""
+        """Labels in the order in which `simulate` draws and adds the terms: sorted by their text."""
         return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
 
     # --- algebra and text -----------------------------------------------------------------------------
@@ -433,7 +435,7 @@ class Model(KalmanMethods):
     def __add__(self, other: Process | Model) -> Model:
         if not isinstance(other, (Process, Model, type)):
             return NotImplemented
-        # Model itself says what is wrong with a class in the place of a process.
+        # Model raises the error if a class is given instead of a process.
         added = other.processes if isinstance(other, Model) else (other,)
         return Model((*self.processes, *added))
 
@@ -460,7 +462,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def _counted(self) -> Counter[Process]:
-        """How often each process occurs in the sum."""
+        """Number of occurrences of each process."""
         return Counter(self.processes)
 
     def __str__(self) -> str:
@@ -500,11 +502,11 @@ class Model(KalmanMethods):
 
 
 ModelLike = Model | Process | str
-"""What may stand where a model is expected."""
+"""Types that are accepted as a model."""
 
 
 def as_model(model: Any, name: str = "model") -> Model:
-    """The model that `model` stands for: a Model, a Process alone, or the text of a sum.
+    """Convert a model, a single process or the text of a sum to a Model.
 
     >>> as_model("GM + WN")
     Model('GM + WN')
@@ -568,7 +570,7 @@ def _text(terms: Iterable[str]) -> str:
 
 
 def _order(process: Process, rate: float) -> tuple[float, ...]:
-    """By correlation time, and by the nonlinear parameters where that is not known."""
+    """Sort key: the correlation time, or the nonlinear parameters if it is unknown."""
     time, values = process.correlation_time(rate), process.values
     shape = [values[p.name] for p in process.nonlinear_parameters()]
     return (math.inf if time is None else time, *(math.inf if value is None else value for value in shape))

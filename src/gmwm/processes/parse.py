@@ -1,4 +1,4 @@
-"""The text form of a model, "3*GM + WN(sigma2=fixed(1e-6)) + RW", read without evaluating anything.
+"""Parser of model texts such as "3*GM + WN(sigma2=fixed(1e-6)) + RW"; it never evaluates code.
 
     model   = term { "+" term }
     term    = [ count "*" ] process | process "*" count
@@ -6,11 +6,11 @@
     entry   = order | value | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
-Values without a name are those of the parameters in their order, "AR1(0.9, 0.1)"; they come before values with a name.
+Values without a name are in the order of the parameters, "AR1(0.9, 0.1)"; they must come before values with a name.
 
-A process with orders is written with them, "ARMA(2, 1, phi1=0.5)", or with its coefficients, "AR(phi=[1.4, -0.6])".
-Orders, whole numbers, come first: "AR(2, 1.4, -0.6)" is of order 2 with φ₁ = 1.4. A period may be written by name.
-Names of processes may be written in lower case. `str(model)` is such a text, with the name of every value.
+A process with orders needs its orders, "ARMA(2, 1, phi1=0.5)", or its coefficients, "AR(phi=[1.4, -0.6])". Orders are
+whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. A period may be written by name. The
+case of process names does not matter. `str(model)` is such a text, with the name of every value.
 """
 
 from __future__ import annotations
@@ -29,16 +29,26 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))",
     re.ASCII,
 )
+# 100 terms of 100 characters; limits the time for an invalid text. Pinned by test_a_text_of_a_sum_that_is_no_model.
 _LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """The model that `text` stands for.
+    """Parse the text of a model.
+
+    Parameters
+    ----------
+    text : str
+        See the grammar above.
+
+    Returns
+    -------
+    Model
 
     Raises
     ------
     ModelError
-        With the piece that was not understood and its place, or from the model's own checks.
+        If the text cannot be read, with the position of the error, or the processes cannot be summed.
 
     Examples
     --------
@@ -152,7 +162,7 @@ class _Reader:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """What a process without orders is written with: lists of coefficients, single parameters, named orders."""
+        """Arguments of a process without orders: lists of coefficients, single parameters and named orders."""
         given: dict[str, Any] = {}
         while not self._take(")"):
             if given:

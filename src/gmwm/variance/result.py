@@ -59,9 +59,9 @@ class WaveletVariance(Summarised):
     diagnostics : mapping
         What is to be known of single levels; of a robust estimate see `wavelet_variance`.
     strides : tuple of int
-        Of each level, at every how many samples a coefficient was taken; () where all were, see `WaveletAccumulator`.
+        Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
-        Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
+        Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
 
     Examples
     --------
@@ -132,7 +132,7 @@ class WaveletVariance(Summarised):
 
     @property
     def extent(self) -> str:
-        """How much was measured, in words: samples, segments, rate."""
+        """Number of samples and segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
         return f"{self.samples} samples{apart} at {self.rate:g} Hz"
 
@@ -153,31 +153,31 @@ class WaveletVariance(Summarised):
         unit: str = "",
         axis: str = "",
     ) -> WaveletVariance:
-        """A wavelet variance from published values, levels 1, 2, … in order.
+        """Make a wavelet variance from published values, for levels 1, 2, … in order.
 
         Parameters
         ----------
         variance : (J,) array, in unit²
-            Estimates at the scales 2, 4, 8, … samples; fewer levels than the length allows are welcome.
+            Estimates at the scales 2, 4, 8, … samples. There may be fewer levels than the length allows.
         samples : int
-            Length N of the signal they were computed from.
+            Length N of the signal.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         lower, upper : (J,) arrays, optional
-            Published limits at `confidence`; by default those of the chi-square rule.
+            Published confidence limits; by default chi-square limits.
         robust, efficiency : bool, float
-            Whether they are robust estimates, and of what efficiency; 0.6 if it is not given.
+            Whether the estimates are robust, and their efficiency, 0.6 by default.
         filter, transform : str
-            What they were computed with: a name of `find_filter`, "modwt" or "dwt".
+            Wavelet filter, see `gmwm.filters.find_filter`, and transform, "modwt" or "dwt".
         confidence : float
-            Of the limits.
+            Confidence level of the limits.
         unit, axis : str
-            Of the signal.
+            Unit and name of the signal.
 
         Raises
         ------
         DataError
-            If a value is negative or not finite, N is not a whole number, or there are more levels than N samples have.
+            If a value is negative or not finite, N is not a whole number, or N samples have fewer levels.
 
         Examples
         --------
@@ -351,7 +351,7 @@ class WaveletVariance(Summarised):
 
 
 def _checked_samples(samples: int) -> int:
-    """A length: a whole number, which may be written 3e6."""
+    """Check a length: a whole number, which may be a float such as 3e6."""
     whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
     if not whole or samples < 1:
         raise DataError(argument="samples", expected="a positive whole number, the length of the signal", got=samples)
@@ -359,7 +359,7 @@ def _checked_samples(samples: int) -> int:
 
 
 def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
-    """The efficiency of a robust estimate, None of a classical one."""
+    """Efficiency of a robust estimate; None for a classical one."""
     from gmwm.variance.biweight import biweight, unused_efficiency
 
     if robust:
