@@ -36,7 +36,7 @@ def test_values_that_are_given_are_taken(gmwm, recording):
     assert found["values"] == "given"
     assert found["parameters"] == {"WN.sigma2": 4e-7, "RW.gamma2": 1e-11}
     signal = read(recording)["gyro_x"]
-    expected = library.parse_model(model).residuals(signal)
+    expected = library.Model.parse(model).residuals(signal)
     assert expected.estimated == 0
     assert found["ljung_box"] == expected.to_dict()["ljung_box"]
 
@@ -93,7 +93,7 @@ def test_a_calibration_has_models_of_its_own(gmwm, recording, tmp_path):
     outcome = gmwm("residuals", recording, "--from-fits", tmp_path / "calibration.json")
     document = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
     for axis, one in document["axes"].items():
-        structure = library.parse_model(one["fit"]["model"]).structure
+        structure = library.Model.parse(one["fit"]["model"]).structure
         assert any(line.startswith(f" {axis}") and structure in line for line in outcome.out.splitlines())
 
 

@@ -293,7 +293,7 @@ def test_demo_says_which_models_are_the_truth(demo):
     _, words, machine = demo
     axes = machine.json["calibration"]["axes"]
     truth = {axis: structure_of(model) for axis, model in reference_imu().items()}
-    found = {axis: structure_of(library.parse_model(one["fit"]["model"])) for axis, one in axes.items()}
+    found = {axis: structure_of(library.Model.parse(one["fit"]["model"])) for axis, one in axes.items()}
     same = [axis for axis in truth if truth[axis] == found[axis]]
     assert f"The model that was simulated is recommended on {len(same)} of 6 axes" in words.out
     assert all(f"{axis}: {reference_imu()[axis].structure} was" in words.out for axis in truth if axis not in same)

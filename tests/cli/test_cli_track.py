@@ -51,7 +51,7 @@ def test_what_is_not_given_is_fitted(gmwm, recording, options, source):
 
 def test_values_that_are_given_are_taken(gmwm, recording):
     found = gmwm("track", recording, "-m", MODEL, "--axis", "gyro_x", "--json").json["axes"]["gyro_x"]
-    assert (found["values"], found["parameters"]) == ("given", library.parse_model(MODEL).parameters)
+    assert (found["values"], found["parameters"]) == ("given", library.Model.parse(MODEL).parameters)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
@@ -69,7 +69,7 @@ def test_the_file_holds_every_track(gmwm, recording, tmp_path, suffix):
     ]
     assert frame.columns == ["time [s]", *names]
     for axis in ("gyro_x", "gyro_y"):
-        tracks = library.parse_model(MODEL).smooth(imu[axis])
+        tracks = library.Model.parse(MODEL).smooth(imu[axis])
         assert np.array_equal(frame[f"{axis} [rad/s]"], imu[axis].values)
         for label in tracks.labels:
             assert np.array_equal(frame[f"{axis} {label} [rad/s]"], tracks.mean[label])
@@ -108,7 +108,7 @@ def test_a_prediction_widens(gmwm, recording, tmp_path, length):
     target = tmp_path / "ahead.csv"
     arguments = ("track", recording, "-m", MODEL, "--axis", "gyro_x", "--predict", length)
     found = gmwm(*arguments, "--output", target, "--json").json["axes"]["gyro_x"]
-    ahead = library.parse_model(MODEL).predict(read(recording)["gyro_x"], 6000)
+    ahead = library.Model.parse(MODEL).predict(read(recording)["gyro_x"], 6000)
     assert (found["kind"], found["samples"]) == ("predict", 6000)
     assert found["first_time"] == near(200.0)
     bias = found["tracks"]["bias"]
