@@ -62,7 +62,7 @@ def test_errors_take_one_line(gmwm, file, tmp_path):
     Calibration(axes=axes, failed={}, settings=found.settings).save(gyro)
     for arguments, said in (
         ((file, "--format", "kalib"), "must be one of"),
-        ((file, "--all", tmp_path, "--format", "kalibr"), "leave --format and --output out"),
+        ((file, "--all", tmp_path, "--format", "kalibr"), "Leave --format and --output out"),
         ((file, "--all", file), "must be a directory"),
         ((file, "--inflation", 0), "inflation must be a positive number"),
         ((file, "--format", "csv", "--horizon", 2), "horizon has no meaning for 'csv'"),
