@@ -27,10 +27,10 @@ class WaveletAccumulator(SegmentedAccumulator):
     """Accumulator of the Haar wavelet variance, for a recording that exceeds memory or is still growing.
 
     Levels up to `exact` use every coefficient. Higher levels use the coefficients that end at multiples of τ/64,
-    counted from the beginning of the recording. This raises the variance of the estimate by 0.1 % for white noise, and by
-    nothing for a random walk or a Gauss-Markov process. Only quantization noise would lose more, but it never dominates
-    at these scales. The attribute `strides` of the result has these distances, and its covariance takes them into
-    account.
+    counted from the beginning of the recording. This raises the variance of the estimate by 0.1 % for white noise, and
+    by nothing for a random walk or a Gauss-Markov process. Only quantization noise would lose more, but it never
+    dominates at these scales. The attribute `strides` of the result has these distances, and its covariance takes them
+    into account.
 
     The result does not depend on how the recording is split. Parts can be accumulated separately, with `start` as the
     number of the first sample, and merged in order. Call `gap()` between two chunks if samples are missing: no
