@@ -1,11 +1,11 @@
-"""Wavelet filters: the paper's families, what they do to a spectrum, and how exact their numbers are.
+"""Wavelet filters: coefficients, squared gain and autocorrelation.
 
-A filter is given by its L scaling coefficients g with Σ g = √2, Σ g² = 1 and g orthogonal to its even shifts. The
-wavelet coefficients are h_l = (−1)^l g_{L−1−l}. The maximal-overlap transform filters with g/√2 and h/√2, spread by
-2^(j−1) at level j; its level-j wavelet filter has L_j = (2^j − 1)(L − 1) + 1 taps, of sum 0 and sum of squares 2^−j.
+A filter has L scaling coefficients g with Σ g = √2 and Σ g² = 1, and g is orthogonal to its even shifts. The wavelet
+coefficients are h_l = (−1)^l g_{L−1−l}. The maximal-overlap transform uses g/√2 and h/√2, upsampled by 2^(j−1) at
+level j. Its level-j wavelet filter has L_j = (2^j − 1)(L − 1) + 1 taps with the sum 0 and the sum of squares 2^−j.
 
-Published tables fulfil these equations to their printed digits only. Each table is therefore moved to the nearest
-filter that fulfils them to rounding, vanishing moments included, and the filter reports by how much it was moved.
+Published tables satisfy these equations only up to their printed digits. Each table is therefore replaced by the
+nearest filter that satisfies them, including vanishing moments, up to rounding errors; `adjustment` is the change.
 
 To add a filter, add its table at the end of this file; `find_filter` and the law tests find it by themselves.
 """
@@ -26,30 +26,29 @@ from gmwm.errors import MissingDependencyError, OptionError
 __all__ = ["WaveletFilter", "find_filter"]
 
 LONGEST_FILTER = 2**24
-"""Longest level filter that is written out tap by tap."""
+"""Most taps of a level filter that `level_filter` returns: 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
 """Singular values below this share of the largest are those of equations that follow from the others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WaveletFilter:
-    """An orthonormal wavelet filter.
+    """Orthonormal wavelet filter.
 
     Parameters
     ----------
     name : str
-        As in `find_filter`: "la8".
+        Name for `find_filter`, such as "la8".
     scaling : (L,) array
         Scaling coefficients g_l, applied as V_t = Σ_l g_l X_{t−l}.
     vanishing_moments : int
-        p: the wavelet filter takes polynomials of degree p − 1 to zero, so that with 2 or more a drift leaves
-        no trace.
+        Number p: the wavelet filter removes polynomials of degree p − 1; with p ≥ 2 it removes a linear drift.
     accuracy : float
-        How far the published numbers are from a filter at most.
+        Largest error of the published coefficients.
     adjustment : float
-        Largest change that made them one.
+        Largest change of a published coefficient.
     source : str
-        Where the numbers come from.
+        Source of the published coefficients.
 
     Examples
     --------
@@ -107,7 +106,7 @@ class WaveletFilter:
         return ((np.int64(1) << np.asarray(levels, dtype=np.int64)) - 1) * (self.length - 1) + 1
 
     def deepest_level(self, samples: int) -> int:
-        """Deepest level whose filter fits into a record of `samples`; 0 where none does."""
+        """Deepest level whose filter fits into a recording of `samples`; 0 if there is none."""
         return ((samples - 1) // (self.length - 1) + 1).bit_length() - 1 if samples > 0 else 0
 
     def level_filter(self, level: int) -> Vector:
@@ -116,7 +115,7 @@ class WaveletFilter:
         Raises
         ------
         OptionError
-            If there are more than 2^24 of them; `squared_gain` and `autocorrelation` work at any level.
+            If there are more than 2^24 taps; `squared_gain` and `autocorrelation` work at any level.
 
         >>> find_filter("haar").level_filter(2)
         array([ 0.25,  0.25, -0.25, -0.25])
@@ -184,28 +183,29 @@ def _convolve(a: Vector, b: Vector) -> Vector:
 
 
 def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
-    """The filter of that name: haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22, mb4 mb8 mb16 mb24.
+    """Return the wavelet filter of a name.
 
-    With PyWavelets installed also its orthogonal ones, db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets has the
-    Daubechies filters the other way round in time (db2 is d4 reversed) under as many names as vanishing moments;
-    sym4 is la8. Direction changes no variance.
+    The names are haar, d4 d6 d8 d16, la8 la16 la20, bl14 bl20, fk4 fk8 fk14 fk22 and mb4 mb8 mb16 mb24. If PyWavelets
+    is installed, its orthogonal filters are available too: db1 … db38, sym2 … sym20, coif1 … coif17. PyWavelets numbers
+    Daubechies filters by vanishing moments and reverses them in time (db2 is d4 reversed; sym4 is la8), which does not
+    change a variance.
 
     Parameters
     ----------
     filter : str or WaveletFilter
-        A name, in capitals or not, or a filter, which comes back as it is.
+        Name in any case, or a filter, which is returned unchanged.
 
     Returns
     -------
     WaveletFilter
-        With its coefficients; each name is looked up once.
+        The same object for the same name.
 
     Raises
     ------
     OptionError
-        If there is no such filter.
+        If the name is unknown.
     MissingDependencyError
-        If PyWavelets is needed and not installed.
+        If the filter belongs to PyWavelets, which is not installed.
 
     Examples
     --------
@@ -253,7 +253,7 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         raise OptionError(f"PyWavelets has no filter {name!r} ({error})", argument="filter", got=name) from error
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
-    # Its long filters are exact to 2e-13, which must not be chased: they would be moved by 3e-8.
+    # Long filters of PyWavelets have errors of 2e-13. Correcting these would change coefficients by 3e-8.
     return _filter(name, published, moments=moments, accuracy=2e-11, source=source, rounding=1024.0)
 
 

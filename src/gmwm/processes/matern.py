@@ -18,36 +18,37 @@ from gmwm.processes.parameter import Parameter, Value
 from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 
 _MANY = 4096
-"""From so many lags on a correlation is interpolated."""
+"""Number of lags above which the correlation is interpolated."""
 _ONE_BY_ONE = 64
 """Lags before the first octave of them."""
 _SHORT = 512
-"""Paths up to this length are drawn by a root of their covariance matrix."""
+"""Paths up to this length are simulated with a root of their covariance matrix."""
 _GONE = 1e-18
-"""Correlations below this are none."""
+"""Correlations below this are treated as zero: it is below the rounding error of 1."""
 _LONGEST = 2**24
-"""Samples of the longest half circle."""
+"""Longest half period of a circulant embedding (samples): 2^24 doubles take 128 MB."""
 
 
 @dataclass(frozen=True, repr=False)
 class MAT(Process):
-    """Matérn process: autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at time t in seconds.
+    """Matérn process: autocovariance σ² 2^(1−ν)/Γ(ν) (β|t|)^ν K_ν(β|t|) at the time lag t (s).
 
-    At ν = ½ it is a Gauss-Markov process; above, its paths are smoother, below rougher. At frequencies well above β/2π
-    its spectrum falls as f^(−2ν−1). It has no finite state space but where ν is ½, 3/2, 5/2, …, and so none here.
+    For ν = ½ it is a Gauss-Markov process; larger ν gives smoother paths, smaller ν rougher paths. At frequencies well
+    above β/2π its spectrum decreases as f^(−2ν−1). A finite state space exists for ν = ½, 3/2, 5/2, … only, and is not
+    implemented.
 
-    The wavelet variance follows from the autocovariance at a few hundred lags (see `smooth_autocovariance`), under
-    any filter. It is exact to 1e-12 under the Haar filter, and less exact under long filters where β is small: what
-    they leave of a smooth path is smaller than the rounding error.
+    The wavelet variance is computed from the autocovariance at a few hundred lags (see `smooth_autocovariance`), for
+    any filter. Its relative error is 1e-12 for the Haar filter. It is larger for long filters and small β, because such
+    filters leave less of a smooth path than the rounding error.
 
     Parameters
     ----------
     beta : float, fixed or None
-        Inverse scale of time β, in 1/s.
+        Inverse time scale β (1/s).
     nu : float, fixed or None
         Smoothness ν, below 50.
     sigma2 : float, fixed or None
-        Marginal variance σ², in u².
+        Marginal variance σ² (u²).
 
     References
     ----------
@@ -80,7 +81,7 @@ class MAT(Process):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂ν²/∂β and ∂ν²/∂ν at marginal variance 1."""
+        """Derivatives ∂ν²/∂β and ∂ν²/∂ν at marginal variance 1."""
         wanted, rows = as_levels(levels), []
         sums = smooth_autocovariance.sums(filter, int(wanted[-1]))
         for beta, nu in np.asarray(nonlinear, dtype=np.float64):
@@ -103,7 +104,7 @@ class MAT(Process):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """β from one over the record to the rate, ν from 0.1 to 3."""
+        """Return the ranges: β from one over the length of the recording to the rate, ν from 0.1 to 3."""
         smoothness = cls.parameters[1].coordinate(np.array([0.1, 3.0]))
         return np.array([[math.log(rate / samples), math.log(rate)], smoothness])
 

@@ -1,4 +1,4 @@
-"""Sinusoids of random phase: mains hum, vibration of a motor, a turntable that is not level."""
+"""Sinusoids of random phase, such as mains hum, motor vibration or a turntable that is not level."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from gmwm.statespace import StateSpace
 
 @dataclass(frozen=True, repr=False)
 class SIN(Process):
-    """Sinusoid X_t = A sin(2πf₀tΔt + U) of fixed amplitude and a phase U that is uniform over a turn.
+    """Sinusoid X_t = A sin(2πf₀tΔt + U) of fixed amplitude A and uniform random phase U.
 
-    ν_j² = P |H_j(f₀)|², P = A²/2, which for the Haar filter is P sin⁴(πhf₀Δt) / (h² sin²(πf₀Δt)), h = τ_j/2.
+    ν_j² = P |H_j(f₀)|² with P = A²/2. For the Haar filter it is P sin⁴(πhf₀Δt) / (h² sin²(πf₀Δt)), with h = τ_j/2.
 
-    A sensor may have several, of different frequencies; they are sorted by frequency. What lies above half the rate is
-    seen at its alias, as in a recording: at a rate of 250 Hz, 260 Hz are 10 Hz. Its wavelet coefficients are not
-    Gaussian, and scatter far less than those of noise of the same variance: `covariance.lines` knows.
+    A model can contain several sinusoids of different frequencies; they are sorted by frequency. A frequency above half
+    the rate appears at its alias: at a rate of 250 Hz, 260 Hz appear as 10 Hz. The wavelet coefficients are not
+    Gaussian, and their squares vary far less than for noise of the same variance; see `gmwm.covariance.lines`.
 
-    A wavelet variance tells a frequency to a fraction of an octave at best; where the frequency is known, hold it:
+    A wavelet variance determines the frequency to a fraction of an octave at best. Fix the frequency if it is known:
     ``SIN(frequency=fixed(50.0))``.
 
     Parameters
     ----------
     frequency : float, fixed or None
-        Frequency f₀, in Hz.
+        Frequency f₀ (Hz).
     power : float, fixed or None
-        Mean square P = A²/2, in u².
+        Mean square P = A²/2 (u²).
 
     Examples
     --------
@@ -60,26 +60,26 @@ class SIN(Process):
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """All but a spectral density: a line has none."""
+        """Whether the process defines this theory: all but a spectral density, which a sinusoid does not have."""
         return super().has(theory) and theory != "psd"
 
     # --- the shape --------------------------------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """|H_j(f₀)|²."""
+        """Wavelet variance at P = 1: |H_j(f₀)|²."""
         return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[0]
 
     @classmethod
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂|H_j(f₀)|²/∂f₀."""
+        """Derivative ∂|H_j(f₀)|²/∂f₀."""
         return _gain(np.asarray(nonlinear)[:, 0], as_levels(levels), rate, filter)[1][:, :, None]
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """From one turn in the record to half the rate."""
+        """Return the range from one period in the recording to half the rate."""
         return np.log([[rate / samples, rate / 2]])
 
     # --- theory -----------------------------------------------------------------------------------------
@@ -111,13 +111,13 @@ class SIN(Process):
         return np.asarray(2.0 * self.scale * gain.reshape(n.shape))
 
     def state_space(self, rate: float) -> StateSpace:
-        """Two states that turn by 2πf₀Δt a sample, without process noise; of the second moments of a random phase."""
+        """Return two states that rotate by 2πf₀Δt per sample, without process noise."""
         _, cycles = self.line(as_rate(rate))
         c, s = math.cos(2.0 * math.pi * cycles), math.sin(2.0 * math.pi * cycles)
         return StateSpace(F=[[c, s], [-s, c]], Q=np.zeros((2, 2)), H=[1.0, 0.0], P0=self.scale * np.eye(2))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """Two states that turn by 2πf₀ a second, of the alias where f₀ is above half the rate."""
+        """Return two states that rotate by 2πf₀ per second; at the alias if f₀ is above half the rate."""
         turn = 2.0 * math.pi * self.line(as_rate(rate))[1] * rate
         start = self.scale * np.eye(2)
         return ContinuousStateSpace(A=[[0.0, turn], [-turn, 0.0]], Qc=np.zeros((2, 2)), H=[1.0, 0.0], P0=start)
@@ -125,7 +125,7 @@ class SIN(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Sample paths of fixed amplitude, each with a phase of its own: (n,), or (paths, n)."""
+        """Simulate sample paths of fixed amplitude and random phase: (n,), or (paths, n)."""
         n, count = as_paths(n, paths)
         turns = self._turns(np.arange(n), as_rate(rate))
         path = turns + as_rng(rng).random((count, 1))
@@ -134,7 +134,7 @@ class SIN(Process):
         return path.reshape(shape_of_paths(n, paths))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Frequency f₀ in Hz and amplitude A = √(2P)."""
+        """Return the frequency f₀ (Hz) and the amplitude A = √(2P)."""
         as_rate(rate)
         return (
             Physical(

@@ -1,4 +1,4 @@
-"""The wavelet variance of a record in chunks, in bounded memory; the result does not depend on how it is cut."""
+"""Wavelet variance of a recording in chunks, in bounded memory."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ from gmwm.variance.winsorised_mean import ThinnedValues
 
 
 class WaveletAccumulator(SegmentedAccumulator):
-    """The Haar wavelet variance of a record that is too long for memory, or not yet at its end.
+    """Accumulator of the Haar wavelet variance, for a recording that exceeds memory or is still growing.
 
-    Levels up to `exact` take every coefficient; each further one takes those that end at multiples of τ/64, counted
-    from the beginning of the record. Of white noise that raises the variance of the estimate by 0.1 %, of a random walk
-    or a Gauss-Markov process by nothing; where quantization noise rules such a scale it costs more, but at these scales
-    it never does. The result says so in `strides`, and its covariance is that of these coefficients.
+    Levels up to `exact` use every coefficient. Higher levels use the coefficients that end at multiples of τ/64,
+    counted from the beginning of the recording. This raises the variance of the estimate by 0.1 % for white noise, and
+    by nothing for a random walk or a Gauss-Markov process. Only quantization noise would lose more, but it never
+    dominates at these scales. The attribute `strides` of the result has these distances, and its covariance takes them
+    into account.
 
-    Parts of a record may be measured apart and put together in order, cut anywhere: `start` says where a part begins.
-    `gap()` between two chunks says that samples are missing there: no coefficient reaches over a gap, and those of all
-    segments are taken together, as `wavelet_variance` does for a Signal with segments.
+    The result does not depend on how the recording is split. Parts can be accumulated separately, with `start` as the
+    number of the first sample, and merged in order. Call `gap()` between two chunks if samples are missing: no
+    coefficient extends across a gap, and the coefficients of all segments are pooled, as in `wavelet_variance`.
 
     Parameters
     ----------
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     levels : int, optional
-        Number of levels J; all that have a coefficient by default.
+        Number of levels J; by default all levels with a coefficient.
     exact : int
-        Levels of which every coefficient is taken, 6 to 24: memory is 16 · 2^exact bytes, and some MB of
-        samples that wait.
+        Number of levels that use every coefficient, 6 to 24. Memory is 16 · 2^exact bytes and some MB of samples.
     start : int
-        Number of the first sample in the record, for a part of it.
+        Number of the first sample, for a part of a recording.
     unit, axis : str
-        Of the values, for the result.
+        Unit and name of the signal, for the result.
     robust : bool
-        Whether to keep what the robust variance needs as well: counts of |W| in fine bins, some 64 kB a level. Robust
-        results are then those of all coefficients to 1e-4 (5e-3 at a level with so many outliers that only the
-        median is left), and take four times as long; `second_pass` makes them exact.
+        Whether to support robust results. Histograms of |W| with fine bins then take some 64 kB per level, and the time
+        is four times as long. Robust results have a relative error of 1e-4 (5e-3 at a level with so many outliers that
+        only the median is defined); `second_pass` makes them exact.
 
     Raises
     ------
     OptionError
-        If an option is not one of those it may be.
+        If an option has an invalid value.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The Allan variance: overlapping, of clusters side by side, and modified."""
+"""Allan variance: overlapping, nonoverlapping and modified."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gmwm.variance.noise_type import NoiseType, noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 
 REDDEST = -2
-"""The reddest noise, random walk FM, of which an Allan variance exists."""
+"""Exponent of the reddest noise with a finite Allan variance, random walk FM (NIST SP 1065)."""
 
 
 def allan_variance(
@@ -31,46 +31,47 @@ def allan_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Allan variance of a signal: half the mean squared difference of neighbouring cluster means.
+    """Estimate the Allan variance of a signal: half the mean squared difference of adjacent cluster means.
 
     With the phase p (running sum of the rate, times Δt) and clusters of n samples, τ = n Δt, it is the mean of
-    (p_{i+2n} − 2 p_{i+n} + p_i)² / (2 τ²) over every i ("overlapping"), every n-th i ("nonoverlapping"), or of the
-    same with the phase averaged over n samples first ("modified", which tells white from flicker phase noise). The
-    overlapping one at n = 2^(j−1) is twice the Haar wavelet variance of level j. For gyroscopes and accelerometers,
-    which measure a rate, the phase is the angle or the velocity. An offset of the rate does not matter.
+    (p_{i+2n} − 2 p_{i+n} + p_i)² / (2 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). The
+    "modified" variance averages the phase over n samples first, which distinguishes white from flicker phase noise.
+    The overlapping variance at n = 2^(j−1) is twice the Haar wavelet variance of level j. For gyroscopes and
+    accelerometers, which measure a rate, the phase is the angle or the velocity. A constant offset has no effect.
 
-    The noise type that the limits need is told from the same data: at the longest averaging times, where few points
-    tell it, 95 % limits of white noise hold 87 to 90 % (of random walk and quantization noise 94 to 96 %).
+    The confidence limits use a noise type that is identified from the same data. At the longest averaging times the
+    identification is uncertain: there the 95 % limits cover white noise with 87 to 90 %, and random walk and
+    quantization noise with 94 to 96 %.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         At least 8 finite samples without a gap.
     rate : float
-        Samples per second (Hz); taken from a Signal.
+        Sampling rate (Hz); leave it out for a Signal.
     kind : "overlapping", "nonoverlapping" or "modified"
-        Which clusters.
+        Kind of Allan variance.
     clusters : "octave", "decade", "all", or (J,) int array
-        Cluster sizes n (samples): 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; all, which takes time proportional to N²;
+        Cluster sizes n (samples): 1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40 …; all sizes, which takes time proportional to N²;
         or ascending sizes up to N/2 (modified: (N + 1)/3).
     data : "rate" or "phase"
-        What x holds: samples of the rate (default), or its integral, in unit times second.
+        Whether x contains samples of the rate or of its integral, in unit times second.
     confidence : float
-        Level of the limits, between 0 and 1.
+        Confidence level of the limits, from 0.5 to below 1.
     progress : callable, optional
-        progress(done, all) is called before each cluster size and after the last. Ctrl-C stops at the next.
+        progress(done, total) is called before each cluster size and after the last. Ctrl-C stops between two sizes.
 
     Returns
     -------
     ClusterVariance
-        Averaging times, variances, deviations, limits, degrees of freedom, and the noise identified.
+        Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
     ------
     DataError
         If the signal has gaps, NaN or infinities, or fewer than 8 samples.
     OptionError
-        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 
     References
     ----------
@@ -89,7 +90,7 @@ def allan_variance(
     """
     as_confidence(confidence)
     one_of(kind, "kind", ("overlapping", "nonoverlapping", "modified"))
-    # All octaves are measured while the phase is summed: one pass, the same numbers.
+    # All octaves are computed in the pass that sums the phase, with the same numbers.
     at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
     phase = phase_of(x, rate, data, octaves=at_octaves)
     p = phase.values

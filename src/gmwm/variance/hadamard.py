@@ -17,7 +17,7 @@ from gmwm.variance.noise_type import noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 
 REDDEST = -4
-"""The reddest noise, random run FM, of which a Hadamard variance exists."""
+"""Exponent of the reddest noise with a finite Hadamard variance, random run FM (NIST SP 1065)."""
 
 
 def hadamard_variance(
@@ -30,34 +30,34 @@ def hadamard_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Hadamard variance of a signal: a sixth of the mean squared second difference of neighbouring cluster means.
+    """Estimate the Hadamard variance of a signal: a sixth of the mean squared second difference of cluster means.
 
-    With the phase p and clusters of n samples, τ = n Δt, the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
-    (6 τ²) over every i ("overlapping") or every n-th ("nonoverlapping"). It equals the Allan variance for white
-    noise of the rate, and is free of any rate ramp (warming up).
+    With the phase p and clusters of n samples, τ = n Δt, it is the mean of (p_{i+3n} − 3 p_{i+2n} + 3 p_{i+n} − p_i)² /
+    (6 τ²) over every i ("overlapping") or every n-th i ("nonoverlapping"). It equals the Allan variance for white
+    noise, and a rate ramp, such as warm-up, has no effect on it.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         At least 8 finite samples without a gap.
     rate : float
-        Samples per second (Hz); taken from a Signal.
+        Sampling rate (Hz); leave it out for a Signal.
     kind : "overlapping" or "nonoverlapping"
-        Which clusters.
+        Kind of Hadamard variance.
     clusters, data, confidence, progress
         As for `allan_variance`; cluster sizes up to N/3.
 
     Returns
     -------
     ClusterVariance
-        Averaging times, variances, deviations, limits, degrees of freedom, and the noise identified.
+        Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
     ------
     DataError
         If the signal has gaps, NaN or infinities, or fewer than 8 samples.
     OptionError
-        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The wavelet variance of one signal: a frozen result that knows what it was computed from."""
+"""Result of a wavelet variance of one signal."""
 
 from __future__ import annotations
 
@@ -27,37 +27,37 @@ if TYPE_CHECKING:
 
 
 _OUTCOMES = {"mad": "robust-mad", "mean": "robust-mean", "zero": "robust-zero"}
-"""Remarks about robust estimates that are not what was asked for."""
+"""Codes of the remarks on robust estimates that are not roots of the estimating equation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class WaveletVariance(Summarised):
-    """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j, with confidence limits.
+    """Wavelet variance ν̂² of a signal at the dyadic scales τ_j = 2^j samples, with confidence limits.
 
     Attributes
     ----------
     levels : (J,) int array
         Levels j, from 1.
     variance, lower, upper : (J,) arrays, in unit²
-        Estimate and limits at `confidence`.
+        Estimates and confidence limits.
     counts : (J,) int array
-        Number of wavelet coefficients M_j behind each estimate.
+        Number of wavelet coefficients M_j of each estimate.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     samples : int
-        Length N of the signal, gaps left out.
+        Length N of the signal (samples), without gaps.
     unit, axis : str
-        Of the signal; "" where they are not known.
+        Unit and name of the signal; "" if they are unknown.
     confidence : float
-        Of the limits.
+        Confidence level of the limits.
     filter, transform : str
-        A name of `find_filter`; "modwt" or "dwt".
+        Name of the wavelet filter, and "modwt" or "dwt".
     segments : tuple of int
-        Lengths of the segments between gaps that were measured together; () for a signal without a gap.
+        Lengths of the segments between gaps; () for a signal without a gap.
     robust, efficiency : bool, float or None
-        Whether outliers were kept from the estimate, and its efficiency under Gaussian noise; None if not.
+        Whether the estimates are robust, and their efficiency under Gaussian noise; None for classical estimates.
     diagnostics : mapping
-        What is to be known of single levels; of a robust estimate see `wavelet_variance`.
+        Details of each level; for robust estimates see `wavelet_variance`.
     strides : tuple of int
         Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
@@ -112,15 +112,15 @@ class WaveletVariance(Summarised):
 
     @property
     def degrees_of_freedom(self) -> Vector:
-        """Equivalent degrees of freedom η_j of each estimate: max(M_j / 2^j, 1), M_j of a DWT (Percival 1995).
+        """Equivalent degrees of freedom η_j: max(M_j / 2^j, 1), for a DWT M_j (Percival 1995).
 
-        Of a robust one times its efficiency: a safe bound, as correlated coefficients lose less. Of several segments
-        M_j² / Σ_s (M_sj² / η_sj), each with one at least.
+        For several segments M_j² / Σ_s (M_sj² / η_sj), with η_sj ≥ 1. For a robust estimate this is multiplied by the
+        efficiency, which is conservative, because correlated coefficients lose less.
         """
         if self.segments:
             _, eta = pooled_counts(self.segments, self.levels, find_filter(self.filter), self.transform)
         else:
-            # A coefficient at every τ/64-th sample tells what all of them do.
+            # Coefficients at a distance of τ/64 have nearly the information of all coefficients.
             counts = self.counts * np.array(self.strides, dtype=np.int64) if self.strides else self.counts
             eta = degrees_of_freedom(counts, self.levels, self.transform)
         return eta * (1.0 if self.efficiency is None else self.efficiency)

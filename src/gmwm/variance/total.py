@@ -1,4 +1,4 @@
-"""The total variance: the Allan variance of a record that is continued beyond both its ends."""
+"""Total variance: the Allan variance of a recording that is extended beyond both ends."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _FREQUENCY_NOISE = {
     -1: (24 * np.log(2) ** 2 / np.pi**2, 0.222, 1 / (3 * np.log(2))),
     -2: (140 / 151, 0.358, 0.75),
 }
-# The same a for noise of the phase, where an end value takes part in many differences: exact for white PM (each of the
-# 2n differences that reach beyond an end has 10 in place of 6 variances); for flicker PM found by simulation.
+# The same a for phase noise, where an end value is part of many differences. Exact for white PM: each of the 2n
+# differences that extend beyond an end has 10 instead of 6 variances. For flicker PM it was found by simulation.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 FINE = 1024
-"""Factor of finer sampling at which a record is as good as continuous."""
+"""Oversampling at which a recording is treated as continuous."""
 
 
 def total_variance(
@@ -38,35 +38,35 @@ def total_variance(
     confidence: float = 0.95,
     progress: Progress | None = None,
 ) -> ClusterVariance:
-    """Total variance of a signal: an Allan variance with more degrees of freedom at long averaging times.
+    """Estimate the total variance of a signal: an Allan variance with more degrees of freedom at long averaging times.
 
-    The phase is continued beyond both ends by half a turn about the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
-    (2 τ²) is averaged over all inner i of the record. Under white noise of the rate its expectation is the Allan
-    variance; under flicker and random walk it is smaller by the factor 1 − a τ/T with a = 0.481 and 0.75, T the
-    length of the record, and under quantization noise larger, by up to two thirds at the last octave. The variance is
-    given as it is; the limits are those of the Allan variance, a corrected for.
+    The phase is extended beyond both ends by point reflection at the end values, and (p_{i+n} − 2 p_i + p_{i−n})² /
+    (2 τ²) is averaged over all inner i of the recording. For white noise its expectation is the Allan variance. For
+    flicker noise and random walk it is smaller by the factor 1 − a τ/T with a = 0.481 and 0.75, where T is the length
+    of the recording; for quantization noise it is larger by up to two thirds at the last octave. The estimate is not
+    corrected for this bias; the limits are limits of the Allan variance, corrected for it.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         At least 8 finite samples without a gap.
     rate : float
-        Samples per second (Hz); taken from a Signal.
+        Sampling rate (Hz); leave it out for a Signal.
     clusters, data, confidence, progress
-        As for `allan_variance`. Named choices go up to N/2, as far as the theory of its limits; sizes of your own up
-        to N − 1.
+        As for `allan_variance`. "octave", "decade" and "all" go up to N/2, the range in which the theory of the limits
+        holds; an array may have sizes up to N − 1.
 
     Returns
     -------
     ClusterVariance
-        Averaging times, variances, deviations, limits, degrees of freedom, and the noise identified.
+        Averaging times, variances, deviations, limits, degrees of freedom and noise types.
 
     Raises
     ------
     DataError
         If the signal has gaps, NaN or infinities, or fewer than 8 samples.
     OptionError
-        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 
     References
     ----------

@@ -57,11 +57,11 @@ class Modwt:
 
     @property
     def interior(self) -> dict[int, slice]:
-        """Places of the boundary-free coefficients of every level."""
+        """Slice of the coefficients of each level that do not depend on the boundary."""
         return {j: slice(min(self.filter.width(j) - 1, self.samples), self.samples) for j in self.details}
 
     def inverse(self) -> Vector:
-        """The signal (N,), to rounding."""
+        """Reconstruct the signal (N,), up to rounding errors."""
         scaling, wavelet = _maximal_overlap(self.filter)
         values = self.smooth
         for j in range(self.levels, 0, -1):
@@ -74,11 +74,11 @@ class Modwt:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Dwt:
-    """Discrete wavelet transform of a signal, an orthonormal one: as many coefficients as samples.
+    """Orthonormal discrete wavelet transform of a signal, with as many coefficients as samples.
 
-    Level j halves what level j − 1 left. Where that is an odd number, its last scaling coefficient is set aside as
-    it is, in `extras`; so any length will do, nothing is padded, energy is preserved, and coefficient n of level j
-    always ends at sample 2^j (n + 1) − 1.
+    Level j halves the scaling coefficients of level j − 1. If their number is odd, the last one is stored in `extras`.
+    The signal can therefore have any length without padding, energy is preserved, and coefficient n of level j ends at
+    sample 2^j (n + 1) − 1.
 
     Attributes
     ----------
@@ -116,12 +116,12 @@ class Dwt:
 
     @property
     def interior(self) -> dict[int, slice]:
-        """Places of the boundary-free coefficients of every level."""
+        """Slice of the coefficients of each level that do not depend on the boundary."""
         ends = {j: self.samples >> j for j in self.details}
         return {j: slice(min(_first_interior(self.filter, j), end), end) for j, end in ends.items()}
 
     def inverse(self) -> Vector:
-        """The signal (N,), to rounding."""
+        """Reconstruct the signal (N,), up to rounding errors."""
         values = self.smooth
         for j in range(self.levels, 0, -1):
             values = _undecimated(values, self.details[j], self.filter)
@@ -139,22 +139,22 @@ def modwt(
     levels: int | None = None,
     boundary: Boundary = "periodic",
 ) -> Modwt:
-    """Maximal-overlap discrete wavelet transform of a signal of any length.
+    """Compute the maximal-overlap discrete wavelet transform of a signal of any length.
 
-    With V_0 = X, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2 and V_{j,t} the same with g, indices modulo N.
-    Energy is preserved, Σ X² = Σ_j Σ_t W_{j,t}² + Σ_t V_{J,t}². With reflection the signal followed by its mirror
-    image is transformed, 2N samples, which the coefficients then are too.
+    With V_0 = X, W_{j,t} = Σ_l h_l V_{j−1, t−2^(j−1)l} / √2, and V_{j,t} is the same with g; indices are modulo N.
+    Energy is preserved: Σ X² = Σ_j Σ_t W_{j,t}² + Σ_t V_{J,t}². With reflection the signal is extended by its mirror
+    image to 2N samples, and there are 2N coefficients.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         Finite samples.
     filter : str
-        A wavelet filter, see `find_filter`.
+        Wavelet filter, see `gmwm.filters.find_filter`.
     levels : int, optional
         Number of levels J, at most and by default floor(log2 N).
     boundary : "periodic" or "reflection"
-        How the signal goes on beyond its ends.
+        Extension of the signal beyond its ends.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def modwt(
     DataError
         If `x` has NaN or infinities, gaps, or fewer than 2 samples.
     OptionError
-        If an option is not one of those it may be.
+        If an option has an invalid value.
 
     References
     ----------
@@ -195,22 +195,22 @@ def dwt(
     levels: int | None = None,
     boundary: Boundary = "periodic",
 ) -> Dwt:
-    """Discrete wavelet transform of a signal of any length.
+    """Compute the discrete wavelet transform of a signal of any length.
 
-    With V_0 = X, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l} and V_{j,n} the same with g, indices modulo the number of V_{j−1};
-    where that is odd, the last one is set aside. Energy is preserved. With reflection the signal followed by its
-    mirror image is transformed, 2N samples.
+    With V_0 = X, W_{j,n} = Σ_l h_l V_{j−1, 2n+1−l}, and V_{j,n} is the same with g; indices are modulo the number of
+    V_{j−1}. If this number is odd, the last one is stored separately. Energy is preserved. With reflection the signal
+    is extended by its mirror image to 2N samples.
 
     Parameters
     ----------
     x : Signal, or (N,) array in any unit
         Finite samples.
     filter : str
-        A wavelet filter, see `find_filter`.
+        Wavelet filter, see `gmwm.filters.find_filter`.
     levels : int, optional
         Number of levels J, at most and by default floor(log2 N).
     boundary : "periodic" or "reflection"
-        How the signal goes on beyond its ends.
+        Extension of the signal beyond its ends.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def dwt(
     DataError
         If `x` has NaN or infinities, gaps, or fewer than 2 samples.
     OptionError
-        If an option is not one of those it may be.
+        If an option has an invalid value.
 
     References
     ----------
@@ -259,7 +259,7 @@ def _checked(
 
 
 def as_level_count(levels: int | None, deepest: int, samples: int) -> int:
-    """A number of levels from 1 to the deepest, which None stands for."""
+    """Check a number of levels, from 1 to the deepest level; None means the deepest level."""
     if levels is None:
         return deepest
     if isinstance(levels, bool) or not isinstance(levels, int | np.integer) or not 1 <= levels <= deepest:
