@@ -119,11 +119,7 @@ def doubled(recording, folder):
 def test_wrong_gravity_is_no_good_calibration(gmwm, doubled, tmp_path):
     assert gmwm("calibrate", doubled, "--within", "WN + RW", "--output", tmp_path).code == 0
     found = Calibration.load(tmp_path / "calibration.json")
-<<<<<<< HEAD
     verdict = report_data(found)["verdict"]
-=======
-    verdict = library.reports.report_data(found)["verdict"]
->>>>>>> 67e0553 (Use the one door in the tests of commands too)
     assert verdict["state"] == "bad"
     norm = only(found.recording_remarks, "gravity-wrong").facts["norm"]
     assert (round(norm.value, 2), norm.unit) == (19.61, "m/s²")

@@ -11,20 +11,9 @@ def file(calibrated):
     return calibrated[0] / "calibration.json"
 
 
-<<<<<<< HEAD
 def test_calibrate_writes_imu_yaml(file):
     text = (file.parent / "imu.yaml").read_text(encoding="utf-8")
     assert text == Calibration.load(file).export(format="kalibr")
-=======
-@pytest.fixture(scope="module")
-def file(results):
-    return results / "calibration.json"
-
-
-def test_calibrate_writes_imu_yaml(results, file):
-    text = (results / "imu.yaml").read_text(encoding="utf-8")
-    assert text == Calibration.load(file).export(format="kalibr")
->>>>>>> 67e0553 (Use the one door in the tests of commands too)
 
 
 def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):

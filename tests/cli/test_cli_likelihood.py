@@ -107,16 +107,10 @@ def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
 
 def test_a_summary_without_the_record_says_what_is_missing(recording):
     signal = read(recording)["gyro_x"]
-<<<<<<< HEAD
     with pytest.warns(library.errors.FitWarning) as warned:
         fit = library.fit_ml("WN + QN", signal, start="WN(sigma2=4e-7) + QN(q2=1e-9)")
     assert only([one.message.remark for one in warned], "term-zero").facts["term"] == "QN"
     read_again = library.likelihood.LikelihoodFit.from_dict(fit.to_dict())
-=======
-    with pytest.warns(library.errors.FitWarning, match="QN is not supported"):
-        fit = library.fit_ml("WN + QN", signal, start="WN(sigma2=4e-7) + QN(q2=1e-9)")
-    read_again = library.likelihood.LikelihoodFit.from_dict(fit.to_dict())
->>>>>>> 67e0553 (Use the one door in the tests of commands too)
     assert fit.confidence_intervals()["QN.q2"][0] == 0.0
     assert "at most" in fit.summary()
     words = read_again.summary()
