@@ -251,6 +251,116 @@ def test_one_version_everywhere() -> None:
     assert project()["version"] == gmwm.__version__ == citation[1] == log[1]
 
 
+# --- errors and remarks are data --------------------------------------------------------------------
+
+EDITS = {
+    "capitalize", "casefold", "count", "endswith", "find", "index", "lower", "lstrip", "partition", "removeprefix",
+    "removesuffix", "replace", "rpartition", "rsplit", "rstrip", "split", "splitlines", "startswith", "strip", "title",
+    "translate", "upper",
+}  # fmt: skip
+"""Methods of str that search, split or change a text."""
+
+
+def test_no_code_searches_or_edits_the_text_of_errors_and_remarks() -> None:
+    """Code decides by type, argument, code and facts.
+
+    The check sees texts of gmwm's errors in their handlers, texts of remarks and results, the facts given to
+    `Remark.of`, and local variables with such a text. It does not see a text that another function receives.
+    """
+    places = []
+    for file in python_files():
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        places += [f"{file.relative_to(ROOT)}:{line}" for line in sorted(edited_prose(tree))]
+    assert places == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "try:\n    f()\nexcept DataError as error:\n    g(str(error).replace('a', 'b'))",
+        "try:\n    f()\nexcept (KeyError, GmwmError) as error:\n    text = str(error)\n    g('a' in text)",
+        "try:\n    f()\nexcept ReadError as error:\n    g(re.sub('a', 'b', f'{error}'))",
+        "try:\n    f()\nexcept ReadError as error:\n    g(error.reason.rstrip('.'))",
+        "def f(remark):\n    return remark.text(Dialect.SHELL).startswith('a')",
+        "def f(result):\n    words = result.summary()\n    return words.removeprefix('a')",
+        "Remark.of('not-fitted', axis, reason=why.rstrip('.'))",
+    ],
+)
+def test_the_check_finds_edited_texts(source: str) -> None:
+    assert edited_prose(ast.parse(source))
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "try:\n    f()\nexcept OSError as error:\n    g(str(error).splitlines()[0])",
+        "try:\n    f()\nexcept DataError as error:\n    g(f'{axis}: {error}')",
+        "def f(text):\n    return text.replace('a', 'b')",
+    ],
+)
+def test_the_check_allows_other_texts(source: str) -> None:
+    assert edited_prose(ast.parse(source)) == set()
+
+
+def edited_prose(tree: ast.Module) -> set[int]:
+    """Lines that search, split or edit the text of an error, a remark or a result."""
+    own = {name for name, kind in vars(gmwm.errors).items() if inspect.isclass(kind) and issubclass(kind, Exception)}
+    lines: set[int] = set()
+    for scope in ast.walk(tree):
+        if isinstance(scope, ast.ExceptHandler) and scope.name and scope.type is not None:
+            caught = {node.id for node in ast.walk(scope.type) if isinstance(node, ast.Name)}
+            lines |= _edits(scope, {scope.name} if caught & own else set())
+        elif isinstance(scope, ast.FunctionDef | ast.Module):
+            lines |= _edits(scope, set())
+        elif isinstance(scope, ast.Call) and ast.unparse(scope.func) == "Remark.of":
+            given = [node for keyword in scope.keywords for node in ast.walk(keyword.value)]
+            lines |= {node.lineno for node in given if isinstance(node, ast.Call) and _edited(node) is not None}
+    return lines
+
+
+def _edits(scope: ast.AST, errors: set[str]) -> set[int]:
+    """Lines of a scope that edit texts of these errors, or of remarks and results."""
+    nodes = list(ast.walk(scope))
+    texts: set[str] = set()
+    for node in nodes:
+        if isinstance(node, ast.Assign) and _is_prose(node.value, errors, set()):
+            texts |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    lines = set()
+    for node in nodes:
+        used: list[ast.expr] = []
+        if isinstance(node, ast.Call):
+            edited = _edited(node)
+            used = [edited] if edited is not None else []
+            used += node.args if ast.unparse(node.func).startswith("re.") else []
+        elif isinstance(node, ast.Compare):
+            used = [node.left, *node.comparators]
+        if any(_is_prose(one, errors, texts) for one in used):
+            lines.add(node.lineno)  # type: ignore[attr-defined]
+    return lines
+
+
+def _edited(call: ast.Call) -> ast.expr | None:
+    """What a call of a method of str searches or changes."""
+    return call.func.value if isinstance(call.func, ast.Attribute) and call.func.attr in EDITS else None
+
+
+def _is_prose(node: ast.expr, errors: set[str], texts: set[str]) -> bool:
+    """Whether an expression is the text of an error, a remark or a result."""
+    if isinstance(node, ast.Name):
+        return node.id in texts
+    if isinstance(node, ast.JoinedStr):
+        return any(isinstance(one, ast.FormattedValue) and ast.unparse(one.value) in errors for one in node.values)
+    if isinstance(node, ast.Attribute):
+        return node.attr in ("reason", "message") and ast.unparse(node.value) in errors
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        return node.func.id == "str" and len(node.args) == 1 and ast.unparse(node.args[0]) in errors
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+        return node.func.attr == "summary" or (
+            node.func.attr == "text" and bool(node.args or "remark" in ast.unparse(node.func.value))
+        )
+    return False
+
+
 # --- the words --------------------------------------------------------------------------------------
 
 

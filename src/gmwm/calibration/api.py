@@ -192,7 +192,7 @@ def calibrate_recording(
         axis, error = next(iter(failed.items()))
         raise error.at(f"no axis can be calibrated; {axis}") from error
     source = data.source if isinstance(data, Imu | Stream) else ""
-    reasons = {axis: str(error) for axis, error in failed.items()}
+    reasons = {axis: error.reason for axis, error in failed.items()}
     recording = None if inspection is None else Recording.of(inspection)
     return Calibration(
         axes=done, failed=reasons, settings=options, source=source, recording_remarks=remarks, recording=recording

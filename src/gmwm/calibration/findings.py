@@ -73,7 +73,7 @@ def rejected(calibration: Calibration) -> list[str]:
 
 def _failed(calibration: Calibration) -> Iterator[Remark]:
     for axis, why in calibration.failed.items():
-        yield Remark.of("not-calibrated", axis, reason=why.rstrip("."))
+        yield Remark.of("not-calibrated", axis, reason=why)
 
 
 def _of_recording(calibration: Calibration) -> Iterator[Remark]:

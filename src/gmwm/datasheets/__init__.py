@@ -120,7 +120,7 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         intervals = confidence_intervals(written, level)
     except (MissingTheoryError, ModelError) as error:
         intervals = None
-        remarks.append(Remark.of("no-intervals", axis, reason=error.message or str(error)))
+        remarks.append(Remark.of("no-intervals", axis, reason=error.reason))
     judged = _Judged(written, labels, intervals, NormalDist().inv_cdf((1 + level) / 2))
     entries: list[Entry] = []
     for term, label, process in zip(written.model.terms, labels, written.model.processes, strict=True):
@@ -215,7 +215,7 @@ def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> t
     try:
         found = noise_in_use(fit, Use(_SHORT), level)["N_eff"]
     except (MissingTheoryError, ModelError) as error:
-        return None, Remark.of("n-without", axis, terms=names, reason=error.message or str(error))
+        return None, Remark.of("n-without", axis, terms=names, reason=error.reason)
     title = next((entry.title for entry in entries if entry.symbol == "N"), "white noise density")
     whole = {**found.to_dict(), "symbol": "N", "title": title}
     return Entry.from_dict(whole), Remark.of("n-includes", axis, terms=names)
@@ -227,7 +227,7 @@ def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:
         return bias_instability(judged.fit, None if judged.intervals is None else judged.z)
     except MissingTheoryError as error:
         axis = judged.fit.wavelet_variance.axis
-        return None, Remark.of("no-bias-instability", axis, reason=error.message or str(error))
+        return None, Remark.of("no-bias-instability", axis, reason=error.reason)
 
 
 def _as_bias(entry: Entry) -> Entry:

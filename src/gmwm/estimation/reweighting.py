@@ -123,7 +123,7 @@ def settle(
             except (MissingTheoryError, ModelError) as error:
                 if weighting == "optimal":
                     raise
-                remark = Remark.of("weights-from-data", wv.axis, reason=error.message or str(error))
+                remark = Remark.of("weights-from-data", wv.axis, reason=error.reason)
                 return Settled(problem, finish(problem, solution), (remark,))
             problem = problem.under(matrix)
             solution = resume(problem, solution)

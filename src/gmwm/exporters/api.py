@@ -76,7 +76,7 @@ def export_all(
         try:
             text = exporter.export(calibration, options)
         except (DataError, MissingTheoryError) as error:
-            reasons[exporter.name] = str(error)
+            reasons[exporter.name] = error.reason
             continue
         target = Path(folder) / f"{exporter.name}{exporter.extension}"
         write_text(target, text)

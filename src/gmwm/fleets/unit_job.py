@@ -75,7 +75,7 @@ def calibrate_unit(job: Job) -> Outcome:
         content = {**found.to_dict(), PART: {**made, "rows": [plain(row) for row in rows]}}
         return Outcome(job.unit, as_text(content), tuple(rows))
     except GmwmError as error:
-        return Outcome(job.unit, reason=str(error), passing=_is_passing(error))
+        return Outcome(job.unit, reason=error.reason, passing=_is_passing(error))
     except OSError as error:
         return Outcome(job.unit, reason=error.strerror or str(error), passing=_is_passing(error))
     except Exception as error:  # an unexpected error of one unit must not stop the others

@@ -71,7 +71,7 @@ def test_in_words(fit: Fit, how: IntervalMethod) -> tuple[GoodnessOfFit | None, 
     try:
         test = goodness_of_fit(fit, how.method, draws=how.draws, rng=how.seed)
     except (MissingTheoryError, ModelError) as error:
-        return None, f"not tested: {error.message or error}"
+        return None, f"not tested: {error.reason}"
     return test, test.summary()
 
 
@@ -121,7 +121,7 @@ def rows(fit: Fit, intervals: dict[str, Interval], how: IntervalMethod) -> list[
 
 def no_intervals(error: GmwmError) -> Remark:
     """The remark that there are no confidence intervals, with the reason."""
-    return Remark.of("no-intervals", reason=error.message or str(error))
+    return Remark.of("no-intervals", reason=error.reason)
 
 
 def without_axis(*remarks: Remark | None) -> list[Remark]:
