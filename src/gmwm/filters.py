@@ -122,7 +122,9 @@ class WaveletFilter:
         array([ 0.25,  0.25, -0.25, -0.25])
         """
         if not 1 <= level <= 62 or self.width(level) > LONGEST_FILTER:
-            raise OptionError(f"level must be from 1, with at most {LONGEST_FILTER} taps, got {level!r}")
+            raise OptionError(
+                argument="level", expected=f"from 1 to 62, with a filter of at most {LONGEST_FILTER} taps", got=level
+            )
         smooth = np.ones(1)
         for j in range(level):
             filter_ = (self.wavelet if j == level - 1 else self.scaling) / np.sqrt(2.0)
@@ -215,7 +217,7 @@ def find_filter(filter: str | WaveletFilter) -> WaveletFilter:
     if isinstance(filter, WaveletFilter):
         return filter
     if not isinstance(filter, str):
-        raise OptionError(f"filter must be the name of a wavelet filter, as 'haar', 'd4' or 'la8'; got {filter!r}")
+        raise OptionError(argument="filter", expected="the name of a wavelet filter, such as haar or la8", got=filter)
     return _find(filter.strip().lower())
 
 
@@ -228,8 +230,9 @@ def _find(name: str) -> WaveletFilter:
     if re.fullmatch(r"(db|sym|coif)[1-9]\d?", name):
         return _from_pywavelets(name)
     raise OptionError(
-        f"filter must be one of {', '.join(FILTERS)}, or one of PyWavelets' db1 … db38, sym2 … sym20, "
-        f"coif1 … coif17; got {name!r}"
+        argument="filter",
+        expected=f"one of {', '.join(FILTERS)}, or of PyWavelets: db1 … db38, sym2 … sym20, coif1 … coif17",
+        got=name,
     )
 
 
@@ -238,13 +241,16 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         import pywt  # type: ignore[import-untyped]
     except ImportError as error:
         raise MissingDependencyError(
-            f"filter={name!r} is one of PyWavelets', which is not installed: pip install 'gmwm[wavelets]', "
-            f"or take one of {', '.join(FILTERS)}"
+            f"the filter {name!r} belongs to PyWavelets, which is not installed",
+            argument="filter",
+            got=name,
+            advice="Run `pip install 'gmwm[wavelets]'`, or use one of {filters}.",
+            filters=", ".join(FILTERS),
         ) from error
     try:
         wavelet = pywt.Wavelet(name)
     except ValueError as error:
-        raise OptionError(f"filter={name!r} is not among PyWavelets' ({error})") from error
+        raise OptionError(f"PyWavelets has no filter {name!r} ({error})", argument="filter", got=name) from error
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
     # Its long filters are exact to 2e-13, which must not be chased: they would be moved by 3e-8.

@@ -15,7 +15,7 @@ CASES = {
     "rate is no number": (["wv", "{file}", "--rate", "fast"], ["--rate must be ", "; got 'fast'", "gmwm wv --help"]),
     "seed is no number": (["demo", "--seed", "1.5"], ["--seed must be ", "; got '1.5'", "gmwm demo --help"]),
     "rate is negative": (["wv", "{file}", "--rate=-1"], ["--rate must be ", "; got -1"]),
-    "rate contradicts the stamps": (["wv", "{file}", "--rate", "50"], ["50", "--rate", "{file}"]),
+    "rate contradicts the stamps": (["wv", "{file}", "--rate", "50"], ["50 Hz", "100 Hz", "--rate", "--columns time="]),
     "unknown choice": (["fit", "{file}", "-m", "WN", "--weighting", "best"], ["--weighting", "'best'", "'optimal'"]),
     "unknown process": (["fit", "{file}", "-m", "WN + VN"], ["VN"]),
     "empty model": (["fit", "{file}", "-m", ""], ["model"]),
@@ -38,7 +38,7 @@ CASES = {
     "names that repeat": (["info", "{repeated}"], ["--columns time=0,gyro_x=1"]),
     "a unit of time that is not clear": (
         ["info", "{unclear}"],
-        ["--units time=s", "--units time=ms", "--units time=us", "--units time=ns"],
+        ["10000", "0.1 Hz in ms", "100 Hz in us", "--units time=s", "--units time=ms"],
     ),
     "a pipe": (["info", "/dev/null"], ["/dev/null"]),
     "stamps out of order": (["wv", "{disorder}"], ["--columns time=", "--rate"]),

@@ -2,7 +2,6 @@
 
 import pytest
 
-import gmwm as library
 from gmwm import Calibration
 from gmwm.exporters import export_formats
 
@@ -14,7 +13,7 @@ def file(calibrated):
 
 def test_calibrate_writes_imu_yaml(file):
     text = (file.parent / "imu.yaml").read_text(encoding="utf-8")
-    assert text == library.export(Calibration.load(file), format="kalibr")
+    assert text == Calibration.load(file).export(format="kalibr")
 
 
 def test_calibrate_of_one_sensor_writes_none(gmwm, recording, tmp_path):
@@ -30,10 +29,8 @@ def test_it_prints_the_library_s_text(gmwm, file):
     )
     found = Calibration.load(file)
     assert outcome.code == 0
-    assert outcome.out == library.export(
-        found, format="vins", inflation=2.0, horizon=3.0, rate=50.0, axes="mean"
-    )  # fmt: skip
-    assert gmwm("export", file).out == gmwm("export", file.parent).out == library.export(found)
+    assert outcome.out == found.export(format="vins", inflation=2.0, horizon=3.0, rate=50.0, axes="mean")
+    assert gmwm("export", file).out == gmwm("export", file.parent).out == found.export()
 
 
 def test_it_writes_a_file_and_says_so(gmwm, file, tmp_path):
@@ -41,7 +38,7 @@ def test_it_writes_a_file_and_says_so(gmwm, file, tmp_path):
     outcome = gmwm("export", file, "--format", "matlab", "--output", target)
     assert outcome.code == 0
     assert str(target) in outcome.out
-    assert target.read_text(encoding="utf-8") == library.export(Calibration.load(file), format="matlab")
+    assert target.read_text(encoding="utf-8") == Calibration.load(file).export(format="matlab")
 
 
 def test_all_writes_every_format(gmwm, file, tmp_path):
@@ -54,7 +51,7 @@ def test_all_writes_every_format(gmwm, file, tmp_path):
 def test_json_has_the_text(gmwm, file):
     content = gmwm("export", file, "--format", "kalibr", "--json").json
     assert content["command"] == "export"
-    assert content["text"] == library.export(Calibration.load(file))
+    assert content["text"] == Calibration.load(file).export()
     assert content["written"] == []
 
 

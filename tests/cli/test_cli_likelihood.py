@@ -36,7 +36,7 @@ def test_json_is_the_library_s(gmwm, recording, carried, option):
     }
     assert reason is None
     assert found["likelihood"] == json.loads(json.dumps(expected))
-    assert library.LikelihoodFit.from_dict(found["likelihood"]).parameters == fit.parameters
+    assert library.likelihood.LikelihoodFit.from_dict(found["likelihood"]).parameters == fit.parameters
 
 
 def test_without_the_option_nothing_changes(gmwm, recording):
@@ -92,7 +92,7 @@ def test_gaps_are_missing_samples(gmwm, broken):
 def test_fits_are_written_with_it(gmwm, recording, tmp_path):
     assert gmwm("fit", recording, "-m", "WN + RW", "--axis", "gyro_x", "--ml", "--output", tmp_path).code == 0
     content = json.loads((tmp_path / "fits.json").read_text(encoding="utf-8"))
-    fit = library.LikelihoodFit.from_dict(content["axes"]["gyro_x"]["likelihood"])
+    fit = library.likelihood.LikelihoodFit.from_dict(content["axes"]["gyro_x"]["likelihood"])
     assert fit.axis == "gyro_x"
     assert "by maximum likelihood" in fit.summary()
 
@@ -107,10 +107,10 @@ def test_a_model_without_states_is_refused_before_any_work(gmwm, folder):
 
 def test_a_summary_without_the_record_says_what_is_missing(recording):
     signal = read(recording)["gyro_x"]
-    with pytest.warns(library.FitWarning) as warned:
+    with pytest.warns(library.errors.FitWarning) as warned:
         fit = library.fit_ml("WN + QN", signal, start="WN(sigma2=4e-7) + QN(q2=1e-9)")
     assert only([one.message.remark for one in warned], "term-zero").facts["term"] == "QN"
-    read_again = library.LikelihoodFit.from_dict(fit.to_dict())
+    read_again = library.likelihood.LikelihoodFit.from_dict(fit.to_dict())
     assert fit.confidence_intervals()["QN.q2"][0] == 0.0
     assert "at most" in fit.summary()
     words = read_again.summary()

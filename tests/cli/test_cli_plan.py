@@ -34,13 +34,13 @@ def test_a_folder_stands_for_what_is_in_it(gmwm, fits, tmp_path):
     of_file, of_folder = (gmwm("plan", "--from-fits", path, *arguments).json for path in (fits, fits.parent))
     assert of_folder["needed"] == of_file["needed"]
     outcome = gmwm("plan", "--from-fits", tmp_path, *arguments)
-    assert outcome.err == f"error: {tmp_path} holds no fits.json or calibration.json\n"
+    assert outcome.err.startswith(f"error: {tmp_path} ")
+    assert "fits.json" in outcome.err
     for name in ("fits.json", "calibration.json"):
         (tmp_path / name).write_bytes(fits.read_bytes())
-    assert (
-        "holds both fits.json and calibration.json: name the file"
-        in gmwm("plan", "--from-fits", tmp_path, *arguments).err
-    )
+    both = gmwm("plan", "--from-fits", tmp_path, *arguments)
+    assert both.err.startswith(f"error: {tmp_path} ")
+    assert both.err != outcome.err
 
 
 def test_json_is_the_library_s(gmwm):
@@ -50,8 +50,10 @@ def test_json_is_the_library_s(gmwm):
     assert content["needed"] == plan.needed(0.1)
     assert content["accuracy"] == 0.1
     assert {name: content[name] for name in plan.to_dict()} == plan.to_dict()
-    assert content["warnings"] == plan.notes()
-    assert any("not to be seen in 60 s: GM.beta" in warning for warning in content["warnings"])
+    assert content["remarks"] == [remark.to_dict() for remark in plan.remarks]
+    (uncertain,) = (one for one in content["remarks"] if one["code"] == "plan-uncertain")
+    assert "GM.beta" in uncertain["facts"]["parameters"]
+    assert uncertain["facts"]["duration"] == {"value": 60.0, "unit": "s"}
 
 
 def test_what_is_infinite_is_null(gmwm):
@@ -71,7 +73,7 @@ def test_from_a_pilot_recording(gmwm, fits):
     assert content["units"]["WN.sigma2"] == "(rad/s)²"
 
 
-def test_terms_that_the_pilot_does_not_show_are_told(gmwm, fits, tmp_path):
+def test_terms_that_the_pilot_does_not_show_are_remarked(gmwm, fits, tmp_path):
     content = json.loads(fits.read_text(encoding="utf-8"))
     one = content["axes"]["gyro_x"]
     one["model"] = "GM(beta=1e4, sigma2=1e-9) + WN(sigma2=4e-7) + QN(q2=0.0) + RW(gamma2=1e-11)"
@@ -81,14 +83,18 @@ def test_terms_that_the_pilot_does_not_show_are_told(gmwm, fits, tmp_path):
     path.write_text(json.dumps(content), encoding="utf-8")
     outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
     assert outcome.code == 0
-    assert "warning: left out, as the pilot recording does not show it: QN" in outcome.err
-    assert "warning: GM acts as WN in the pilot recording: planned as WN(sigma2=" in outcome.err
+    remarks = {one["code"]: one["facts"] for one in outcome.json["remarks"]}
+    assert remarks["pilot-left-out"] == {"terms": ["QN"]}
+    assert remarks["pilot-acts-as"]["term"] == "GM"
+    assert remarks["pilot-acts-as"]["process"].startswith("WN(sigma2=")
     # A correlation time of 0.1 ms is white at 100 Hz: its variance is that of the samples.
     assert outcome.json["parameters"] == pytest.approx({"WN.sigma2": 4.01e-7, "RW.gamma2": 1e-11}, rel=1e-6)
     one["acts_as"] = {"GM": "UNKNOWN"}
     path.write_text(json.dumps(content), encoding="utf-8")
-    told = gmwm("plan", "--from-fits", path, "--duration", "1h").err
-    assert "warning: GM acts as UNKNOWN in the pilot recording: its values, and their errors, mean nothing" in told
+    outcome = gmwm("plan", "--from-fits", path, "--duration", "1h", "--json")
+    (remark,) = (one for one in outcome.json["remarks"] if one["code"] == "pilot-undetermined")
+    assert remark["facts"] == {"term": "GM", "process": "UNKNOWN"}
+    assert f"warning: {remark['text']} [pilot-undetermined]" in outcome.err.splitlines()
 
 
 def test_a_term_that_acts_as_one_that_is_not_in_the_model_is_that_one(gmwm, fits, tmp_path):
@@ -119,31 +125,38 @@ def test_an_accuracy_in_per_cent(gmwm):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "facts"),
     [
         (
             (MODEL, "--rate", 100, "--duration", "2x"),
-            "takes a length as 90s, 30min, 1h30m, 2h or 1d, or in seconds; got '2x'",
+            ["--duration must be ", "1h30m", "; got '2x'"],
         ),
-        ((MODEL, "--rate", 100, "--duration", "1h30"), "got '1h30'"),
-        ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", "ten"), "--accuracy takes a share as 0.1 or 10%"),
-        ((MODEL, "--rate", 100, "--duration", "0"), "duration must be positive"),
-        ((MODEL, "--duration", "2h"), "pass --rate"),
-        (("--duration", "2h"), "one of them"),
-        ((MODEL, "--from-fits", "FITS", "--duration", "2h"), "one of them"),
-        (("--from-fits", "FITS", "--duration", "2h"), "--axis must be one of gyro_x, gyro_y"),
-        (("--from-fits", "FITS", "--axis", "gyro_z", "--duration", "2h"), "got gyro_z"),
-        (("--from-fits", "FITS", "--axis", "gyro_x", "--rate", 50, "--duration", "2h"), "leave --rate out"),
-        ((MODEL, "--axis", "gyro_x", "--rate", 100, "--duration", "2h"), "--axis belongs to --from-fits"),
-        ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.7), "accuracy must be above 0"),
-        (("GM + WN", "--rate", 100, "--duration", "2h"), "needs a value for GM.beta, GM.sigma2, WN.sigma2"),
+        ((MODEL, "--rate", 100, "--duration", "1h30"), ["--duration must be ", "; got '1h30'"]),
+        (
+            (MODEL, "--rate", 100, "--duration", "2h", "--accuracy", "ten"),
+            ["--accuracy must be ", "10%", "; got 'ten'"],
+        ),
+        ((MODEL, "--rate", 100, "--duration", "0"), ["duration", "0"]),
+        ((MODEL, "--duration", "2h"), ["--rate"]),
+        (("--duration", "2h"), ["MODEL", "--from-fits"]),
+        ((MODEL, "--from-fits", "FITS", "--duration", "2h"), ["MODEL", "--from-fits"]),
+        (("--from-fits", "FITS", "--duration", "2h"), ["--axis must be ", "gyro_x, gyro_y", "fits.json"]),
+        (("--from-fits", "FITS", "--axis", "gyro_z", "--duration", "2h"), ["--axis must be ", "; got 'gyro_z'"]),
+        (
+            ("--from-fits", "FITS", "--axis", "gyro_x", "--rate", 50, "--duration", "2h"),
+            ["--rate 50", "100 Hz", "fits.json"],
+        ),
+        ((MODEL, "--axis", "gyro_x", "--rate", 100, "--duration", "2h"), ["--axis", "--from-fits"]),
+        ((MODEL, "--rate", 100, "--duration", "2h", "--accuracy", 0.7), ["accuracy", "0.7"]),
+        (("GM + WN", "--rate", 100, "--duration", "2h"), ["GM.beta, GM.sigma2, WN.sigma2"]),
     ],
 )
-def test_what_is_refused(gmwm, fits, arguments, words):
+def test_what_is_refused(gmwm, fits, arguments, facts):
     outcome = gmwm("plan", *(fits if word == "FITS" else word for word in arguments))
     assert outcome.code == 2
     assert outcome.out == ""
-    assert words in outcome.err
+    assert outcome.err.startswith("error: ")
+    assert all(fact in outcome.err for fact in facts), outcome.err
 
 
 def test_files_that_hold_no_fits(gmwm, tmp_path):
@@ -156,5 +169,5 @@ def test_files_that_hold_no_fits(gmwm, tmp_path):
         path.write_text(text, encoding="utf-8")
         outcome = gmwm("plan", "--from-fits", path, "--duration", "1h")
         assert outcome.code == 2
-        assert "is neither a fits.json of gmwm fit nor a calibration.json" in outcome.err
+        assert outcome.err.startswith(f"error: {path} ")
     assert gmwm("plan", "--from-fits", tmp_path / "none.json", "--duration", "1h").code == 2

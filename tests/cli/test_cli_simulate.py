@@ -22,14 +22,14 @@ def test_latent_processes_are_written_beside_the_recording(gmwm, tmp_path, suffi
     assert alone.read_bytes() == target.read_bytes()
 
 
-def test_words_say_where_they_are(gmwm, tmp_path):
+def test_the_text_names_the_file_of_processes(gmwm, tmp_path):
     parts = tmp_path / "parts.csv"
     says = gmwm("simulate", *MODEL, "--duration", 2, "-o", tmp_path / "imu.csv", "--components", parts).out
-    assert f"wrote {parts}: 4 columns" in says
+    assert f"Wrote {parts}: 4 columns" in says
 
 
 @pytest.mark.parametrize("name", ["imu.csv", "parts.txt"])
-def test_a_file_that_cannot_be_written_is_told_before_any_is(gmwm, tmp_path, name):
+def test_output_files_are_checked_before_any_is_written(gmwm, tmp_path, name):
     options = ("--output", tmp_path / "imu.csv", "--components", tmp_path / name)
     outcome = gmwm("simulate", *MODEL, "--duration", 2, *options)
     assert outcome.code == 2
@@ -38,7 +38,7 @@ def test_a_file_that_cannot_be_written_is_told_before_any_is(gmwm, tmp_path, nam
 
 
 @pytest.mark.parametrize("length", ["90", "90s", "1.5min", "1 min 30 s"])
-def test_a_length_is_told_in_seconds_or_in_words(gmwm, tmp_path, length):
+def test_a_duration_has_units_or_is_in_seconds(gmwm, tmp_path, length):
     found = gmwm("simulate", *MODEL, "--duration", length, "--output", tmp_path / "imu.csv", "--json").json
     assert (found["duration"], found["samples"]) == (90.0, 9000)
 

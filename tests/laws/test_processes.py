@@ -3,7 +3,6 @@
 import ast
 import inspect
 import math
-import re
 import runpy
 from dataclasses import fields
 from pathlib import Path
@@ -16,6 +15,7 @@ from hypothesis import strategies as st
 
 from gmwm.errors import MissingTheoryError, OptionError
 from gmwm.processes import Process, every_class, ordered_classes, registry
+from tests.helpers import raises
 
 TESTS = Path(__file__).parents[1]
 oracle = SimpleNamespace(**runpy.run_path(str(TESTS / "oracles" / "processes.py")))
@@ -317,9 +317,9 @@ def test_bad_arguments_are_named(process):
         ((5, RATE, None), "rng"),
         ((5, RATE, 1, 0), "paths"),
     ]:
-        with pytest.raises(OptionError, match=f"^{name} "):
+        with raises(OptionError, argument=name):
             one.simulate(*arguments)
-    with pytest.raises(OptionError, match=r"^rate "):
+    with raises(OptionError, argument="rate", got=0.0):
         one.wavelet_variance(3, 0.0)
 
 
@@ -342,9 +342,9 @@ def test_a_process_has_the_theory_it_declares(process):
         if process.has(theory):
             assert np.all(np.isfinite(call()))
         else:
-            with pytest.raises(MissingTheoryError, match=f"^{re.escape(process.name)} has no .*; it has "):
+            with raises(MissingTheoryError, process=process.name, theory=theory, advises=("wavelet_variance",)):
                 call()
-    with pytest.raises(OptionError, match="theory must be one of"):
+    with raises(OptionError, argument="theory", got="magic"):
         process.has("magic")
 
 
@@ -360,7 +360,13 @@ def test_declared_parameters_are_the_fields(process):
 def test_each_name_is_written_once_on_the_model_side(name):
     """The name in its own class is the only place in code that knows the process."""
     sources = Path(inspect.getfile(Process)).parent.glob("*.py")
-    nodes = (node for path in sources for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    # The package exports the classes by name.
+    nodes = (
+        node
+        for path in sources
+        if path.name != "__init__.py"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    )
     assert sum(isinstance(node, ast.Constant) and node.value == name for node in nodes) == 1
 
 

@@ -14,6 +14,7 @@ from gmwm.filters import HAAR, find_filter
 from gmwm.processes import Process, filtered, smooth_autocovariance
 from gmwm.processes.bessel import matern
 from gmwm.processes.model import as_model
+from tests.helpers import raises
 
 RATE = 100.0
 SMOOTHNESS = [0.1, 0.5, 0.75, 1 - 1e-5, 1.0, 1 + 1e-9, 1.5, 2.3, 7.5, 10.0]
@@ -170,7 +171,7 @@ def test_the_correlation_time_is_where_a_share_of_one_over_e_is_left():
 def test_no_state_space_and_no_density():
     for theory in ("state_space", "psd"):
         assert not MAT.has(theory)
-    with pytest.raises(MissingTheoryError, match="no state space"):
+    with raises(MissingTheoryError, process="MAT", theory="state_space"):
         MAT(1.0, 1.5, 1.0).state_space(RATE)
 
 
@@ -190,7 +191,7 @@ def test_paths_have_the_autocovariance(beta, nu, n):
 
 def test_what_cannot_be_simulated_says_so():
     slow = MAT(1e-5, 1.3, 1.0)
-    with pytest.raises(MissingTheoryError, match="larger beta"):
+    with raises(MissingTheoryError, "10000 samples", advises=("beta", "nu")):
         slow.simulate(10_000, RATE, 1)
     assert slow.simulate(100, RATE, 1).shape == (100,)
     assert MAT(1e-5, 0.4, 1.0).simulate(1000, RATE, 1).shape == (1000,)

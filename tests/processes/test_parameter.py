@@ -5,6 +5,7 @@ import pytest
 
 from gmwm.errors import ModelError
 from gmwm.processes import AR1, DR, GM, WN, Parameter, fixed
+from tests.helpers import raises
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.float32(2), np.int64(2), Fraction(2)])
@@ -15,25 +16,25 @@ def test_every_real_number_becomes_a_float(value):
 
 
 @pytest.mark.parametrize(
-    ("build", "message"),
+    ("build", "argument", "expected", "got"),
     [
-        (lambda: WN(sigma2=True), "WN.sigma2 must be a number, got True; leave it out to have it estimated"),
-        (lambda: WN(sigma2="1"), "must be a number, got '1'"),
-        (lambda: WN(sigma2=1j), "must be a number"),
-        (lambda: WN(sigma2=np.ones(1)), "must be a number"),
-        (lambda: WN(sigma2=float("nan")), "WN.sigma2 must be finite, got nan"),
-        (lambda: WN(sigma2=fixed(-1.0)), r"WN.sigma2 \(variance\) must be zero or positive \(u²\), got -1.0"),
-        (lambda: GM(beta=0.0), r"GM.beta \(inverse correlation time\) must be positive \(1/s\), got 0.0"),
-        (lambda: GM(beta=float("inf")), "GM.beta must be finite"),
-        (lambda: AR1(phi=1.0), "AR1.phi .* must lie strictly between -1 and 1, got 1.0"),
-        (lambda: AR1(phi=-1), "strictly between -1 and 1, got -1"),
-        (lambda: fixed(None), "a fixed value must be a number, got None"),
-        (lambda: fixed(fixed(1.0)), "must be a number"),
-        (lambda: fixed(False), "must be a number, got False"),
+        (lambda: WN(sigma2=True), "WN.sigma2", "a number", "True"),
+        (lambda: WN(sigma2="1"), "WN.sigma2", "a number", "'1'"),
+        (lambda: WN(sigma2=1j), "WN.sigma2", "a number", "1j"),
+        (lambda: WN(sigma2=np.ones(1)), "WN.sigma2", "a number", "array([1.])"),
+        (lambda: WN(sigma2=float("nan")), "WN.sigma2", "finite", "nan"),
+        (lambda: WN(sigma2=fixed(-1.0)), "WN.sigma2", "zero or positive (u²)", "-1.0"),
+        (lambda: GM(beta=0.0), "GM.beta", "positive (1/s)", "0.0"),
+        (lambda: GM(beta=float("inf")), "GM.beta", "finite", "inf"),
+        (lambda: AR1(phi=1.0), "AR1.phi", "strictly between -1 and 1", "1.0"),
+        (lambda: AR1(phi=-1), "AR1.phi", "strictly between -1 and 1", "-1"),
+        (lambda: fixed(None), "a fixed value", "a number", "None"),
+        (lambda: fixed(fixed(1.0)), "a fixed value", "a number", "fixed(1.0)"),
+        (lambda: fixed(False), "a fixed value", "a number", "False"),
     ],
 )
-def test_values_are_checked_at_the_door(build, message):
-    with pytest.raises(ModelError, match=message):
+def test_values_are_checked_at_the_door(build, argument, expected, got):
+    with raises(ModelError, argument, f"got {got}", argument=argument, expected=expected):
         build()
 
 

@@ -11,6 +11,7 @@ from gmwm.errors import DataError
 from gmwm.filters import find_filter
 from gmwm.variance.robust import robust_variance
 from gmwm.variance.transform import coefficient_counts, deepest_level, inner_coefficients
+from tests.helpers import raises
 
 THREE_GAPS = (1000, 611, 2300, 97)
 
@@ -109,7 +110,7 @@ def test_a_pooled_result_comes_back_from_its_dictionary():
 
 
 def test_segments_that_are_all_too_short_are_an_error():
-    with pytest.raises(DataError, match=r"at least 8 samples .*, got 7"):
+    with raises(DataError, 8, argument="x", got=7):
         wavelet_variance(signal((7, 5, 7)))
 
 

@@ -10,6 +10,7 @@ import pytest
 import gmwm
 from gmwm.errors import DataError, OptionError
 from gmwm.variance import WaveletVariances
+from tests.helpers import raises
 
 IMU = gmwm.simulate("WN(sigma2=4e-8) + RW(gamma2=1e-13)", rate=100.0, samples=2000, rng=1)
 CURVES = gmwm.wavelet_variance(IMU)
@@ -32,17 +33,17 @@ def test_each_curve_is_that_of_its_axis(options):
 
 def test_a_sensor_alone_and_a_rate_that_contradicts():
     assert tuple(gmwm.wavelet_variance(IMU["accel"])) == ("accel_x", "accel_y", "accel_z")
-    with pytest.raises(OptionError, match="contradicts the signal's 100 Hz"):
+    with raises(OptionError, "100 Hz", argument="rate"):
         gmwm.wavelet_variance(IMU, rate=50.0)
 
 
 def test_an_axis_that_is_not_there():
     gyro = gmwm.wavelet_variance(IMU["gyro"])
-    with pytest.raises(DataError, match="axis must be one of gyro_x, gyro_y, gyro_z; got 'accel_x'"):
+    with raises(DataError, argument="axis", expected="one of gyro_x, gyro_y, gyro_z", got="accel_x"):
         gyro["accel_x"]
     assert "accel_x" not in gyro
     assert gyro.get("accel_x") is None
-    with pytest.raises(DataError, match="at least one axis"):
+    with raises(DataError, argument="curves", got={}):
         WaveletVariances(curves={})
 
 

@@ -1,4 +1,4 @@
-"""Maximum likelihood: `gmwm.loglikelihood` and `gmwm.fit_ml`."""
+"""Maximum likelihood: `Model.loglikelihood` and `gmwm.fit_ml`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Autoregressive moving averages of any order, seasonal ones among them.
+"""Autoregressive moving averages of any order, with or without a season.
 
 φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t,   Var ε = σ²,   B X_t = X_{t−1},
-φ(B) = 1 − φ₁B − … − φ_p B^p,   θ(B) = 1 + θ₁B + … + θ_q B^q,   Φ and Θ alike, of order P and Q.
+φ(B) = 1 − φ₁B − … − φ_p B^p,   θ(B) = 1 + θ₁B + … + θ_q B^q.   Φ and Θ have the same form and the orders P and Q.
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ from gmwm.processes.linear_recursion import PHI, SEASONAL_PHI, SEASONAL_THETA, T
 
 
 class _Arma(Lagged, abstract=True, listed=False):
-    """What sums and parts of such processes are."""
+    """Algebra of ARMA processes: their sums and special cases."""
 
     @classmethod
     def repeats(cls, count: int) -> str:
-        """Autoregressions add up to an ARMA process, moving averages to one of the same order."""
+        """Say why a sum cannot hold several: autoregressions add up to an ARMA, moving averages to a moving average."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
         if p + seasonal_p == 0:
-            return f"a sum of them is again one, so that no data can tell it from a single one; write {cls.name} once"
+            return f"their sum is again a moving average of this order; write {cls.name} once"
         if seasonal_p + seasonal_q == 0:
-            return f"a sum of {count} is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
-        return f"a sum of {count} is one process of higher orders, whose parts no data can tell; write {cls.name} once"
+            return f"their sum is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
+        return f"their sum is one process of higher orders, whose parts cannot be distinguished; write {cls.name} once"
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
-        """Those of lower orders, largest first; white noise, which has none, is not among them."""
+        """Classes of lower orders, largest first, without white noise."""
         p, q, seasonal_p, seasonal_q, period = cls.full_orders()
         lower = product(*(range(order, -1, -1) for order in (p, q, seasonal_p, seasonal_q)))
         return tuple(_of_orders(at, period) for at in lower if any(at) and at != (p, q, seasonal_p, seasonal_q))
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """The one with the larger of each order; none if they have different periods."""
+        """The class with the larger of each order; None if the periods differ."""
         if not issubclass(other, _Arma):
             return None
         one, two = cls.full_orders(), other.full_orders()
@@ -46,16 +46,17 @@ class _Arma(Lagged, abstract=True, listed=False):
 
 
 class AR(_Arma, abstract=True):
-    """Autoregression of order p, X_t = φ₁X_{t−1} + … + φ_p X_{t−p} + ε_t, Var ε = σ².
+    """Autoregression of order p: X_t = φ₁X_{t−1} + … + φ_p X_{t−p} + ε_t, Var ε = σ².
 
     Parameters
     ----------
     p : int
-        Order, from 1; or left out, and `phi` given.
+        Order, from 1. Leave it out if `phi` is given.
     phi1, …, phip : float, fixed or None
-        Coefficients; or all at once as `phi`. Together stationary: 1 − φ₁z − … − φ_p z^p has no zero with |z| ≤ 1.
+        Coefficients; pass all of them as a list with `phi`. The process must be stationary: 1 − φ₁z − … − φ_p z^p must
+        have no zero with |z| ≤ 1.
     sigma2 : float, fixed or None
-        Innovation variance σ², in u².
+        Innovation variance σ² (u²).
 
     References
     ----------
@@ -76,24 +77,25 @@ class AR(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """p from 1."""
+        """Refuse the order 0."""
         if orders[0] < 1:
-            raise ModelError(f"p of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+            raise ModelError(f"p of {cls.written()} must be at least 1; got 0", argument="p", got=orders[0])
 
 
 class MA(_Arma, abstract=True):
-    """Moving average of order q, X_t = ε_t + θ₁ε_{t−1} + … + θ_q ε_{t−q}, Var ε = σ².
+    """Moving average of order q: X_t = ε_t + θ₁ε_{t−1} + … + θ_q ε_{t−q}, Var ε = σ².
 
-    Of order 1, ν_j² = σ²[(1 + θ)²τ − 6θ]/τ² under Haar's filter, at τ = 2^j.
+    For the order 1 and the Haar filter ν_j² = σ²[(1 + θ)²τ − 6θ]/τ², with τ = 2^j samples.
 
     Parameters
     ----------
     q : int
-        Order, from 1; or left out, and `theta` given.
+        Order, from 1. Leave it out if `theta` is given.
     theta1, …, thetaq : float, fixed or None
-        Coefficients; or all at once as `theta`. Together invertible: 1 + θ₁z + … + θ_q z^q has no zero with |z| ≤ 1.
+        Coefficients; pass all of them as a list with `theta`. The process must be invertible: 1 + θ₁z + … + θ_q z^q
+        must have no zero with |z| ≤ 1.
     sigma2 : float, fixed or None
-        Innovation variance σ², in u².
+        Innovation variance σ² (u²).
 
     Examples
     --------
@@ -108,22 +110,22 @@ class MA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """q from 1."""
+        """Refuse the order 0."""
         if orders[0] < 1:
-            raise ModelError(f"q of {cls.written()} must be at least 1, got 0; {cls.name}(1) is the smallest")
+            raise ModelError(f"q of {cls.written()} must be at least 1; got 0", argument="q", got=orders[0])
 
 
 class ARMA(_Arma, abstract=True):
-    """Autoregressive moving average, X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}, Var ε = σ².
+    """Autoregressive moving average: X_t = Σ φ_i X_{t−i} + ε_t + Σ θ_i ε_{t−i}, Var ε = σ².
 
     Parameters
     ----------
     p, q : int
-        Orders, from 1; or left out, and `phi` and `theta` given.
+        Orders, from 1. Leave them out if `phi` and `theta` are given.
     phi1, …, phip, theta1, …, thetaq : float, fixed or None
-        Coefficients, stationary and invertible; or all at once as `phi` and `theta`.
+        Coefficients of a stationary and invertible process; pass all of them as lists with `phi` and `theta`.
     sigma2 : float, fixed or None
-        Innovation variance σ², in u².
+        Innovation variance σ² (u²).
 
     Examples
     --------
@@ -140,25 +142,30 @@ class ARMA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """p and q from 1: what is left of others has a name of its own."""
+        """Refuse the order 0: such a process is an AR or an MA."""
         p, q = orders
         if p == 0 or q == 0:
             simpler = f"{AR.name}({p})" if p else f"{MA.name}({q})" if q else f"{cls.name}(1, 1)"
-            raise ModelError(f"p and q of {cls.written()} must be at least 1, got {p} and {q}; write {simpler}")
+            raise ModelError(
+                f"p and q of {cls.written()} must be at least 1; got {p} and {q}",
+                got=(p, q),
+                advice="Write `{simpler}`.",
+                simpler=simpler,
+            )
 
 
 class SARMA(_Arma, abstract=True):
-    """Seasonal ARMA, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, with a period of s samples.
+    """Seasonal ARMA with a period of s samples: φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t.
 
     Parameters
     ----------
     p, q, P, Q, period : int
-        Orders of φ, θ, Φ and Θ, from 0, with P or Q from 1, and the period s, from 2; or the period only, by name,
-        with `phi`, `theta`, `sphi` and `stheta` given as far as there are any.
+        Orders of φ, θ, Φ and Θ, from 0, with P or Q at least 1, and the period s (samples), from 2. Leave the orders
+        out if the coefficients are given as lists with `phi`, `theta`, `sphi` and `stheta`.
     phi1, …, theta1, …, sphi1, …, stheta1, … : float, fixed or None
-        Coefficients; each polynomial stationary or invertible by itself.
+        Coefficients; each polynomial must be stationary or invertible.
     sigma2 : float, fixed or None
-        Innovation variance σ², in u².
+        Innovation variance σ² (u²).
 
     Examples
     --------
@@ -176,15 +183,20 @@ class SARMA(_Arma, abstract=True):
 
     @classmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """P or Q from 1."""
+        """Refuse P = Q = 0: such a process has no season."""
         p, q, seasonal_p, seasonal_q, _ = orders
         if seasonal_p + seasonal_q == 0:
             simpler = f"{ARMA.name}({p}, {q})" if p and q else f"{AR.name}({p})" if p else f"{MA.name}({max(q, 1)})"
-            raise ModelError(f"P or Q of {cls.written()} must be at least 1, got 0 and 0; write {simpler}")
+            raise ModelError(
+                f"P or Q of {cls.written()} must be at least 1; got 0 and 0",
+                got=(0, 0),
+                advice="Write `{simpler}`.",
+                simpler=simpler,
+            )
 
 
 def _of_orders(orders: tuple[int, ...], period: int) -> type[_Arma]:
-    """The class of these orders p, q, P and Q, of the simplest ordered process."""
+    """Class of the simplest process with the orders p, q, P and Q."""
     p, q, seasonal_p, seasonal_q = orders
     if seasonal_p + seasonal_q:
         return SARMA.of(p, q, seasonal_p, seasonal_q, period)

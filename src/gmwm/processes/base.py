@@ -1,8 +1,8 @@
-"""What a process is: parameters, a shape, and the little theory from which the rest follows.
+"""Base class of all noise processes.
 
-Every process is (one linear scale coefficient) × (a shape that depends on its nonlinear parameters).
-A subclass gives what it has in closed form; the defaults here derive the rest. Each subclass enters the
-registry by itself, which the parser, the command line, the documentation and the law tests go by.
+The wavelet variance of a process is a scale coefficient times a shape, which depends on the nonlinear parameters.
+A subclass defines at least one piece of theory; the defaults here derive the rest. Each subclass enters the registry,
+which the parser, the command line, the documentation and the law tests use.
 """
 
 from __future__ import annotations
@@ -11,18 +11,17 @@ import math
 from abc import ABC
 from collections.abc import Iterable
 from dataclasses import replace
-from inspect import isfunction, ismethod, signature
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
-from gmwm._text import defined_anew, is_own
 from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes import circulant_embedding, filtered
+from gmwm.processes.definition import check_calls, check_members, check_name, function_of
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
 from gmwm.processes.physical import Physical
@@ -35,7 +34,7 @@ if TYPE_CHECKING:
     from gmwm.processes.model import Model
 
 registry: dict[str, type[Process]] = {}
-"""Every process by name, in the order in which they are shown."""
+"""All processes by name, in the order in which they are listed."""
 
 Theory = Literal[
     "wavelet_variance",
@@ -49,7 +48,7 @@ Theory = Literal[
     "allan_variance",
 ]
 
-# What each piece of theory can be derived from; the first that the process has is taken.
+# What each piece of theory can be derived from; the first source that the process defines is used.
 _SOURCES: dict[str, tuple[str, ...]] = {
     "wavelet_variance": ("running_sum_covariance", "state_space", "autocovariance"),
     "running_sum_covariance": ("state_space", "autocovariance"),
@@ -62,18 +61,47 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "allan_variance": ("running_sum_covariance",),
 }
 _NEEDS_STATIONARITY = frozenset({"running_sum_covariance", "autocovariance", "psd"})
-_WORDS = {"psd": "power spectral density", "simulate": "way to be simulated"}
+# The longest sum over lags: 2^24 doubles take 128 MB. Pinned by test_a_sum_that_would_take_too_long_is_refused.
 _LONGEST_SUM = 2**24
 
 
 class Process(ABC):
-    """One latent noise process. Concrete ones are frozen dataclasses whose fields are the parameters.
+    """Noise process: a frozen dataclass whose fields are its parameters.
 
-    Theory is per sample and in SI, u being the unit of the signal. Methods take the same throughout: `rate` in Hz;
-    `levels`, the number J of them or a list; `lags` (samples); `frequencies` (Hz); `clusters`, their sizes (samples);
-    `filter`, of `find_filter`; `samples`, the length N of a record; `nonlinear`, an (n, q) array with a row of q
-    parameters of the shape for each of n processes; `n` and `paths`, how many samples and paths; `rng`, a NumPy
-    Generator or a seed. Theory that a process has not raises `MissingTheoryError`; `has` asks for it.
+    All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
+    how to add a process. The methods share these arguments:
+
+    - rate : sampling rate (Hz)
+    - levels : number J of levels, or an ascending list of levels
+    - lags, clusters : integers (samples)
+    - frequencies : Hz, within ±rate/2
+    - filter : name or `WaveletFilter`, see `gmwm.filters.find_filter`
+    - samples : length N of a recording
+    - nonlinear : (n, q) array, the q nonlinear parameters of n processes
+    - n, paths : number of samples and of sample paths
+    - rng : NumPy Generator or seed
+
+    A method raises `MissingTheoryError` if the process does not define the theory; check with `has`.
+
+    Examples
+    --------
+    A moving average of order 1, defined by its autocovariance; `register=False` keeps it out of the registry:
+
+    >>> from dataclasses import dataclass
+    >>> @dataclass(frozen=True, repr=False)
+    ... class MA1(Process, register=False):
+    ...     name, title = "MyMA", "Moving average of order 1"
+    ...     parameters = (
+    ...         Parameter("theta", "θ", "coefficient", domain="between"),
+    ...         Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1),
+    ...     )
+    ...     theta: Value = None
+    ...     sigma2: Value = None
+    ...     def autocovariance(self, lags, rate):
+    ...         k, theta = np.abs(lags), self.value("theta")
+    ...         return self.scale * np.where(k == 0, 1 + theta**2, np.where(k == 1, theta, 0.0))
+    >>> MA1(theta=0.5, sigma2=4.0).wavelet_variance(2, rate=100.0)
+    array([1.5, 1.5])
     """
 
     name: ClassVar[str]
@@ -81,28 +109,22 @@ class Process(ABC):
     title: ClassVar[str]
     """Full name: "Gauss-Markov process"."""
     parameters: ClassVar[tuple[Parameter, ...]]
-    """Its parameters, in the order of the fields."""
+    """Parameters, in the order of the fields."""
     repeatable: ClassVar[bool] = False
-    """Whether a sum can hold several: only where their shapes can differ."""
+    """Whether a sum can contain several of them, which requires shapes that can differ."""
     stationary: ClassVar[bool] = True
     """Whether it has an autocovariance."""
     parametrises: ClassVar[str | None] = None
-    """Name of the process that several classes parametrise; a model may use one of these classes only."""
+    """Name of the process, if several classes parametrise it; a model may use only one of these classes."""
 
     def __init_subclass__(cls, *, register: bool = True, abstract: bool = False, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if abstract:
             return
-        if missing := [name for name in ("name", "title", "parameters") if not hasattr(cls, name)]:
-            raise ModelError(f"{cls.__name__} must define name, title and parameters; it has no {missing[0]}")
-        if sum(p.scale_power is not None for p in cls.parameters) != 1:
-            raise ModelError(f"{cls.__name__}.parameters must have exactly one scale parameter (with a scale_power)")
-        if not cls.has("wavelet_variance"):
-            sources = ", ".join(_SOURCES["wavelet_variance"])
-            raise ModelError(f"{cls.__name__} must define at least one of shape, {sources}")
-        _check_calls(cls)
+        check_members(cls, _SOURCES["wavelet_variance"])
+        check_calls(cls, Process)
         if register:
-            _check_name(cls)
+            check_name(cls, registry)
             registry[cls.name] = cls
 
     def __post_init__(self) -> None:
@@ -114,12 +136,12 @@ class Process(ABC):
 
     @property
     def values(self) -> dict[str, float | None]:
-        """Value of each parameter, held or not; None where it is to be estimated."""
+        """Value of each parameter, fixed or not; None if it is to be estimated."""
         given = {p.name: getattr(self, p.name) for p in self.parameters}
         return {name: v.value if isinstance(v, Fixed) else v for name, v in given.items()}
 
     def is_fixed(self, name: str) -> bool:
-        """Whether the parameter `name` is held."""
+        """Whether the parameter `name` is fixed."""
         return isinstance(getattr(self, name), Fixed)
 
     @property
@@ -128,10 +150,14 @@ class Process(ABC):
         return None not in self.values.values()
 
     def value(self, name: str) -> float:
-        """Value of the parameter `name`; ModelError where it has none."""
+        """Value of the parameter `name`, fixed or not. Raises ModelError if it has none."""
         number = self.values[name]
         if number is None:
-            raise ModelError(f"{self.name}.{name} has no value: give one, as {self.name}({name}=…), or fit it to data")
+            raise ModelError(
+                f"{self.name}.{name} has no value",
+                argument=f"{self.name}.{name}",
+                advice="Give it a value in the model, or fit the model to data.",
+            )
         return number
 
     @property
@@ -145,35 +171,41 @@ class Process(ABC):
         return np.array([self.value(p.name) for p in self.nonlinear_parameters()], dtype=np.float64)
 
     def with_values(self, **values: Value) -> Self:
-        """A copy with other values; a plain number leaves a held parameter held."""
+        """Copy with other values. A fixed parameter stays fixed if its new value is a number."""
         known = [p.name for p in self.parameters]
         for name, value in values.items():
             if name not in known:
-                raise ModelError(f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}")
+                raise self.no_parameter(name)
             if value is not None and not isinstance(value, Fixed) and self.is_fixed(name):
                 values[name] = Fixed(value)
         return replace(self, **values)  # type: ignore[type-var]
 
     @classmethod
+    def no_parameter(cls, name: str) -> ModelError:
+        """Make the error for a parameter `name` that the process does not have."""
+        known = ", ".join(p.name for p in cls.parameters)
+        return ModelError(f"{cls.name} has no parameter {name!r}; its parameters are {known}", argument=name, got=name)
+
+    @classmethod
     def scale_parameter(cls) -> Parameter:
-        """The one parameter that the scale coefficient is made of."""
+        """The parameter that scales the wavelet variance."""
         return next(p for p in cls.parameters if p.scale_power is not None)
 
     @classmethod
     def nonlinear_parameters(cls) -> tuple[Parameter, ...]:
-        """The q parameters that the shape depends on."""
+        """The q parameters that change the shape of the wavelet variance."""
         return tuple(p for p in cls.parameters if p.scale_power is None)
 
     @classmethod
     def scale_from(cls, value: float) -> float:
-        """Scale coefficient of a value of the scale parameter: value**scale_power."""
+        """Scale coefficient for a value of the scale parameter: value**scale_power."""
         power = cls.scale_parameter().scale_power
         assert power is not None
         return math.pow(value, power)
 
     @classmethod
     def value_from(cls, scale: float) -> float:
-        """Value (not negative) of the scale parameter that has this scale coefficient."""
+        """Nonnegative value of the scale parameter for a scale coefficient."""
         power = cls.scale_parameter().scale_power
         assert power is not None
         return math.pow(scale, 1.0 / power)
@@ -187,22 +219,24 @@ class Process(ABC):
 
     @classmethod
     def repeats(cls, count: int) -> str:
-        """Why a sum cannot hold `count` of a process that is not `repeatable`, and the way out."""
-        return f"they all have one shape, so that no data can tell them from a single one; write {cls.name}() once"
+        """Say why a sum cannot hold `count` of a process that is not `repeatable`, and what to write instead."""
+        return (
+            f"all have the same shape, so that no data can distinguish them from a single one; write {cls.name}() once"
+        )
 
     # --- which processes are cases of which, for the choice among models ----------------------------------
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:
-        """Classes of the processes that this one is for some of its values: those of lower orders. By default none."""
+        """Classes that are special cases of this class, such as lower orders; none by default."""
         return ()
 
     @classmethod
     def joined(cls, other: type[Process]) -> type[Process] | None:
-        """The smallest class that it and `other` are both cases of; None where there is none but their sum."""
+        """The smallest class that contains this class and `other`; None if only their sum does."""
         return cls if cls is other else None
 
-    # --- the shape, on which estimation stands --------------------------------------------------------
+    # --- the shape, which estimation uses -------------------------------------------------------------
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
@@ -213,11 +247,11 @@ class Process(ABC):
         nonlinear : (n, q) array
             n sets of nonlinear parameters; q may be 0.
         levels : int or (J,) array
-            Wavelet levels; a number J stands for 1 … J.
+            Wavelet levels; a number J means 1 … J.
         rate : float
             Sampling rate (Hz).
         filter : WaveletFilter
-            An override that has a closed form for some filters leaves the others to this.
+            An override with a closed form for some filters calls `super().shape` for the others.
 
         Returns
         -------
@@ -233,7 +267,7 @@ class Process(ABC):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """Derivative of `shape` by each nonlinear parameter, (n, J, q); by default differences of order 6."""
+        """Derivative (n, J, q) of `shape` with respect to each nonlinear parameter; by differences of order 6."""
         wanted, theta = as_levels(levels), np.asarray(nonlinear, dtype=np.float64)
         result = np.zeros((len(theta), wanted.size, theta.shape[1]))
         room = cls.room(theta)
@@ -249,9 +283,9 @@ class Process(ABC):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Curves along which to look for the one nonlinear parameter, so that the best place can be proven.
+        """Curves that cover the domain of a single nonlinear parameter, so that a global optimum can be proven.
 
-        By default none: then starting values come from `scan`, for any number of parameters.
+        None by default: then starting values come from `scan`, for any number of parameters.
         """
         return ()
 
@@ -259,43 +293,41 @@ class Process(ABC):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """How far each nonlinear parameter may move by itself (n, q); not positive where there is no such process."""
+        """Distance (n, q) of each nonlinear parameter from the end of its domain; not positive outside the domain."""
         columns = [p.room(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """Coordinates (n, q) in which every point of R^q is a process; by default parameter by parameter."""
+        """Unconstrained coordinates (n, q) of nonlinear parameters; by default one parameter at a time."""
         columns = [p.coordinate(nonlinear[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(nonlinear), 0))
 
     @classmethod
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
-        """Nonlinear parameters (n, q) at coordinates; analytic, as derivatives are taken by complex steps;
-        `z` is (n, q)."""
+        """Nonlinear parameters (n, q) at coordinates `z` (n, q). Analytic, because derivatives use complex steps."""
         columns = [p.at_coordinate(z[:, k]) for k, p in enumerate(cls.nonlinear_parameters())]
         return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Ends (q, 2) of the coordinates among which starting values are sought; estimates may lie beyond."""
+        """Range (q, 2) of the coordinates for starting values; estimates may lie outside it."""
         return np.array([p.scanned(samples, rate) for p in cls.nonlinear_parameters()]).reshape(-1, 2)
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Starting values as the paper draws them (its Algorithm 3): (draws, 1 + q), the scale coefficient first.
+        """Draw starting values, (draws, 1 + q) with the scale coefficient first, as in Algorithm 3 of the paper.
 
-        Where the paper has no rule, the coordinates are uniform over `scan`, and the scale is such that the process
-        has a uniform share of the sum of the wavelet variances.
+        For a process that the paper does not treat, the coordinates are uniform over `scan`, and the share of the
+        process in the sum of the wavelet variances is uniform.
 
         Parameters
         ----------
         occasion : Occasion
-            What the starting values are for: the data and the other terms.
+            The data and the other terms.
         rng : numpy.random.Generator
-            The source of the draws.
         draws : int
-            How many.
+            Number of draws.
         before : tuple of (draws, q) array
             The nonlinear parameters drawn for earlier terms of the same class.
         """
@@ -305,15 +337,15 @@ class Process(ABC):
         scales = rng.random(draws) * occasion.total / np.sum(shapes, axis=1)
         return np.column_stack([scales, nonlinear])
 
-    # --- theory of a process whose values are complete -------------------------------------------------
+    # --- theory; every parameter needs a value ---------------------------------------------------------
 
     def wavelet_variance(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Vector:
-        """Wavelet variance ν_j² (J,), in u² for a signal in u, at `levels` and `rate` (Hz) under a filter."""
+        """Wavelet variance ν_j² (u²), (J,)."""
         shape = self.shape(self.nonlinear.reshape(1, -1), levels, as_rate(rate), find_filter(filter))
         return np.asarray(self.scale * shape[0], dtype=np.float64)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance K(m) of the running sum, up to what second differences remove.
+        """Generalised covariance K(m) of the running sum (u²), up to a linear function that second differences remove.
 
         For a stationary process K(m) = −½ Var(sum of |m| samples); ν_j² = [6K(0) − 8K(h) + 2K(2h)]/τ².
         """
@@ -324,8 +356,11 @@ class Process(ABC):
         longest = int(m.max(initial=0))
         if longest > _LONGEST_SUM:
             raise MissingTheoryError(
-                f"{self.name} has its running-sum covariance by summation only, up to lag {_LONGEST_SUM}, "
-                f"got {longest}; define running_sum_covariance or state_space in {type(self).__name__}"
+                f"{self.name} derives its running-sum covariance by summation, up to lag {_LONGEST_SUM} at most; "
+                f"got {longest}",
+                got=longest,
+                advice="Define `running_sum_covariance` or `state_space` in {process}.",
+                process=type(self).__name__,
             )
         r = self.autocovariance(np.arange(longest + 1), rate)
         # Var S_{m+1} − Var S_m = r(0) + 2 Σ_{k=1..m} r(k)
@@ -338,9 +373,9 @@ class Process(ABC):
         return self.state_space(as_rate(rate)).autocovariance(as_lags(lags))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Covariance A(m) at integer `lags` (u²), up to a constant, which filters that sum to zero remove.
+        """Generalised covariance A(m) at integer `lags` (u²), up to a constant that wavelet filters remove.
 
-        Of a stationary process A(m) = r(m), or r(m) − r(0); of others −½ E(X_{t+m} − X_t)². A mean is no part of it.
+        For a stationary process A(m) = r(m) or r(m) − r(0), else −½ Var(X_{t+m} − X_t).
         """
         self._require("generalised_covariance")
         if self.has("autocovariance"):
@@ -350,9 +385,9 @@ class Process(ABC):
         return np.asarray((here - before) - (after - here))
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²) of means over `clusters` of n samples, any whole n ≥ 1: twice ν² at scale 2n.
+        """Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
-        σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², K the covariance of the running sum.
+        σ²(n) = [3K(0) − 4K(n) + K(2n)]/n², with K of `running_sum_covariance`; twice ν² at the scale 2n.
         """
         n = as_clusters(clusters)
         self._require("allan_variance")
@@ -369,11 +404,11 @@ class Process(ABC):
         return self.state_space(rate).psd(as_frequencies(frequencies, rate), rate)
 
     def state_space(self, rate: float) -> StateSpace:
-        """The process as F, Q, H, R, m0, P0."""
+        """State space in discrete time: F, Q, H, R, m0 and P0."""
         raise self.missing("state_space")
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """The system in continuous time whose steps at `rate` are those of `state_space`; None where there is none."""
+        """State space in continuous time, which `rate` discretises to `state_space`; None if there is none."""
         return ContinuousStateSpace.of(self.state_space(rate), rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
@@ -385,33 +420,33 @@ class Process(ABC):
 
     @property
     def error_cumulant(self) -> float:
-        """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 where they are Gaussian.
+        """Fourth cumulant κ₄ (u⁴) of the errors e_t of a process X_t = e_t − e_{t−1}; 0 if they are Gaussian.
 
-        Uniform errors have −1.2 Var² e: squared wavelet coefficients then scatter less than a Gaussian signal's.
+        For uniform errors it is −1.2 Var² e: squared wavelet coefficients then vary less than for a Gaussian signal.
         """
         return 0.0
 
     def line(self, rate: float) -> tuple[float, float] | None:
-        """Power P (u²) and cycles per sample of a sinusoid of fixed amplitude and random phase; None of noise.
+        """Power P (u²) and frequency (cycles per sample) of a sinusoid of random phase; None for noise.
 
-        The wavelet coefficients of a line are not Gaussian, and their squares scatter in a way of their own.
+        The wavelet coefficients of a sinusoid are not Gaussian; the covariance of their squares has its own formula.
         """
         return None
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """Rates λ per sample of the exponentials in `coefficient_covariance`; negative where they alternate in sign."""
+        """Decay rates λ per sample of the exponentials in `coefficient_covariance`; negative for alternating signs."""
         return ()
 
     def mean(self, t: ArrayLike) -> Vector:
-        """Mean at sample numbers t; 0 but for a drift."""
+        """Mean (u) at sample numbers t; 0 except for a drift."""
         return np.zeros(np.shape(t))
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """Gaussian sample paths: (n,), or (paths, n). `rng` is a NumPy Generator or a seed.
+        """Simulate Gaussian sample paths: (n,), or (paths, n).
 
-        From the state space, or of a stationary autocovariance by embedding it in that of a circle.
+        By default from the state space, or from the autocovariance by circulant embedding.
         """
         self._require("simulate")
         (n, count), rate, generator = as_paths(n, paths), as_rate(rate), as_rng(rng)
@@ -425,11 +460,11 @@ class Process(ABC):
         return out.reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Correlation time (s): 0 for white, inf for wandering processes, None where it is not known."""
+        """Correlation time (s): 0 for white noise, inf for nonstationary processes, None if it is unknown."""
         return None
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Return what to know about values that were estimated from `samples` samples at `rate` (Hz).
+        """Return remarks on parameters that were estimated from `samples` samples at `rate` (Hz).
 
         Parameters
         ----------
@@ -442,22 +477,22 @@ class Process(ABC):
         return ()
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """What the process is in continuous time, in the terms of datasheets; by default nothing.
+        """Continuous-time coefficients of the process as datasheets state them; none by default.
 
-        Each number with its derivatives by the logarithms of the parameters, from which its interval follows.
+        Each has its derivatives with respect to the logarithms of the parameters, which give its confidence interval.
         """
         return ()
 
-    # --- which theory there is ------------------------------------------------------------------------
+    # --- defined theory -------------------------------------------------------------------------------
 
     @classmethod
     def has(cls, theory: str) -> bool:
-        """Whether the process has this theory, in closed form or derived.
+        """Whether the process defines this theory, in closed form or derived.
 
         `theory` is the name of one of the methods above, from "wavelet_variance" to "simulate".
         """
         if theory not in _SOURCES:
-            raise OptionError(f"theory must be one of {', '.join(_SOURCES)}; got {theory!r}")
+            raise OptionError(argument="theory", expected=f"one of {', '.join(_SOURCES)}", got=theory)
         if cls._gives(theory):
             return True
         if theory in _NEEDS_STATIONARITY and not cls.stationary:
@@ -467,24 +502,31 @@ class Process(ABC):
     @classmethod
     def _gives(cls, theory: str) -> bool:
         attribute = "shape" if theory == "wavelet_variance" else theory
-        return _function(getattr(cls, attribute)) is not _function(getattr(Process, attribute))
+        return function_of(getattr(cls, attribute)) is not function_of(getattr(Process, attribute))
 
     def _require(self, theory: str) -> None:
         if not self.has(theory):
             raise self.missing(theory)
 
     def missing(self, theory: str) -> MissingTheoryError:
-        """The error that says that the process lacks this theory, why, and what it has."""
-        there = ", ".join(name for name in _SOURCES if self.has(name))
-        why = "" if self.stationary else " (it is not stationary)"
-        what = _WORDS.get(theory, theory.replace("_", " ").replace("running sum", "running-sum"))
-        mean = "" if _function(type(self).mean) is Process.mean else ", and mean(t)"
-        return MissingTheoryError(f"{self.name} has no {what}{why}; it has {there}{mean}")
+        """Make the error for theory that the process does not define; the advice lists what it defines."""
+        defined = [name for name in _SOURCES if self.has(name)]
+        if function_of(type(self).mean) is not Process.mean:
+            defined.append("mean")
+        what = theory.replace("_", " ").replace("running sum", "running-sum").replace("psd", "power spectral density")
+        message = "cannot be simulated" if theory == "simulate" else f"has no {what}"
+        return MissingTheoryError(
+            f"{self.name} {message}{'' if self.stationary else ' (it is not stationary)'}",
+            advice="It defines {defined}.",
+            theory=theory,
+            process=self.name,
+            defined=", ".join(defined),
+        )
 
     def _variance_under(
         self, filter: WaveletFilter, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float
     ) -> Vector:
-        """Wavelet variance from whatever theory the process gives."""
+        """Wavelet variance under any filter, derived from the theory that the process defines."""
         if filter is HAAR:
             return self._haar_variance(levels, rate)
         if self._gives("state_space") and self.stationary:
@@ -492,9 +534,12 @@ class Process(ABC):
         longest = filtered.lags_needed(filter, int(levels[-1]))
         if longest > _LONGEST_SUM or not self.has("running_sum_covariance"):
             raise MissingTheoryError(
-                f"{self.name} has its wavelet variance under filter {filter.name!r} by summation of its autocovariance "
-                f"only, up to lag {_LONGEST_SUM}; level {levels[-1]} needs {longest}. Use filter='haar', or define "
-                f"{'state_space' if self.stationary else 'shape'} in {type(self).__name__}"
+                f"{self.name} derives its wavelet variance under the filter {filter.name} by summation of its "
+                f"autocovariance, up to lag {_LONGEST_SUM} at most; level {levels[-1]} needs lag {longest}",
+                got=filter.name,
+                advice="Use {--filter=haar}, or define `{method}` in {process}.",
+                method="state_space" if self.stationary else "shape",
+                process=type(self).__name__,
             )
         if self._gives("autocovariance"):
             covariance = self.autocovariance(np.arange(longest), rate)
@@ -504,7 +549,7 @@ class Process(ABC):
         return filtered.autocovariance_variance(covariance, filter, levels)
 
     def _haar_variance(self, levels: np.ndarray[Any, np.dtype[np.int64]], rate: float) -> Vector:
-        """Wavelet variance from whatever theory the process gives; the block sums never cancel, K may."""
+        """Wavelet variance under the Haar filter. Block sums of a state space do not cancel; differences of K may."""
         if self._gives("state_space"):
             return self.state_space(rate).haar_variance(levels)
         h = 2 ** (levels - 1)
@@ -539,45 +584,3 @@ class Process(ABC):
 
     def __repr__(self) -> str:
         return str(self) if str(self).endswith(")") else f"{self}()"
-
-
-def _function(method: Any) -> Any:
-    return getattr(method, "__func__", method)
-
-
-# --- what a class must be to be registered ------------------------------------------------------------
-
-
-def _check_name(cls: type[Process]) -> None:
-    """A name is given once, however it is spelled; but a class that is defined anew takes the place of the older."""
-    older = next((known for name, known in registry.items() if name.casefold() == cls.name.casefold()), None)
-    if older is None:
-        return
-    if not defined_anew(cls, older) or older.name != cls.name:
-        raise ModelError(
-            f"there is already a process called {older.name}, {'of gmwm' if is_own(older) else 'defined'} in "
-            f"{older.__module__}: {older.__qualname__}; give {cls.__qualname__} another name"
-        )
-
-
-def _check_calls(cls: type[Process]) -> None:
-    """Whether the methods that a class overrides can be called as they will be: as those of `Process`."""
-    for name, method in vars(cls).items():
-        expected = getattr(Process, name, None)
-        if name.startswith("_") or not isfunction(_function(method)) or not callable(expected):
-            continue
-        wanted = {
-            n: p for n, p in signature(expected).parameters.items() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
-        }
-        needed = [name for name, p in wanted.items() if p.default is p.empty]
-        try:
-            given = signature(getattr(cls, name))
-            given.bind(*needed)
-            given.bind(*wanted)
-        except TypeError as error:
-            of_class = ismethod(expected)
-            written = ", ".join((["cls"] if of_class else []) + [f"{w}=…" if w not in needed else w for w in wanted])
-            raise ModelError(
-                f"{cls.__name__}.{name} must be {'a class method, ' if of_class else ''}{name}({written}); "
-                f"it is {name}{signature(_function(method))}"
-            ) from error

@@ -55,8 +55,9 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
             return np.asarray(np.sqrt(np.maximum(eigenvalues, 0.0)))
         half *= 2
     raise MissingTheoryError(
-        f"no circle of up to {2 * LARGEST} samples has this autocovariance, by which paths are simulated; define "
-        "state_space or simulate, or see whether the autocovariance is one"
+        f"paths cannot be simulated: no circulant embedding of up to {2 * LARGEST} samples has this autocovariance",
+        largest=2 * LARGEST,
+        advice="Check that the autocovariance is positive definite, or define `state_space` or `simulate`.",
     )
 
 

@@ -22,14 +22,14 @@ from gmwm.statespace import StateSpace
 
 @dataclass(frozen=True, repr=False)
 class DR(Process):
-    """Drift (rate ramp): X_t = ωt, a mean and not a noise.
+    """Drift (rate ramp): the deterministic mean X_t = ωt.
 
-    ν_j² = ω²τ_j²/16; the sign of ω is not in it.
+    ν_j² = ω²τ_j²/16, with τ_j = 2^j samples. It does not depend on the sign of ω.
 
     Parameters
     ----------
     omega : float, fixed or None
-        Slope ω, in u per sample.
+        Slope ω (u per sample).
 
     Examples
     --------
@@ -46,14 +46,14 @@ class DR(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """τ²/16 for the Haar filter."""
+        """Wavelet variance at ω² = 1: τ²/16 for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.drift_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, 2 * as_levels(levels) - 4), (len(nonlinear), 1))
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """ω² of ω ~ U(R/100, R/2), R = (max x − min x)/N."""
+        """Draw ω ~ U(R/100, R/2) with R = (max x − min x)/N; returns ω²."""
         return np.square(rng.uniform(0.01 * occasion.spread, 0.5 * occasion.spread, (draws, 1)))
 
     def mean(self, t: ArrayLike) -> Vector:
@@ -61,7 +61,7 @@ class DR(Process):
         return np.asarray(self.value("omega") * np.asarray(t, dtype=np.float64))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """None: a drift is a mean."""
+        """Return 0: a drift is deterministic."""
         return np.zeros(np.shape(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
@@ -81,13 +81,13 @@ class DR(Process):
         return np.broadcast_to(self.mean(np.arange(n)), shape_of_paths(n, paths)).copy()
 
     def correlation_time(self, rate: float) -> float:
-        """Infinite."""
+        """Return inf: a drift is not stationary."""
         return math.inf
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """ω²n²/2, from the mean."""
+        """Return ω²n²/2 (u²)."""
         return np.asarray(0.5 * self.scale * np.square(as_clusters(clusters), dtype=np.float64))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """R = ωf, with the sign of ω."""
+        """Return the ramp coefficient R = ω/Δt, with the sign of ω."""
         return (Physical("R", "ramp", self.value("omega") * as_rate(rate), -1.0, slopes={"omega": 1.0}),)

@@ -69,8 +69,11 @@ class Lagged(Ordered, abstract=True, listed=False):
             size = float(1.0 / np.abs(rational.roots(back)).max())
             shown = ", ".join(f"{v:g}" for v in values if v is not None)
             raise ModelError(
-                f"{self.name} must be {what}: the polynomial with {polynomial.name} = ({shown}) has a zero of modulus "
-                f"{size:.7g}, and must have all outside the unit circle; {_way_out(polynomial)}"
+                f"{self.name} must be {what}: all zeros of its polynomial must lie outside the unit circle, but for "
+                f"{polynomial.name} = ({shown}) one has the modulus {size:.7g}",
+                argument=polynomial.name,
+                got=values,
+                advice=_advice(polynomial),
             )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
@@ -254,7 +257,7 @@ def _root_text(root: complex) -> str:
     return f"{root.real:.3g}" if abs(root.imag) < 1e-9 else f"{root.real:.3g} ± {abs(root.imag):.3g}i"
 
 
-def _way_out(part: Coefficients) -> str:
+def _advice(part: Coefficients) -> str:
     if _sign(part) > 0:
-        return "take smaller coefficients; for a zero at 1 take a random walk"
-    return "take those with that zero inverted, which have the same spectrum up to σ²; on the circle there is none"
+        return "Use smaller coefficients; for a zero at 1 use a random walk."
+    return "Use the coefficients with this zero inverted, which give the same spectrum up to a factor."

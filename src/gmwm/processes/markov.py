@@ -1,4 +1,4 @@
-"""First-order Markov processes: AR1 in discrete time, and Gauss-Markov with its rate of decay per second."""
+"""First-order Markov processes: AR1 in discrete time and Gauss-Markov in continuous time."""
 
 from __future__ import annotations
 
@@ -28,19 +28,21 @@ from gmwm.statespace import StateSpace
 _PROCESS = "first-order Markov"
 
 FEW_TIMES = 30
-"""Correlation times in a record, up to which intervals hold the truth less often than they say: the study `short`."""
+"""Correlation times in a recording below which confidence intervals have less than their nominal coverage; see
+docs/validation, study `short`."""
 SEARCH_BEND = 0.01
-"""λ times the number of samples, below which the search coordinate is linear in λ, above it logarithmic."""
+"""The search coordinate is linear in λ below `SEARCH_BEND`/N and logarithmic above it. At this λ a recording of N
+samples cannot distinguish the process from a random walk; see test_search_branches_run_along_the_parameter."""
 SEARCH_HIGH = 40.0
-"""Largest λ that is searched: e^(−40), the autocorrelation at one sample, is nothing next to 1."""
+"""Largest λ of the search: the autocorrelation at one sample is e^(−40) = 4·10⁻¹⁸, below the rounding error of 1."""
 
 
 @dataclass(frozen=True)
 class _Coordinate:
     """u ↦ λ = bend·(e^(u − low) − 1 + `least`), with bend = `SEARCH_BEND`/N and low = ln bend.
 
-    It ends at λ = `least`·bend, where the process is a random walk to this record but for that share, and is ln λ
-    from where a record can tell.
+    It begins at λ = `least`·bend, where the process equals a random walk up to this relative error, and approaches ln λ
+    for λ that a recording can distinguish.
     """
 
     bend: float
@@ -64,7 +66,7 @@ class _Coordinate:
 
 
 def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
-    """φ = ±e^(−λ). Doubles next to 1 are too coarse for the smallest λ that Gauss-Markov processes go down to."""
+    """Branch φ = ±e^(−λ). It ends at a larger λ than for Gauss-Markov processes, because doubles near 1 are coarse."""
     along = _Coordinate(SEARCH_BEND / samples, least=1e-3)
 
     def coordinate(phi: float) -> float | None:
@@ -84,7 +86,7 @@ def _ar1_branch(samples: int, sign: float, low_acts_as: str | None) -> Branch:
 
 
 class _Markov(Process, abstract=True):
-    """Theory common to both: marginal variance s², φ = ±e^(−λ)."""
+    """Theory of a first-order Markov process with marginal variance s² and φ = ±e^(−λ)."""
 
     repeatable = True
     parametrises = _PROCESS
@@ -110,22 +112,22 @@ class _Markov(Process, abstract=True):
         return np.asarray(-0.5 * s2 * (m * -math.expm1(-lam) / (1 - phi) - 2 * phi * power / (1 - phi) ** 2))
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = s²(φ^|m| − 1), or s²φ^|m| where φ is negative: what is left of it after a constant is not rounded."""
+        """A(m) = s²(φ^|m| − 1), which does not cancel for φ near 1; s²φ^|m| for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * np.expm1(-lam * np.abs(as_lags(lags))) if sign > 0 else self.autocovariance(lags, rate)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Exponentials in the distance from the ends of the blocks: (n,) in u², one for each pair of levels and lag."""
+        """Covariance (u²) of Haar wavelet coefficients, (n,): exponentials in the distance of the block ends."""
         s2, sign, lam = self._pole(as_rate(rate))
         return s2 * (haar_covariance.exponential(at, lam) if sign > 0 else haar_covariance.alternating(at, lam))
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """±λ."""
+        """Return the decay rate λ per sample, negative for negative φ."""
         _, sign, lam = self._pole(as_rate(rate))
         return (sign * lam,)
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Twice the closed form at half-scale n; from block sums where φ is negative."""
+        """Allan variance (u²): twice the closed form at the half-scale n; from block sums for negative φ."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0:
             return super().allan_variance(clusters, rate)
@@ -142,19 +144,19 @@ class _Markov(Process, abstract=True):
         return np.asarray(-s2 * math.expm1(-2.0 * lam) / (rate * distance))
 
     def state_space(self, rate: float) -> StateSpace:
-        """One state, the process itself, started in its stationary distribution."""
+        """Return the state space with one state, the process itself, in its stationary distribution."""
         s2, sign, lam = self._pole(as_rate(rate))
         return StateSpace(F=sign * math.exp(-lam), Q=-s2 * math.expm1(-2.0 * lam), H=1.0, P0=s2)
 
     def continuous(self, rate: float) -> ContinuousStateSpace | None:
-        """A = −λf, Qc = 2λfs²: a logarithm of φ next to 1 would not have the digits. None where φ ≤ 0."""
+        """Return A = −λf, Qc = 2λfs², from λ because ln φ loses digits for φ near 1; None if φ ≤ 0."""
         s2, sign, lam = self._pole(as_rate(rate))
         if sign < 0 or not math.isfinite(lam):
             return None
         return ContinuousStateSpace(A=-lam * rate, Qc=2.0 * lam * rate * s2, H=1.0, P0=s2)
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Where the record holds so few correlation times that intervals are too narrow."""
+        """Return a remark if the recording has so few correlation times that confidence intervals are too narrow."""
         _, sign, lam = self._pole(rate)
         times = lam * samples
         if sign < 0 or times >= FEW_TIMES:
@@ -164,7 +166,7 @@ class _Markov(Process, abstract=True):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
         as_paths(n, paths)
         s2, sign, lam = self._pole(as_rate(rate))
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
@@ -174,14 +176,14 @@ class _Markov(Process, abstract=True):
 
 
 FASTEST_DRAWN = 0.999995
-"""Largest φ that the paper draws."""
+"""Largest φ of the starting values in Algorithm 3 of the paper."""
 
 
 def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vector | None, number: int) -> Matrix:
-    """Marginal variance s² and φ (draws, 2) as the paper draws them, after `before` (draws,), the φ of the last term.
+    """Draw marginal variances s² and φ (draws, 2) by Algorithm 3 of the paper; `before` is φ₋ of the last term.
 
-    On condition 1, φ = (1 − √(1 − 3U))/5; on 2, φ ~ U(max(0.9, φ₋), φ_max) and σ² ~ U(0, σ̂_T²(1 − φ²)/100); else
-    φ = (φ_max − φ₋)√(1 − 3U) + φ₋; U ~ U(0, 1/3), and where not said else σ² ~ U(½, 1) σ̂_T²(1 − φ)².
+    With U ~ U(0, 1/3): in condition 1, φ = (1 − √(1 − 3U))/5; in condition 2, φ ~ U(max(0.9, φ₋), φ_max) and
+    σ² ~ U(0, σ̂_T²(1 − φ²)/100); else φ = (φ_max − φ₋)√(1 − 3U) + φ₋. In all other cases σ² ~ U(½, 1) σ̂_T²(1 − φ)².
     """
     condition = occasion.first + number
     last = np.zeros(draws) if before is None else np.maximum(before, 0.0)
@@ -197,16 +199,16 @@ def _drawn(occasion: Occasion, rng: np.random.Generator, draws: int, before: Vec
 
 @dataclass(frozen=True, repr=False)
 class AR1(_Markov):
-    """First-order autoregression X_t = φX_{t−1} + ε_t, Var ε = σ².
+    """First-order autoregression: X_t = φX_{t−1} + ε_t, Var ε = σ².
 
-    ν_j² from φ and σ², see `exponential`; the marginal variance is s² = σ²/(1 − φ²).
+    The marginal variance is s² = σ²/(1 − φ²). The module `exponential` has the formula of ν_j².
 
     Parameters
     ----------
     phi : float, fixed or None
         Coefficient φ per sample, −1 < φ < 1.
     sigma2 : float, fixed or None
-        Innovation variance σ², in u².
+        Innovation variance σ² (u²).
 
     Examples
     --------
@@ -226,7 +228,7 @@ class AR1(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """ν² at innovation variance 1."""
+        """Wavelet variance at innovation variance 1."""
         if filter is not HAAR:
             return filtered.ar1_shape(np.asarray(nonlinear)[:, 0], filter, as_levels(levels))
         return exponential.ar1_shape(np.asarray(nonlinear)[:, 0], _half_scales(levels))
@@ -235,20 +237,20 @@ class AR1(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂ν²/∂φ at innovation variance 1; by differences of the closed form under other filters than Haar's."""
+        """Derivative ∂ν²/∂φ at innovation variance 1; by finite differences for filters other than Haar."""
         if filter is not HAAR:
             return super().shape_jacobian(nonlinear, levels, rate, filter)
         return exponential.ar1_slope(np.asarray(nonlinear)[:, 0], _half_scales(levels))[:, :, None]
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """Two branches, φ = e^(−λ) and φ = −e^(−λ), along u = ln λ."""
-        # At φ → −1 the sign alternates while the size wanders, which is no other process here.
+        """Return two branches, φ = e^(−λ) and φ = −e^(−λ), along u = ln λ."""
+        # For φ → −1 the limit, a random walk of alternating sign, is no process of gmwm.
         return _ar1_branch(samples, 1.0, RW.name), _ar1_branch(samples, -1.0, None)
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """σ² and φ, see `_drawn`."""
+        """Draw σ² and φ, see `_drawn`."""
         drawn = _drawn(occasion, rng, draws=draws, before=before[-1][:, 0] if before else None, number=len(before))
         return np.column_stack([drawn[:, 0] * (1.0 - drawn[:, 1] ** 2), drawn[:, 1]])
 
@@ -258,14 +260,14 @@ class AR1(_Markov):
         return self.scale / -math.expm1(-2.0 * lam), math.copysign(1.0, phi), lam
 
     def correlation_time(self, rate: float) -> float | None:
-        """−1/(f ln|φ|) in s; None where φ has no value."""
+        """Return −Δt/ln|φ| (s); None if φ has no value."""
         phi = self.values["phi"]
         if phi is None:
             return None
         return 0.0 if phi == 0 else float(1.0 / (rate * exponential.log_decay(np.array([phi]))[0]))
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0, which none has."""
+        """Return T_c and q_c of the Gauss-Markov process with φ = e^(−Δt/T_c); nothing for φ ≤ 0, which has none."""
         s2, _, lam = self._pole(as_rate(rate))
         if not self.value("phi") > 0:
             return ()
@@ -277,16 +279,17 @@ class AR1(_Markov):
 
 @dataclass(frozen=True, repr=False)
 class GM(_Markov):
-    """First-order Gauss-Markov process: autocovariance σ² e^(−β|t|) at time t in seconds.
+    """First-order Gauss-Markov process: autocovariance σ² e^(−β|t|) at the time lag t (s).
 
-    The sampled process is an AR1 with φ = e^(−βΔt) and marginal variance σ²; ν_j² see `exponential`.
+    The sampled process is an AR1 with φ = e^(−βΔt) and marginal variance σ². The module `exponential` has the formula
+    of ν_j².
 
     Parameters
     ----------
     beta : float, fixed or None
-        Inverse correlation time β, in 1/s.
+        Inverse correlation time β (1/s).
     sigma2 : float, fixed or None
-        Marginal variance σ², in u².
+        Marginal variance σ² (u²).
 
     Examples
     --------
@@ -306,7 +309,7 @@ class GM(_Markov):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """ν² at marginal variance 1."""
+        """Wavelet variance at marginal variance 1."""
         if filter is not HAAR:
             return filtered.gm_shape(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels))
         return exponential.gm_shape(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -315,7 +318,7 @@ class GM(_Markov):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂ν²/∂β at marginal variance 1."""
+        """Derivative ∂ν²/∂β at marginal variance 1."""
         if filter is not HAAR:
             return (filtered.gm_slope(np.asarray(nonlinear)[:, 0] / rate, filter, as_levels(levels)) / rate)[:, :, None]
         slope = exponential.gm_slope(np.asarray(nonlinear)[:, 0] / rate, _half_scales(levels))
@@ -323,7 +326,7 @@ class GM(_Markov):
 
     @classmethod
     def search(cls, samples: int, rate: float) -> tuple[Branch, ...]:
-        """One branch, from a random walk to white noise."""
+        """Return one branch, from a random walk to white noise."""
         along = _Coordinate(SEARCH_BEND / samples, least=1e-8)
         return (
             Branch(
@@ -339,10 +342,10 @@ class GM(_Markov):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """σ² and β of the φ = e^(−βΔt) that is drawn, see `_drawn`."""
+        """Draw σ² and φ = e^(−βΔt), see `_drawn`; returns σ² and β."""
         phi = np.exp(-before[-1][:, 0] / occasion.rate) if before else None
         drawn = _drawn(occasion, rng, draws=draws, before=phi, number=len(before))
-        # A φ of zero is white noise, for which β is infinite.
+        # φ = 0 is white noise, for which β would be infinite.
         decay = np.minimum(exponential.log_decay(drawn[:, 1]), SEARCH_HIGH)
         return np.column_stack([drawn[:, 0], occasion.rate * decay])
 
@@ -350,18 +353,18 @@ class GM(_Markov):
         return self.scale, 1.0, self.value("beta") / rate
 
     def correlation_time(self, rate: float) -> float | None:
-        """1/β in s; None where β has no value."""
+        """Return 1/β (s); None if β has no value."""
         beta = self.values["beta"]
         return None if beta is None else 1.0 / beta
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """T_c = 1/β and q_c = √(2βσ²)."""
+        """Return the correlation time T_c = 1/β and the driving noise density q_c = √(2βσ²)."""
         as_rate(rate)
         return _bias(self.scale, self.value("beta"), {"beta": -1.0}, {"beta": 0.5, "sigma2": 0.5})
 
 
 def _bias(s2: float, beta: float, time: dict[str, float], walk: dict[str, float]) -> tuple[Physical, ...]:
-    """Correlation time, and the density of the noise that drives the process: for τ ≪ T_c it is a walk with K = q_c."""
+    """Correlation time and driving noise density; for τ ≪ T_c the process is a random walk with K = q_c."""
     return (
         Physical("T_c", "correlation time", 1.0 / beta, 1.0, signal_power=0, slopes=time),
         Physical("q_c", "driving noise density", math.sqrt(2.0 * beta * s2), -0.5, slopes=walk),

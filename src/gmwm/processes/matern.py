@@ -216,9 +216,10 @@ class MAT(Process):
             half = max(half, circulant_embedding.half_period(math.ceil(min(reach, 2.0 * _LONGEST))))
         if half > _LONGEST:
             raise MissingTheoryError(
-                f"{self} is too slow and too smooth to be simulated at {rate:g} Hz: paths of {n} samples would have to "
-                f"be cut out of circles of more than {2 * _LONGEST}. Take a larger beta, a lower rate, at most "
-                f"{_SHORT} samples, or nu=0.5"
+                f"{self} is too slow and too smooth to be simulated at {rate:g} Hz: paths of {n} samples need a "
+                f"circulant embedding of more than {2 * _LONGEST} samples",
+                advice="Use a larger `beta`, a lower rate, at most {short} samples, or `nu` = 0.5.",
+                short=_SHORT,
             )
         unit = self.with_values(sigma2=1.0)
         return circulant_embedding.amplitudes(lambda k: unit.autocovariance(k.astype(np.int64), rate), half)

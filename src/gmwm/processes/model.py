@@ -1,4 +1,4 @@
-"""A model is a flat ordered sum of independent processes."""
+"""Models: sums of independent noise processes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.continuous_statespace import ContinuousStateSpace
-from gmwm.errors import MissingTheoryError, ModelError
+from gmwm.errors import ModelError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.kalman_methods import KalmanMethods
@@ -25,30 +25,31 @@ from gmwm.signals import Signal
 from gmwm.statespace import StateSpace
 
 MOST_TERMS = 100
-"""A sum with more terms than this is a slip of the pen: no record has that many levels."""
+"""Most terms of a model. A wavelet variance has 62 levels at most, so that more terms can never be estimated."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Model(KalmanMethods):
-    """A sum of independent latent processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
+    """Sum of independent noise processes, X_t = Σ_k X_t^(k), so that ν_j² = Σ_k ν_j²^(k).
 
-    Written as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
-    they have the same terms with the same values, in any order. The written order stays for display, and numbers
-    repeated terms: `GM[1]`, `GM[2]`.
+    Write it as a sum, `3 * GM() + WN() + RW()`, or as text, `Model.parse("3*GM + WN + RW")`. Two models are equal if
+    they have the same terms with the same values, in any order. The order is kept for display, and repeated terms are
+    numbered in this order: `GM[1]`, `GM[2]`.
 
-    Methods take what those of `Process` take: `rate` in Hz; `levels`, the number J of them or a list; `lags`
-    (samples); `frequencies` (Hz); `filter`, of `find_filter`; `n` and `paths`, how many samples and paths; `rng`, a
-    NumPy Generator or a seed. Theory that one of the terms has not raises `MissingTheoryError`; `has` asks for it.
+    The methods share their arguments with `Process`: `rate` in Hz; `levels`, their number J or an ascending list;
+    `lags` (samples); `frequencies` (Hz); `filter`, a name or a `WaveletFilter`; `n` and `paths`, the number of samples
+    and of sample paths; `rng`, a NumPy Generator or a seed. A method raises `MissingTheoryError` if a term does not
+    define the theory; check with `has`.
 
     Parameters
     ----------
     processes : tuple of Process
-        The terms, in the order in which they were written.
+        Terms, in the order in which they are displayed.
 
     Raises
     ------
     ModelError
-        If a process that cannot be repeated is, or one process comes in two parametrisations.
+        If a process occurs twice that cannot be repeated, or one process occurs in two parametrisations.
 
     Examples
     --------
@@ -71,12 +72,13 @@ class Model(KalmanMethods):
         given: tuple[object, ...] = self.processes
         for process in given:
             if not isinstance(process, Process):
-                made = f"; write {process.name}()" if isinstance(process, type) and issubclass(process, Process) else ""
-                raise ModelError(f"a model is a sum of processes, as GM() + WN(); got {process!r}{made}")
+                raise _no_model(process, "every term of a model must be a process, such as GM()", "processes")
         if not self.processes:
-            raise ModelError("a model needs at least one process, got none; write WN(), say")
+            raise ModelError("a model needs at least one process; got none", got=self.processes)
         if len(self.processes) > MOST_TERMS:
-            raise ModelError(f"a model has at most {MOST_TERMS} terms, got {len(self.processes)}")
+            raise ModelError(
+                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}", got=len(self.processes)
+            )
         _check_repeats(self.processes)
         _check_parametrisations(self.processes)
 
@@ -87,9 +89,9 @@ class Model(KalmanMethods):
         Parameters
         ----------
         text : str
-            A sum of processes. A number in front repeats one, `3*GM`. Values are starting values and are written by
-            name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Held values are written
-            `fixed(0.1)`. Orders come first: `ARMA(2, 1)`.
+            A sum of processes. A number in front of a process repeats it: `3*GM`. Values are starting values; write
+            them by name or in the order of the parameters: `AR1(phi=0.9)`, `AR1(0.9, 0.1)`. Write `fixed(0.1)` for a
+            value that is not estimated. Orders come first: `ARMA(2, 1)`.
 
         Returns
         -------
@@ -98,7 +100,7 @@ class Model(KalmanMethods):
         Raises
         ------
         ModelError
-            If the text cannot be read, with the place in it, or the processes cannot be summed.
+            If the text cannot be read, with the position of the error, or the processes cannot be summed.
 
         Examples
         --------
@@ -115,7 +117,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
-        """A label for each process: "WN"; "GM[1]", "GM[2]" where there are several."""
+        """Label of each process: "WN"; "GM[1]", "GM[2]" if there are several."""
         total, seen, labels = Counter(p.name for p in self.processes), Counter[str](), []
         for process in self.processes:
             seen[process.name] += 1
@@ -129,12 +131,12 @@ class Model(KalmanMethods):
 
     @property
     def parameters(self) -> dict[str, float | None]:
-        """Value of each parameter by label; None where it is to be estimated."""
+        """Value of each parameter by label; None if it is to be estimated."""
         return {f"{t}.{k}": v for t, process in self._labelled() for k, v in process.values.items()}
 
     @property
     def structure(self) -> str:
-        """The text form without values: "3*GM + WN"."""
+        """Text of the model without values: "3*GM + WN"."""
         return _text(p.name for p in self.processes)
 
     def units(self, signal_unit: str = "u") -> dict[str, str]:
@@ -147,7 +149,7 @@ class Model(KalmanMethods):
 
     @property
     def fixed_names(self) -> frozenset[str]:
-        """Labels of the parameters that are held."""
+        """Labels of the fixed parameters."""
         return frozenset(
             f"{t}.{p.name}" for t, process in self._labelled() for p in process.parameters if process.is_fixed(p.name)
         )
@@ -158,7 +160,7 @@ class Model(KalmanMethods):
         return all(process.is_complete for process in self.processes)
 
     def with_values(self, values: Mapping[str, Value]) -> Model:
-        """A copy in which the parameters named by label have other values; held ones stay held.
+        """Copy with other values, by label. A fixed parameter stays fixed if its new value is a number.
 
         >>> from gmwm.processes import GM, fixed
         >>> (GM() + GM(beta=fixed(1.0))).with_values({"GM[2].beta": 3.0, "GM[2].sigma2": 0.5})
@@ -166,7 +168,9 @@ class Model(KalmanMethods):
         """
         unknown = [label for label in values if label not in self.names]
         if unknown:
-            raise ModelError(f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}")
+            raise ModelError(
+                f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}", got=unknown[0]
+            )
         return Model(
             tuple(
                 process.with_values(
@@ -177,7 +181,7 @@ class Model(KalmanMethods):
         )
 
     def sorted(self, rate: float) -> Model:
-        """The same sum with repeated terms by correlation time, shortest first; other terms stay in place."""
+        """Copy with repeated terms in ascending order of correlation time; other terms stay in place."""
         rate, ordered = as_rate(rate), list(self.processes)
         for name in {p.name for p in ordered}:
             at = [k for k, p in enumerate(ordered) if p.name == name]
@@ -193,11 +197,11 @@ class Model(KalmanMethods):
         Parameters
         ----------
         levels : int or (J,) ascending ints
-            Levels j, of the scales 2^j samples; a number J stands for 1 … J.
+            Levels j, with scales of 2^j samples; a number J means 1 … J.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         filter : str or WaveletFilter
-            A name of `find_filter`.
+            Wavelet filter, see `gmwm.filters.find_filter`.
 
         Returns
         -------
@@ -209,7 +213,7 @@ class Model(KalmanMethods):
         ModelError
             If a parameter has no value.
         OptionError
-            If the levels do not ascend from 1, the rate is not positive, or there is no such filter.
+            If the levels are not ascending integers from 1, the rate is not positive, or the filter is unknown.
 
         Examples
         --------
@@ -222,9 +226,9 @@ class Model(KalmanMethods):
     def decomposition(
         self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR
     ) -> dict[str, Vector]:
-        """The wavelet variance of each term, by label: (J,) arrays in u² that add up to `wavelet_variance`.
+        """Wavelet variance of each term by label, (J,) arrays in u²; their sum is `wavelet_variance`.
 
-        It takes the same levels, rate (Hz) and filter, and raises the same errors.
+        The arguments and errors are the same as for `wavelet_variance`.
 
         >>> Model.parse("WN(sigma2=4) + RW(gamma2=1)").decomposition(3, rate=100.0)
         {'WN': array([2. , 1. , 0.5]), 'RW': array([0.25  , 0.375 , 0.6875])}
@@ -233,7 +237,7 @@ class Model(KalmanMethods):
         return {t: process.wavelet_variance(levels, rate, filter) for t, process in self._labelled()}
 
     def jacobian(self, levels: int | ArrayLike, rate: float, filter: str | WaveletFilter = HAAR) -> Matrix:
-        """∂ν_j²/∂θ (J, p) by the parameters themselves, in the order of `names`."""
+        """Derivative ∂ν_j²/∂θ (J, p) with respect to the parameters, in the order of `names`."""
         self._require_complete("Jacobian")
         wanted, rate, wavelet, columns = as_levels(levels), as_rate(rate), find_filter(filter), []
         for process in self.processes:
@@ -249,11 +253,11 @@ class Model(KalmanMethods):
         return np.column_stack(columns)
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """Generalised covariance K(m) of the running sum, up to what second differences remove."""
+        """Generalised covariance K(m) of the running sum (u²), up to a linear function; see `Process`."""
         return self._sum("running_sum_covariance", lambda p: p.running_sum_covariance(lags, rate))
 
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
-        """Allan variance (u²) of means over `clusters` of n samples, any whole n ≥ 1.
+        """Allan variance (u²) of clusters of n samples, for any integer n ≥ 1.
 
         >>> from gmwm.processes import RW, WN
         >>> (WN(sigma2=4.0) + RW(gamma2=1.0)).allan_variance([1, 2, 3], rate=100.0).round(4)
@@ -270,11 +274,11 @@ class Model(KalmanMethods):
         return self._sum("psd", lambda p: p.psd(frequencies, rate))
 
     def mean(self, t: ArrayLike) -> Vector:
-        """Mean at sample numbers t: the drift."""
+        """Mean (u) at sample numbers t, from the drift."""
         return np.asarray(np.sum([p.mean(t) for p in self.processes], axis=0))
 
     def state_space(self, rate: float) -> StateSpace:
-        """The sum in steps of a sample, as one block-diagonal F, Q, H, R, m0, P0.
+        """State space of the sum in discrete time, with block-diagonal F, Q, H, R, m0 and P0.
 
         >>> from gmwm.processes import GM, RW, WN
         >>> model = GM(beta=1.0, sigma2=4.0) + RW(gamma2=0.01) + WN(sigma2=3.0)
@@ -288,14 +292,15 @@ class Model(KalmanMethods):
         return StateSpace.sum(p.state_space(rate) for p in self.processes)
 
     def state_terms(self, rate: float) -> tuple[str, ...]:
-        """The label of the term that each state of `state_space` belongs to; white noise has none."""
+        """Label of the term of each state in `state_space`; white noise has no state."""
         self._require("state_space")
         return tuple(t for t, process in self._labelled() for _ in range(process.state_space(rate).states))
 
     def continuous(self, rate: float) -> ContinuousStateSpace:
-        """The sum in continuous time, as one block-diagonal A, Qc, H, Rc, whose steps at `rate` are `state_space`.
+        """State space of the sum in continuous time, with block-diagonal A, Qc, H and Rc.
 
-        What has no continuous form, as quantization noise, is in its `left_out`.
+        Its discretisation at `rate` is `state_space`. The attribute `left_out` lists the terms without a continuous
+        form, such as quantization noise.
 
         >>> Model.parse("GM(beta=0.5, sigma2=4.0) + QN(q2=1.0) + RW(gamma2=0.01)").continuous(rate=100.0).left_out
         ('QN',)
@@ -304,10 +309,10 @@ class Model(KalmanMethods):
         return ContinuousStateSpace.sum({t: process.continuous(rate) for t, process in self._labelled()})
 
     def has(self, theory: str) -> bool:
-        """Whether every term has this theory; see `Process.has`."""
+        """Whether every term defines this theory; see `Process.has`."""
         return all(p.has(theory) for p in self.processes)
 
-    # --- data, by the Kalman filter: `KalmanMethods` has the others ---------------------------------------
+    # --- likelihood; `KalmanMethods` has the other methods that use the Kalman filter ----------------------
 
     def loglikelihood(self, data: Signal | ArrayLike, rate: float | None = None, *, mean: float | None = None) -> float:
         """Compute the exact Gaussian log-likelihood of a recording, by the Kalman filter.
@@ -361,23 +366,23 @@ class Model(KalmanMethods):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths of the sum, stationary parts from the start.
+        """Simulate Gaussian sample paths of the sum; stationary terms start in their stationary distribution.
 
         Parameters
         ----------
         n : int
-            Samples.
+            Number of samples.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         rng : numpy.random.Generator or int
-            The source of the draws, or its seed.
+            Random number generator, or its seed.
         paths : int or None
-            How many paths; None for one.
+            Number of paths; None for one path without an axis of paths.
 
         Returns
         -------
         (n,) or (paths, n) array
-            In the unit u of the signal; (n,) where `paths` is None.
+            In the unit u of the signal; (n,) if `paths` is None.
 
         Raises
         ------
@@ -386,7 +391,7 @@ class Model(KalmanMethods):
         MissingTheoryError
             If a term cannot be simulated.
         OptionError
-            If n or paths is not a positive integer, the rate not positive, or rng neither generator nor seed.
+            If n or paths is not a positive integer, the rate is not positive, or rng is neither generator nor seed.
 
         Examples
         --------
@@ -400,7 +405,7 @@ class Model(KalmanMethods):
         as_paths(n, paths)
         generator, rate, by_label = as_rng(rng), as_rate(rate), dict(self._labelled())
         total = np.zeros(shape_of_paths(n, paths))
-        # Added in the order of drawing, so that the order of the terms changes no bit.
+        # Terms are added in the order of drawing, so that the order of the terms changes no bit of the sum.
         for label in self.drawing_order():
             total += by_label[label].simulate(n, rate, generator, paths)
         return total
@@ -408,7 +413,7 @@ class Model(KalmanMethods):
     def simulate_terms(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> dict[str, NDArray[np.float64]]:
-        """The latent processes one by one, by label; with the same seed they add up to `simulate`.
+        """Simulate each term separately, by label; with the same seed their sum is `simulate`.
 
         >>> from gmwm.processes import RW, WN
         >>> terms = (WN(sigma2=1.0) + RW(gamma2=0.01)).simulate_terms(1000, rate=100.0, rng=1)
@@ -422,7 +427,7 @@ class Model(KalmanMethods):
         return {label: drawn[label] for label in self.terms}
 
     def drawing_order(self) -> list[str]:
-        """Labels in the order in which `simulate` draws and adds the terms: that of their texts."""
+        """Labels in the order in which `simulate` draws and adds the terms: sorted by their text."""
         return [label for _, label in sorted((str(p), t) for t, p in self._labelled())]
 
     # --- algebra and text -----------------------------------------------------------------------------
@@ -430,14 +435,14 @@ class Model(KalmanMethods):
     def __add__(self, other: Process | Model) -> Model:
         if not isinstance(other, (Process, Model, type)):
             return NotImplemented
-        # Model itself says what is wrong with a class in the place of a process.
+        # Model raises the error if a class is given instead of a process.
         added = other.processes if isinstance(other, Model) else (other,)
         return Model((*self.processes, *added))
 
     def __mul__(self, count: int) -> Model:
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MOST_TERMS:
             raise ModelError(
-                f"a process is repeated a whole number of times, 1 to {MOST_TERMS}, as 3 * GM(); got {count!r}"
+                f"a process must be repeated a whole number of times, from 1 to {MOST_TERMS}; got {count!r}", got=count
             )
         return Model(self.processes * int(count))
 
@@ -457,7 +462,7 @@ class Model(KalmanMethods):
 
     @cached_property
     def _counted(self) -> Counter[Process]:
-        """How often each process occurs in the sum."""
+        """Number of occurrences of each process."""
         return Counter(self.processes)
 
     def __str__(self) -> str:
@@ -480,24 +485,28 @@ class Model(KalmanMethods):
         lacking = [p for p in self.processes if not p.has(theory)]
         if lacking:
             rest = [str(p) for p in self.processes if p not in lacking]
-            hint = f"; ask the rest, {' + '.join(rest)!r}, for it" if rest else ""
-            raise MissingTheoryError(f"{lacking[0].missing(theory)}{hint}")
+            error = lacking[0].missing(theory)
+            if rest:
+                error.advice += " All other terms define it: use `{rest}`."
+                error.facts["rest"] = " + ".join(rest)
+            raise error
 
     def _require_complete(self, what: str) -> None:
         missing = [label for label, value in self.parameters.items() if value is None]
         if missing:
             raise ModelError(
-                f"the {what} of {self} needs a value for {', '.join(missing)}: "
-                f"give them, as model.with_values({{{missing[0]!r}: …}}), or fit the model to data"
+                f"the {what} of {self} needs a value for {', '.join(missing)}",
+                advice="Give the values in the model, or fit the model to data.",
+                missing=tuple(missing),
             )
 
 
 ModelLike = Model | Process | str
-"""What may stand where a model is expected."""
+"""Types that are accepted as a model."""
 
 
 def as_model(model: Any, name: str = "model") -> Model:
-    """The model that `model` stands for: a Model, a Process alone, or the text of a sum.
+    """Convert a model, a single process or the text of a sum to a Model.
 
     >>> as_model("GM + WN")
     Model('GM + WN')
@@ -508,21 +517,30 @@ def as_model(model: Any, name: str = "model") -> Model:
         return Model((model,))
     if isinstance(model, str):
         return Model.parse(model)
-    hint = f"; write {model.name}()" if isinstance(model, type) and issubclass(model, Process) else ""
-    raise ModelError(f'{name} must be a sum of processes, as 2 * GM() + WN() or "2*GM + WN"; got {model!r}{hint}')
+    raise _no_model(model, f'{name} must be a sum of processes, such as "2*GM + WN"', name)
+
+
+def _no_model(got: object, message: str, argument: str) -> ModelError:
+    message = f"{message}; got {got!r}"
+    if isinstance(got, type) and issubclass(got, Process):
+        return ModelError(message, argument=argument, got=got, advice="Write `{term}`.", term=f"{got.name}()")
+    return ModelError(message, argument=argument, got=got)
 
 
 def _check_repeats(processes: tuple[Process, ...]) -> None:
     for name, count in Counter(p.name for p in processes).items():
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
-            raise ModelError(f"{name} cannot be repeated, got {count}: {process.repeats(count)}")
+            raise ModelError(
+                f"{name} cannot be repeated {count} times: {process.repeats(count)}", name=name, count=count
+            )
     for a, b in combinations(processes, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):
             held = ", ".join(f"{p.name}={getattr(a, p.name)}" for p in a.nonlinear_parameters())
             raise ModelError(
-                f"two terms {a.name} are both held at {held}: no data can tell them apart; "
-                "hold them at different values, hold only one, or hold their scales too"
+                f"two terms {a.name} are both fixed at {held}, so that no data can distinguish them",
+                advice="Fix them at different values, fix one of them only, or fix their variances too.",
+                name=a.name,
             )
 
 
@@ -539,8 +557,10 @@ def _check_parametrisations(processes: tuple[Process, ...]) -> None:
         if process.parametrises is not None and chosen.setdefault(process.parametrises, process.name) != process.name:
             first = chosen[process.parametrises]
             raise ModelError(
-                f"{first} and {process.name} are one process ({process.parametrises}) in two parametrisations; "
-                f"write all such terms as {first}, or all as {process.name}"
+                f"{first} and {process.name} are two parametrisations of one process ({process.parametrises})",
+                advice="Write all such terms as {first}, or all as {second}.",
+                first=first,
+                second=process.name,
             )
 
 
@@ -550,7 +570,7 @@ def _text(terms: Iterable[str]) -> str:
 
 
 def _order(process: Process, rate: float) -> tuple[float, ...]:
-    """By correlation time, and by the nonlinear parameters where that is not known."""
+    """Sort key: the correlation time, or the nonlinear parameters if it is unknown."""
     time, values = process.correlation_time(rate), process.values
     shape = [values[p.name] for p in process.nonlinear_parameters()]
     return (math.inf if time is None else time, *(math.inf if value is None else value for value in shape))

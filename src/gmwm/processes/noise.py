@@ -1,19 +1,28 @@
 """White noise and quantization noise.
 
-To add a process of your own, write a class like the ones below, in this file or in a new one that
-`processes/__init__.py` imports; the order there is the order in which processes are shown. It needs
+How to add a process
+--------------------
+Write a class like `WN` below, in this file or in a new one. Import it in `processes/__init__.py`; the order there is
+the order in which processes are listed. The class is a complete process with these members:
 
-- `name`, `title` and `parameters`, with a field for each; exactly one has a `scale_power`. `parameter.py` says what a
-  parameter can be, and `markov.py` shows one that changes the shape. `self.value("beta")` is its value, held or not;
-- one piece of theory. `state_space` gives all the rest, and at every level; `autocovariance` all but a state space;
-  `running_sum_covariance` the wavelet variance and its covariance; `shape` the wavelet variance alone;
-- `correlation_time` and `physical`, if its parameters mean something in continuous time that a datasheet could tell.
+1. `name`, `title` and `parameters`, and one dataclass field for each parameter. Exactly one parameter has a
+   `scale_power`: it scales the wavelet variance. `parameter.py` describes all properties of a parameter, and
+   `markov.py` has an example of a parameter that changes the shape. Read a value with `self.value("beta")`.
+2. One piece of theory. All other theory is derived from it:
 
-Everything else follows from these (see `base.py`), and the parser, the command line and the law tests find the class by
-themselves: `WN` down to its `physical` is a whole process. Define a further method only where it is more exact or
-faster than the default; the law tests then hold the two against each other. A difference such as 1 − e^(−x) cancels
-where x is small: write −expm1(−x). `search` says where to look for the one parameter of a shape; with it fits are
-proven to be the best there are.
+   - `state_space` gives everything, at every level;
+   - `autocovariance` gives everything but a state space;
+   - `running_sum_covariance` gives the wavelet variance and its covariance;
+   - `shape` gives the wavelet variance only.
+
+3. `correlation_time` and `physical`, if the parameters correspond to quantities of a datasheet.
+
+The parser, the command line and the law tests find the class by themselves. Run `pytest tests/laws` to test it. The
+docstring of `Process` in `base.py` has an example of ten lines.
+
+Override another method only if a closed form is more accurate or faster than the default of `base.py`. The law tests
+compare each override with the default. For small x compute 1 − e^(−x) as −expm1(−x), which does not lose digits.
+Define `search` if the shape has one parameter: then the global optimality of a fit can be proven.
 """
 
 from __future__ import annotations
@@ -38,14 +47,14 @@ from gmwm.statespace import StateSpace
 
 @dataclass(frozen=True, repr=False)
 class WN(Process):
-    """White noise: X_t uncorrelated with variance σ²; angular or velocity random walk after integration.
+    """White noise: uncorrelated samples of variance σ², which integrate to an angular or velocity random walk.
 
-    ν_j² = σ²/τ_j.
+    ν_j² = σ²/τ_j, with τ_j = 2^j samples.
 
     Parameters
     ----------
     sigma2 : float, fixed or None
-        Variance per sample σ², in u².
+        Variance per sample σ² (u²).
 
     Examples
     --------
@@ -60,30 +69,30 @@ class WN(Process):
     sigma2: Value = None
 
     def state_space(self, rate: float) -> StateSpace:
-        """No state: observation noise of variance σ²."""
+        """Return a state space without states, with observation noise of variance σ²."""
         return StateSpace(F=[], Q=[], H=[], R=self.scale)
 
     def correlation_time(self, rate: float) -> float:
-        """0: successive samples are uncorrelated."""
+        """Return 0 s: successive samples are uncorrelated."""
         return 0.0
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """N = √(σ²Δt)."""
+        """Return the white noise density N = √(σ²Δt)."""
         density = math.sqrt(self.scale / as_rate(rate))
         return (Physical("N", "white noise density", density, 0.5, slopes={"sigma2": 0.5}),)
 
-    # A process is whole here. What follows is known in closed form: more exact, or faster, than what these give.
+    # The process is complete here. The closed forms below are more accurate or faster than the defaults.
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """1/τ for the Haar filter."""
+        """Wavelet variance at σ² = 1: 1/τ for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.white_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(1.0, -as_levels(levels)), (len(nonlinear), 1))
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """σ² ~ U(σ̂_T²/2, σ̂_T²) where white noise dominates, else U(σ̂_T²/10⁵, σ̂_T²/10)."""
+        """Draw σ² ~ U(σ̂_T²/2, σ̂_T²) if white noise dominates, else U(σ̂_T²/10⁵, σ̂_T²/10), as Algorithm 3 does."""
         low, high = (0.5, 1.0) if occasion.dominant == "white" else (1e-5, 0.1)
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
@@ -96,13 +105,13 @@ class WN(Process):
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Triangles, zero beyond the reach of the filters: (n,) in u², one for each pair of levels and lag in `at`."""
+        """Covariance (u²) of Haar wavelet coefficients, (n,): triangles in the lag, zero without overlap."""
         return self.scale * haar_covariance.white(at)
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         draws = as_rng(rng).standard_normal(shape_of_paths(n, paths))
         draws *= math.sqrt(self.scale)
@@ -111,14 +120,14 @@ class WN(Process):
 
 @dataclass(frozen=True, repr=False)
 class QN(Process):
-    """Quantization noise of a sensor that rounds the accumulated quantity: X_t = e_t − e_{t−1}, Var e = Q².
+    """Quantization noise of a sensor that rounds the integrated signal: X_t = e_t − e_{t−1}, Var e = Q².
 
-    ν_j² = 6Q²/τ_j². The e_t are uniform, as a rounding error is: e = √12·Q·(U − ½).
+    ν_j² = 6Q²/τ_j², with τ_j = 2^j samples. The rounding errors e_t = √12·Q·(U − ½) are uniform.
 
     Parameters
     ----------
     q2 : float, fixed or None
-        Variance of the rounding error Q², in u².
+        Variance of the rounding error Q² (u²).
 
     Examples
     --------
@@ -134,19 +143,19 @@ class QN(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """6/τ² for the Haar filter."""
+        """Wavelet variance at Q² = 1: 6/τ² for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.quantization_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         return np.tile(np.ldexp(6.0, -2 * as_levels(levels)), (len(nonlinear), 1))
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """Q² ~ U(σ̂_T²/8, σ̂_T²/3) where quantization noise dominates, else U(σ̂_T²/(2·10⁵), σ̂_T²/100)."""
+        """Draw Q² ~ U(σ̂_T²/8, σ̂_T²/3) if quantization noise dominates, else U(σ̂_T²/(2·10⁵), σ̂_T²/100)."""
         low, high = (1 / 8, 1 / 3) if occasion.dominant == "quantization" else (5e-6, 0.01)
         return rng.uniform(low * occasion.total, high * occasion.total, (draws, 1))
 
     def running_sum_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """K(m) = Q² at m = 0, else 0: the running sum is e_t itself."""
+        """K(m) = Q² at m = 0, else 0, because the running sum is e_t up to a constant."""
         return np.where(as_lags(lags) == 0, self.scale, 0.0)
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -155,12 +164,12 @@ class QN(Process):
         return self.scale * (np.where(k == 0, 2.0, 0.0) - np.where(k == 1, 1.0, 0.0))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Spikes at nine lags: (n,) in u², one for each pair of levels and lag in `at`."""
+        """Covariance (u²) of Haar wavelet coefficients, (n,): nonzero at nine lags only."""
         return self.scale * haar_covariance.quantization(at)
 
     @property
     def error_cumulant(self) -> float:
-        """−1.2 Q⁴, of a uniform e."""
+        """Fourth cumulant of the uniform rounding error: −1.2 Q⁴."""
         return -1.2 * self.scale**2
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
@@ -169,7 +178,7 @@ class QN(Process):
         return np.asarray(4.0 * self.scale * np.sin(np.pi * f / rate) ** 2 / rate)
 
     def state_space(self, rate: float) -> StateSpace:
-        """States (e_t, e_{t−1}); second moments only, the e are Gaussian to whoever uses it."""
+        """Return the state space with the states (e_t, e_{t−1}), which treats e_t as Gaussian."""
         q2 = self.scale
         return StateSpace(
             F=[[0.0, 0.0], [1.0, 0.0]],
@@ -181,7 +190,7 @@ class QN(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Sample paths with uniform rounding errors: (n,), or (paths, n)."""
+        """Simulate sample paths with uniform rounding errors: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         errors = as_rng(rng).random(shape_of_paths(n + 1, paths))
         differences = np.diff(errors, axis=-1)
@@ -189,10 +198,10 @@ class QN(Process):
         return differences
 
     def correlation_time(self, rate: float) -> float:
-        """0: samples more than one step apart are uncorrelated."""
+        """Return 0 s: samples more than one step apart are uncorrelated."""
         return 0.0
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """Q of the standard, of the accumulated quantity: Q Δt."""
+        """Return the quantization coefficient of IEEE Std 952, Q Δt, in the unit of the integrated signal."""
         error = math.sqrt(self.scale) / as_rate(rate)
         return (Physical("Q", "quantization noise", error, 1.0, slopes={"q2": 0.5}),)

@@ -141,17 +141,21 @@ class Ordered(Process, abstract=True):
         if len(given) != len(names):
             first = cls.polynomials[0].name
             raise ModelError(
-                f"{cls.name} is written with its orders, {cls.written()}, or its coefficients, {first}=[…]; "
-                f"got {len(given)} orders"
+                f"{cls.name} needs its orders, {cls.written()}, or its coefficients, {first}=[…]; "
+                f"got {len(given)} orders",
+                got=given,
             )
         for name, order in zip(names, given, strict=True):
             least = 2 if name == cls.period_name else 0
             if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < least:
-                raise ModelError(f"{name} of {cls.written()} must be a whole number from {least}, got {order!r}")
+                message = f"{name} of {cls.written()} must be a whole number from {least}; got {order!r}"
+                raise ModelError(message, argument=name, got=order)
         whole = tuple(int(order) for order in given)  # type: ignore[call-overload]
         reach = cls.lags(whole)
         if reach > MOST_LAGS:
-            raise ModelError(f"{_name(cls, whole)} reaches back {reach} samples, but {MOST_LAGS} are the most")
+            raise ModelError(
+                f"{_name(cls, whole)} reaches back {reach} samples; the maximum is {MOST_LAGS}", got=whole, reach=reach
+            )
         cls.check_orders(whole)
         return whole
 
@@ -193,7 +197,7 @@ class Ordered(Process, abstract=True):
             found = cls.of(*cls._orders_of(orders, values))
         else:
             if orders and cls._orders_of(orders, values) != cls.orders:
-                raise ModelError(f"{cls.name} has the orders {cls.orders}, got {orders}")
+                raise ModelError(f"{cls.name} has the orders {cls.orders}; got {orders}", got=orders)
             found = cls
         return object.__new__(found)
 
@@ -204,12 +208,14 @@ class Ordered(Process, abstract=True):
                 for i, value in enumerate(_sequence(sequence, self, polynomial), 1):
                     name = f"{polynomial.name}{i}"
                     if name in given:
-                        raise ModelError(f"{self.name}.{name} is given twice, in {polynomial.name} and by itself")
+                        raise ModelError(
+                            f"{self.name}.{name} is given twice, in {polynomial.name} and by itself", argument=name
+                        )
                     given[name] = value
         known = [p.name for p in self.parameters]
         for name in given:
             if name not in known:
-                raise ModelError(f"{self.name} has no parameter {name!r}; its parameters are {', '.join(known)}")
+                raise self.no_parameter(name)
         for name in known:
             object.__setattr__(self, name, given.get(name))
         self.__post_init__()
@@ -235,7 +241,7 @@ class Ordered(Process, abstract=True):
         given = list(orders)
         if cls.period_name is not None and cls.period_name in values:
             if len(given) >= len(cls.order_names()):
-                raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice")
+                raise ModelError(f"the {cls.period_name} of {cls.written()} is given twice", argument=cls.period_name)
             given.append(values[cls.period_name])
         counts = {p.order: len(_sequence(values[p.name], cls, p)) for p in cls.polynomials if _is_given(values, p.name)}
         named = [values[name] for name in cls.order_names() if name in values and name != cls.period_name]
@@ -249,7 +255,10 @@ class Ordered(Process, abstract=True):
             if counts.get(polynomial.order, order) != order:
                 raise ModelError(
                     f"{_name(cls.order_class, tuple(given))} has {polynomial.order} = {order!r}, but "
-                    f"{polynomial.name} has {counts[polynomial.order]} values; give orders or coefficients"
+                    f"{polynomial.name} has {counts[polynomial.order]} values",
+                    argument=polynomial.order,
+                    got=order,
+                    advice="Give either orders or coefficients.",
                 )
         return tuple(given)
 
@@ -282,7 +291,10 @@ def _is_given(values: Mapping[str, Any], name: str) -> bool:
 def _sequence(values: Any, owner: Any, polynomial: Coefficients) -> list[Value]:
     if isinstance(values, (str, Fixed, Mapping)) or not isinstance(values, Iterable):
         raise ModelError(
-            f"{polynomial.name} of {owner.name} must be a list of coefficients, got {values!r}; "
-            f"a single one is {polynomial.name}1"
+            f"{polynomial.name} of {owner.name} must be a list of coefficients; got {values!r}",
+            argument=polynomial.name,
+            got=values,
+            advice="A single coefficient is called `{first}`.",
+            first=f"{polynomial.name}1",
         )
     return [value.item() if isinstance(value, np.generic) else value for value in values]

@@ -1,4 +1,4 @@
-"""Parameters of a process: what one is, what it may be, in which unit, and whether it is held."""
+"""Parameters of processes: name, domain, unit, and fixed values."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import ModelError
 
+_ESTIMATED = "Leave it out to estimate it."
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """A value that is held during estimation; write `fixed(0.01)`."""
+    """Value of a parameter that is not estimated; write `fixed(0.01)`."""
 
     value: float
 
@@ -31,22 +32,22 @@ class Fixed:
 
 
 def fixed(value: float) -> Fixed:
-    """A parameter held at `value`: estimation leaves it alone, and counts it as known.
+    """Fix a parameter at `value`: it is not estimated, and counts as known.
 
     Parameters
     ----------
     value : float
-        In the unit of the parameter, SI and per sample: u² for a variance, 1/s for β, Hz for a frequency.
+        In the unit of the parameter, in SI: u² for a variance, 1/s for β, Hz for a frequency.
 
     Returns
     -------
     Fixed
-        To give to a process in place of a number.
+        Pass it to a process instead of a number.
 
     Raises
     ------
     ModelError
-        If it is not a finite number; the process that is given it says whether it may be negative or zero.
+        If it is not a finite number. The process checks its domain.
 
     Examples
     --------
@@ -58,36 +59,36 @@ def fixed(value: float) -> Fixed:
 
 
 Value = float | Fixed | None
-"""What a parameter may be given as: None is estimated, a number is where to start, `fixed(x)` is held."""
+"""Value of a parameter: None (estimated), a number (starting value) or `fixed(x)` (not estimated)."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """What a process says about one of its parameters.
+    """Definition of one parameter of a process.
 
     Parameters
     ----------
     name : str
-        Its name in code and in results, "sigma2".
+        Name in code and in results, such as "sigma2".
     symbol : str
-        Its symbol in text, "σ²".
+        Symbol in text, such as "σ²".
     description : str
-        What it is, in a few words.
+        Meaning, in a few words.
     domain : "positive", "real" or "between"
-        Positive, any real number, or strictly between the `limits`. The scale parameter of a process may also
-        be 0, which is what an estimate is when the data do not show the process.
+        Positive, any real number, or strictly between the `limits`. The scale parameter of a process may also be 0,
+        which means that the process is absent.
     limits : pair of float
-        Ends of the domain "between": −1 and 1 by default.
+        Ends of the domain "between"; −1 and 1 by default.
     signal_power, time_power : int
-        Powers of the signal's unit and of the second in the parameter's unit: (2, 0) for a variance,
-        (0, −1) for an inverse correlation time.
+        Powers of the unit of the signal and of the second in the unit of the parameter: (2, 0) for a variance, (0, −1)
+        for an inverse correlation time.
     per_sample : bool
-        Whether the value belongs to one sampling step, so that it changes with the rate.
+        Whether the value refers to one sampling step, so that it depends on the rate.
     scale_power : int or None
-        p where the wavelet variance is proportional to value**p (1 for a variance, 2 for a slope); None for
-        a parameter that changes the shape.
+        Exponent p if the wavelet variance is proportional to value**p (1 for a variance, 2 for a slope); None for a
+        parameter that changes the shape.
     unit_name : str or None
-        A name for the unit where it has one of its own, "Hz".
+        Name of the unit, if it has one, such as "Hz".
     """
 
     name: str
@@ -102,7 +103,7 @@ class Parameter:
     unit_name: str | None = None
 
     def unit(self, signal_unit: str = "u") -> str:
-        """The unit as text, for a signal in `signal_unit`; "" for a pure number.
+        """Unit as text, for a signal in `signal_unit`; "" for a dimensionless parameter.
 
         >>> Parameter("sigma2", "σ²", "variance", signal_power=2).unit("rad/s")
         '(rad/s)²'
@@ -120,12 +121,12 @@ class Parameter:
         return f"{over} per sample" if over and self.per_sample else over
 
     def checked(self, value: object, owner: str) -> Value:
-        """`value` if it may stand for this parameter of the process `owner`, as a plain float inside.
+        """Check a value of this parameter of the process `owner`, and convert it to float.
 
         Raises
         ------
         ModelError
-            If it is not a finite real number in the domain, None or `fixed(…)` of such a number.
+            If it is not None, a finite real number in the domain, or `fixed(…)` of one.
         """
         if value is None:
             return None
@@ -140,27 +141,27 @@ class Parameter:
         if self.domain == "positive" and (number < 0 or (number == 0 and not zero_allowed)):
             least = "zero or positive" if zero_allowed else "positive"
             unit = f" ({self.unit()})" if self.unit() else ""
-            raise ModelError(f"{name} ({self.description}) must be {least}{unit}, got {value!r}")
+            raise _wrong(f"{name} ({self.description})", f"{least}{unit}", value, argument=name)
         low, high = self.limits
         if self.domain == "between" and not low < number < high:
-            raise ModelError(
-                f"{name} ({self.description}) must lie strictly between {low:g} and {high:g}, got {value!r}"
-            )
+            expected = f"strictly between {low:g} and {high:g}"
+            raise _wrong(f"{name} ({self.description})", expected, value, argument=name)
         return number
 
-    # --- every real number as a coordinate ------------------------------------------------------------
+    # --- unconstrained coordinates --------------------------------------------------------------------
 
     def room(self, values: Vector) -> Vector:
-        """How far each of the `values` is from an end of the domain; its own size where that has none, 1 at zero."""
+        """Distance of each value from the end of the domain; for a real parameter its absolute value, or 1 at zero."""
         if self.domain == "between":
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
         size = np.abs(values)
         return np.asarray(np.where(size == 0, 1.0, size) if self.domain == "real" else values)
 
     def scanned(self, samples: int, rate: float) -> tuple[float, float]:
-        """Ends of its coordinate for a record of `samples` at `rate` (Hz).
+        """Range of the coordinate for starting values, for a recording of `samples` at `rate` (Hz).
 
-        Rates go from a turn of the record to one a sample, shares to 0.995, others from 0.1 to 10.
+        Inverse times range from one over the length of the recording to one over the sampling interval, other positive
+        values from 0.1 to 10, and values between limits up to tanh(3) = 0.995 of the interval.
         """
         if self.domain == "positive":
             low, high = (rate / samples, rate) if self.time_power == -1 else (0.1, 10.0)
@@ -168,14 +169,14 @@ class Parameter:
         return (-3.0, 3.0) if self.domain == "between" else (-2.0, 2.0)
 
     def coordinate(self, values: Vector) -> Vector:
-        """Coordinates of values, in which every real number is allowed: ln θ, artanh, or θ itself."""
+        """Unconstrained coordinates of values: ln θ, artanh of the rescaled θ, or θ itself."""
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * np.log((values - low) / (high - values)))
         return np.asarray(np.log(values) if self.domain == "positive" else values)
 
     def at_coordinate(self, z: NDArray[Any]) -> NDArray[Any]:
-        """Values at the coordinates `z`; analytic, so that it takes complex ones too."""
+        """Values at the coordinates `z`, which may be complex: the function is analytic."""
         if self.domain == "between":
             low, high = self.limits
             return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * np.tanh(z))
@@ -184,20 +185,20 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One curve through the domain of a single nonlinear parameter, along a search coordinate u.
+    """Curve through the domain of a single nonlinear parameter, along a search coordinate u.
 
     Parameters
     ----------
     low, high : float
-        Range of u that a record can tell apart from the processes named by `low_acts_as`, `high_acts_as`.
+        Range of u. Beyond it a recording cannot distinguish the process from `low_acts_as` or `high_acts_as`.
     values : function of u (n,)
-        The nonlinear parameters (n, 1) there.
+        Nonlinear parameters (n, 1).
     slope : function of u (n,)
-        Their derivatives by u (n, 1).
+        Derivatives of the nonlinear parameters with respect to u (n, 1).
     coordinate : function of a value
-        The u of a value, not clipped to the range; None where the value is not on this curve.
+        u of a value, not clipped to the range; None if the value is not on this curve.
     low_acts_as, high_acts_as : str or None
-        Names of the processes that the process becomes at the two ends; None where it becomes none of them.
+        Names of the processes that the process approaches at the two ends; None if there is none.
     """
 
     low: float
@@ -217,8 +218,15 @@ def _power(base: str, power: int) -> str:
 
 def _as_number(value: object, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ModelError(f"{name} must be a number, got {value!r}; leave it out to have it estimated")
+        raise _wrong(name, "a number", value, argument=name, advice=_ESTIMATED)
     number = float(value)
     if not math.isfinite(number):
-        raise ModelError(f"{name} must be finite, got {value!r}; leave it out to have it estimated")
+        raise _wrong(name, "finite", value, argument=name, advice=_ESTIMATED)
     return number
+
+
+def _wrong(what: str, expected: str, got: object, argument: str, advice: str = "") -> ModelError:
+    # A literal message: the parameter of a process is no option of the command line.
+    return ModelError(
+        f"{what} must be {expected}; got {got!r}", argument=argument, expected=expected, got=got, advice=advice
+    )

@@ -1,4 +1,4 @@
-"""The text form of a model, "3*GM + WN(sigma2=fixed(1e-6)) + RW", read without evaluating anything.
+"""Parser of model texts such as "3*GM + WN(sigma2=fixed(1e-6)) + RW"; it never evaluates code.
 
     model   = term { "+" term }
     term    = [ count "*" ] process | process "*" count
@@ -6,11 +6,11 @@
     entry   = order | value | parameter "=" value
     value   = number | "fixed" "(" number ")"
 
-Values without a name are those of the parameters in their order, "AR1(0.9, 0.1)"; they come before values with a name.
+Values without a name are in the order of the parameters, "AR1(0.9, 0.1)"; they must come before values with a name.
 
-A process with orders is written with them, "ARMA(2, 1, phi1=0.5)", or with its coefficients, "AR(phi=[1.4, -0.6])".
-Orders, whole numbers, come first: "AR(2, 1.4, -0.6)" is of order 2 with φ₁ = 1.4. A period may be written by name.
-Names of processes may be written in lower case. `str(model)` is such a text, with the name of every value.
+A process with orders needs its orders, "ARMA(2, 1, phi1=0.5)", or its coefficients, "AR(phi=[1.4, -0.6])". Orders are
+whole numbers and come first: "AR(2, 1.4, -0.6)" has the order 2 and φ₁ = 1.4. A period may be written by name. The
+case of process names does not matter. `str(model)` is such a text, with the name of every value.
 """
 
 from __future__ import annotations
@@ -29,16 +29,26 @@ _TOKEN = re.compile(
     r"\s*(?:(?P<name>[A-Za-z_]\w*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<mark>[-+*(),=\[\]]))",
     re.ASCII,
 )
+# 100 terms of 100 characters; limits the time for an invalid text. Pinned by test_a_text_of_a_sum_that_is_no_model.
 _LONGEST_TEXT = 10_000
 
 
 def parse_model(text: str) -> Model:
-    """The model that `text` stands for.
+    """Parse the text of a model.
+
+    Parameters
+    ----------
+    text : str
+        See the grammar above.
+
+    Returns
+    -------
+    Model
 
     Raises
     ------
     ModelError
-        With the piece that was not understood and its place, or from the model's own checks.
+        If the text cannot be read, with the position of the error, or the processes cannot be summed.
 
     Examples
     --------
@@ -48,12 +58,12 @@ def parse_model(text: str) -> Model:
     Model('AR1(phi=0.9, sigma2=fixed(0.1))')
     >>> parse_model("GM + VN")
     Traceback (most recent call last):
-    gmwm.errors.ModelError: cannot read the model "GM + VN" at "VN" (character 6): no process...
+    gmwm.errors.ModelError: the model "GM + VN" cannot be read at "VN" (character 6): there is no process...
     """
     if not isinstance(text, str):
-        raise ModelError(f'a model text must be a string, as "2*GM + WN"; got {text!r}')
+        raise ModelError(f'the text of a model must be a string, such as "2*GM + WN"; got {text!r}', got=text)
     if len(text) > _LONGEST_TEXT:
-        raise ModelError(f"a model text has at most {_LONGEST_TEXT} characters, got {len(text)}")
+        raise ModelError(f"the text of a model has at most {_LONGEST_TEXT} characters; got {len(text)}", got=len(text))
     return _Reader(text).model()
 
 
@@ -78,7 +88,7 @@ class _Reader:
             match = _TOKEN.match(self.text, at)
             if match is None:
                 at += len(self.text[at:]) - len(self.text[at:].lstrip())
-                self._fail(_Token("mark", self.text[at], at), "this character has no place in a model")
+                self._fail(_Token("mark", self.text[at], at), "a model cannot contain this character")
             kind = match.lastgroup or ""
             self.tokens.append(_Token(kind, match[kind], match.start(kind)))
             at = match.end()
@@ -97,7 +107,7 @@ class _Reader:
     def _term(self) -> list[Process]:
         if self._next.kind == "number":
             count = self._count()
-            self._expect("*", "between a count and a process, as 3*GM")
+            self._expect("*", "between a count and a process, as in 3*GM")
             return [self._process()] * count
         process = self._process()
         return [process] * self._count() if self._take("*") else [process]
@@ -115,7 +125,7 @@ class _Reader:
         by_key = {name.casefold(): process for name, process in {**registry, **ordered_classes}.items()}
         process = by_key.get(token.text.casefold())
         if process is None:
-            self._fail(token, f"no process of this name; there are {_known()}")
+            self._fail(token, f"there is no process of this name; the processes are {_known()}")
         opened = self._take("(")
         if issubclass(process, Ordered):
             orders = self._orders(process) if opened else []
@@ -124,16 +134,16 @@ class _Reader:
                 try:
                     return process(**given_at_once)
                 except ModelError as error:
-                    self._fail(token, str(error))
+                    self._fail(token, error)
             try:
                 process = process.of(*orders)
             except ModelError as error:
-                self._fail(token, str(error))
+                self._fail(token, error)
         given = self._arguments(process) if opened else {}
         try:
             return process(**given)
         except ModelError as error:
-            self._fail(token, str(error))
+            self._fail(token, error)
 
     def _orders(self, ordered: type[Ordered]) -> list[int]:
         orders: list[int] = []
@@ -152,14 +162,14 @@ class _Reader:
         return orders
 
     def _coefficients(self, ordered: type[Ordered]) -> dict[str, Any]:
-        """What a process without orders is written with: lists of coefficients, single parameters, named orders."""
+        """Arguments of a process without orders: lists of coefficients, single parameters and named orders."""
         given: dict[str, Any] = {}
         while not self._take(")"):
             if given:
                 self._expect(",", "between parameters")
             token = self._advance()
             if token.kind != "name":
-                self._fail(token, f'expected coefficients by name, as {ordered.polynomials[0].name}=[…], or ")"')
+                self._fail(token, f'expected coefficients by name, such as {ordered.polynomials[0].name}=[…], or ")"')
             if token.text in given:
                 self._fail(token, "this is given twice")
             self._expect("=", f"after {token.text}")
@@ -195,16 +205,18 @@ class _Reader:
             if by_name:
                 name = self._advance().text
                 if name not in parameters:
-                    self._fail(token, f"{process.name} has no such parameter; it has {', '.join(parameters)}")
+                    self._fail(
+                        token, f"{process.name} has no such parameter; its parameters are {', '.join(parameters)}"
+                    )
                 if name in given:
                     self._fail(token, "this parameter is given twice")
                 self._expect("=", f"after {name}")
             elif token.kind != "number" and token.text not in ("fixed", "+", "-"):
-                self._fail(token, f'expected a parameter by name, as {example}, or ")"')
+                self._fail(token, f'expected a parameter by name, such as {example}, or ")"')
             elif named:
-                self._fail(token, f"a value without a name comes before those with one; write {example}")
+                self._fail(token, f"values without a name must come before values with a name; write {example}")
             elif len(given) == len(parameters):
-                self._fail(token, f"{process.name} has no more parameters than {', '.join(parameters)}")
+                self._fail(token, f"too many values; the parameters of {process.name} are {', '.join(parameters)}")
             else:
                 name = list(parameters)[len(given)]
             named = named or by_name
@@ -212,7 +224,7 @@ class _Reader:
             try:
                 given[name] = parameters[name].checked(value, process.name)
             except ModelError as error:
-                self._fail(start, str(error))
+                self._fail(start, error)
         return given
 
     def _value(self) -> float | Fixed:
@@ -258,10 +270,14 @@ class _Reader:
         if not self._take(mark):
             self._fail(self._next, f'expected "{mark}" {where}')
 
-    def _fail(self, token: _Token, why: str) -> NoReturn:
+    def _fail(self, token: _Token, why: str | ModelError) -> NoReturn:
         piece = f'"{token.text}" (character {token.at + 1})' if token.kind != "end" else "the end"
+        reason, advice, facts = (why, "", {}) if isinstance(why, str) else (why.reason, why.advice, why.facts)
         shown = self.text if len(self.text) <= 80 else self.text[:77] + "..."
-        raise ModelError(f'cannot read the model "{shown}" at {piece}: {why}')
+        error = ModelError(f'the model "{shown}" cannot be read at {piece}: {reason}', got=token.text, advice=advice)
+        error.facts.update(facts)
+        error.facts["character"] = None if token.kind == "end" else token.at + 1
+        raise error
 
 
 def _known() -> str:

@@ -1,4 +1,4 @@
-"""Flicker noise, power-law noise and fractional Gaussian noise: spectra |f|^(−α)."""
+"""Flicker noise, power-law noise and fractional Gaussian noise, with the spectrum |f|^(−α)."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ from gmwm.processes.physical import Physical
 from gmwm.processes.self_similar import Numbers
 from gmwm.processes.validation import as_clusters, as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 
+# Step of complex-step derivatives: its square, the relative error, is far below the rounding error.
 _STEP = 1e-30
 _LOG2 = math.log(2.0)
 
 
 class PowerLaw(Process, abstract=True):
-    """The mean of a continuous-time noise of spectrum |f|^(−α), −1 < α < 3, over each sampling interval.
+    """Continuous-time noise with the spectrum |f|^(−α), −1 < α < 3, averaged over each sampling interval.
 
-    Its Haar wavelet variance is a power of the scale at every level, ν_j² = ν_1² (τ_j/2)^(α−1), and its running sum
-    has the covariance K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m².
+    Its Haar wavelet variance is a power of the scale at every level, ν_j² = ν_1² (τ_j/2)^(α−1). Its running sum has the
+    generalised covariance K(m) = ½ν_1² m² (|m|^(α−1) − 1)/(2^(α−1) − 1), up to a + b m².
     """
 
     stationary = False
@@ -38,7 +39,7 @@ class PowerLaw(Process, abstract=True):
     @classmethod
     @abstractmethod
     def exponents(cls, nonlinear: NDArray[np.float64]) -> tuple[Numbers, Numbers]:
-        """ε = α − 1 (n,) and ν_1² at scale coefficient 1 (n,); analytic."""
+        """ε = α − 1 (n,) and ν_1² at scale coefficient 1 (n,). Must be analytic for complex-step derivatives."""
 
     @property
     def law(self) -> tuple[float, float]:
@@ -55,7 +56,7 @@ class PowerLaw(Process, abstract=True):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂ν²/∂θ (n, J, q), by complex steps, which are exact."""
+        """Derivative ∂ν²/∂θ (n, J, q), by complex steps, which have no truncation error."""
         moved = np.asarray(nonlinear, dtype=np.complex128) + 1j * _STEP
         if not cls.nonlinear_parameters():
             return np.zeros((len(moved), as_levels(levels).size, 0))
@@ -75,7 +76,7 @@ class PowerLaw(Process, abstract=True):
         return 0.5 * first * kappa * self_similar.sum_covariance(as_lags(lags).astype(np.float64), epsilon)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −K(m+1) + 2K(m) − K(m−1), in u² at integer `lags`; it falls without end, as m^(α−1)."""
+        """A(m) = −K(m+1) + 2K(m) − K(m−1) (u²); it decreases without bound as m^(α−1)."""
         epsilon, first = self.law
         kappa = float(self_similar.unit_factor(np.asarray(epsilon)))
         return -0.5 * first * kappa * self_similar.bend(as_lags(lags).astype(np.float64), epsilon)
@@ -86,18 +87,18 @@ class PowerLaw(Process, abstract=True):
         return np.asarray(2.0 * first * as_clusters(clusters).astype(np.float64) ** epsilon)
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Second differences of K over both half-scales: (n,) in u², one for each pair of levels and lag in `at`."""
+        """Covariance (u²) of Haar wavelet coefficients, (n,): second differences of K over both half-scales."""
         epsilon, first = self.law
         return first * haar_covariance.power(at, epsilon)
 
     def decays(self, rate: float) -> tuple[float, ...]:
-        """A power of the lag is as smooth as exponentials of every length together."""
+        """Return the range of λ: a power of the lag is a mixture of exponentials with all decay rates."""
         return (2.0, 1e-290)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt), C of the continuous noise; at f = 0 its limit.
+        """S(f) = C Σ_k |f + k/Δt|^(−α) sinc²((f + k/Δt)Δt), with C of the continuous noise; at f = 0 its limit.
 
-        Where the process is not stationary, as a filter that sums to 0 sees it.
+        If the process is not stationary, this is a pseudo-spectrum, valid under filters that sum to 0.
         """
         f = as_frequencies(frequencies, as_rate(rate))
         epsilon, first = self.law
@@ -106,9 +107,9 @@ class PowerLaw(Process, abstract=True):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths of the exact law: (n,), or (paths, n).
+        """Simulate Gaussian sample paths with the exact covariance: (n,), or (paths, n).
 
-        From α = 1 on the increments are stationary, and X_0 is the first of them: the level is arbitrary.
+        For α ≥ 1 only the increments are stationary; X_0 is the first increment.
         """
         n, count = as_paths(n, paths)
         as_rate(rate)
@@ -116,14 +117,14 @@ class PowerLaw(Process, abstract=True):
         return _simulated(epsilon, first, n=n, rng=as_rng(rng), count=count).reshape(shape_of_paths(n, paths))
 
     def missing(self, theory: str) -> MissingTheoryError:
-        """The error that says what the process lacks, and for a state space what to take in its place."""
+        """Make the error for theory that the process does not define, with a substitute for a state space."""
         error = super().missing(theory)
         if theory != "state_space":
             return error
-        return MissingTheoryError(
-            f"{error}. No finite number of states has a spectrum |f|^(-α): fit Gauss-Markov processes in its place, "
-            "one for every two or three octaves of averaging time that it is to hold over"
-        )
+        error.message += "; no finite number of states has a spectrum |f|^(-α)"
+        instead = "Fit Gauss-Markov processes instead, one for every two or three octaves of averaging time."
+        error.advice = f"{instead} {error.advice}"
+        return error
 
 
 def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
@@ -134,7 +135,7 @@ def _simulated(epsilon: float, first: float, n: int, rng: np.random.Generator, c
 
 @lru_cache(maxsize=2)
 def _roots(epsilon: float, half: int) -> Vector:
-    """For paths of ν_1² = 1, or of their increments where ε ≥ 0; kept, as simulations come in hundreds."""
+    """Amplitudes for paths with ν_1² = 1, or for their increments if ε ≥ 0. Cached for repeated simulations."""
     if epsilon < 0:
         return amplitudes(lambda k: _variance(epsilon) * 0.5 * self_similar.power_bend(k, epsilon), half)
     ones = np.ones(half + 1)
@@ -142,20 +143,21 @@ def _roots(epsilon: float, half: int) -> Vector:
 
 
 def _variance(epsilon: float) -> float:
-    """Variance of a sample where ν_1² = 1, ε < 0."""
+    """Variance of a sample for ν_1² = 1 and ε < 0."""
     return -1.0 / math.expm1(epsilon * _LOG2)
 
 
 @dataclass(frozen=True, repr=False)
 class FN(PowerLaw):
-    """Flicker noise, the bias instability of IEEE Std 952: two-sided density B²/(2π|f|), as its mean over each sample.
+    """Flicker noise, the bias instability of IEEE Std 952, with the two-sided spectral density B²/(2π|f|).
 
-    ν_j² = B² ln 2/π at every level, so that the Allan deviation is flat at B √(2 ln 2/π) = 0.664 B.
+    Each sample is the mean over a sampling interval. ν_j² = B² ln 2/π at every level, so that the Allan deviation has
+    the constant value B √(2 ln 2/π) = 0.664 B.
 
     Parameters
     ----------
     b2 : float, fixed or None
-        Square of the coefficient, B², in u².
+        Square of the bias instability coefficient, B² (u²).
 
     Examples
     --------
@@ -171,32 +173,33 @@ class FN(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """0 and ln 2/π."""
+        """ε = 0 and ν_1² = ln 2/π."""
         return np.zeros(len(nonlinear)), np.full(len(nonlinear), _LOG2 / math.pi)
 
     def correlation_time(self, rate: float) -> float:
-        """Infinite: it wanders, though ever more slowly."""
+        """Return inf: flicker noise is not stationary."""
         return math.inf
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """B = √B², the bias instability of a datasheet as IEEE 952 defines it."""
+        """Return the bias instability B = √B² as IEEE Std 952 defines it."""
         return (Physical("B_f", "flicker noise", math.sqrt(self.scale), 0.0, slopes={"b2": 0.5}),)
 
 
 @dataclass(frozen=True, repr=False)
 class PL(PowerLaw):
-    """Power-law noise: spectrum |f|^(−α), as its mean over each sample.
+    """Power-law noise with the spectrum |f|^(−α), averaged over each sampling interval.
 
-    ν_j² = ν_1² (τ_j/2)^(α−1). White noise has α = 0 and ν_1² = σ²/2, flicker noise α = 1 and ν_1² = B² ln 2/π. At α = 2
-    it is a walk that goes on between the samples, ν_1² = γ²/6, γ² the variance of its steps. For α < 1 it is
-    fractional Gaussian noise, H = (α + 1)/2, of variance ν_1²/(1 − 2^(α−1)).
+    ν_j² = ν_1² (τ_j/2)^(α−1), with τ_j = 2^j samples. Special cases are white noise (α = 0, ν_1² = σ²/2), flicker noise
+    (α = 1, ν_1² = B² ln 2/π) and a continuous random walk (α = 2, ν_1² = γ²/6 for the variance γ² of its increments
+    over a sampling interval). For α < 1 it is fractional Gaussian noise with H = (α + 1)/2 and the variance
+    ν_1²/(1 − 2^(α−1)).
 
     Parameters
     ----------
     alpha : float, fixed or None
         Exponent α, between −1 and 3.
     nu2 : float, fixed or None
-        Haar wavelet variance at the first level ν_1², in u²: half the Allan variance of successive samples.
+        Haar wavelet variance at the first level ν_1² (u²), half the Allan variance of successive samples.
 
     Examples
     --------
@@ -217,24 +220,24 @@ class PL(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """α − 1 and 1."""
+        """ε = α − 1 and ν_1² = 1."""
         return nonlinear[:, 0] - 1.0, np.ones(len(nonlinear))
 
 
 @dataclass(frozen=True, repr=False)
 class FGN(PowerLaw):
-    """Fractional Gaussian noise: increments of a Brownian motion of Hurst exponent H, long memory from H = ½ on.
+    """Fractional Gaussian noise: increments of a fractional Brownian motion with Hurst exponent H.
 
     r(k) = ½σ² (|k+1|^(2H) − 2|k|^(2H) + |k−1|^(2H)),  ν_j² = σ² (1 − 2^(2H−2)) (τ_j/2)^(2H−2).
 
-    The same law as power-law noise with α = 2H − 1.
+    It has long memory for H > ½, and equals power-law noise with α = 2H − 1.
 
     Parameters
     ----------
     hurst : float, fixed or None
-        Hurst exponent H, between 0 and 1; ½ is white noise.
+        Hurst exponent H, between 0 and 1; H = ½ is white noise.
     sigma2 : float, fixed or None
-        Variance of a sample σ², in u².
+        Variance of a sample σ² (u²).
 
     Examples
     --------
@@ -256,7 +259,7 @@ class FGN(PowerLaw):
 
     @classmethod
     def exponents(cls, nonlinear: Numbers) -> tuple[Numbers, Numbers]:
-        """2H − 2 and 1 − 2^(2H−2)."""
+        """ε = 2H − 2 and ν_1² = 1 − 2^(2H−2)."""
         epsilon = 2.0 * nonlinear[:, 0] - 2.0
         return epsilon, -np.expm1(epsilon * _LOG2)
 
@@ -270,8 +273,5 @@ class FGN(PowerLaw):
         return 0.5 * self.scale * self_similar.power_bend(as_lags(lags).astype(np.float64), self.law[0])
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """The autocovariance r(k), in u² at integer `lags` and in their shape: the process is stationary.
-
-        It has no dependence on `rate`: H is a pure number and σ² the variance of a sample.
-        """
+        """A(k) = r(k) (u²), because the process is stationary."""
         return self.autocovariance(lags, rate)

@@ -13,7 +13,12 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
     """Integer lags in samples, of any sign and shape."""
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
-        raise OptionError(f"lags must be integers (samples), got {lags!r}; for a time in s, take round(time * rate)")
+        raise OptionError(
+            argument="lags",
+            expected="integers (samples)",
+            got=lags,
+            advice="Convert a time in seconds with `round(time * rate)`.",
+        )
     return array.astype(np.int64)
 
 
@@ -22,8 +27,10 @@ def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
         raise OptionError(
-            f"clusters must be whole numbers of samples from 1, got {clusters!r}; for a time in s, take "
-            "round(time * rate)"
+            argument="clusters",
+            expected="whole numbers of samples from 1",
+            got=clusters,
+            advice="Convert a time in seconds with `round(time * rate)`.",
         )
     return array.astype(np.int64)
 
@@ -33,7 +40,11 @@ def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
     f = np.asarray(frequencies, dtype=np.float64)
     # A grid that ends at the Nyquist frequency may miss it by a rounding.
     if not np.all(np.abs(f) <= 0.5 * rate * (1 + 1e-12)):
-        raise OptionError(f"frequencies must lie within ±{rate / 2:g} Hz (half the rate of {rate:g} Hz), got {f!r}")
+        raise OptionError(
+            argument="frequencies",
+            expected=f"within ±{rate / 2:g} Hz, which is half the rate of {rate:g} Hz",
+            got=frequencies,
+        )
     return f
 
 
@@ -55,7 +66,7 @@ def as_seed(rng: object) -> int:
     if isinstance(rng, np.random.Generator):
         return int(rng.integers(2**63))
     if isinstance(rng, bool) or not isinstance(rng, int | np.integer) or rng < 0:
-        raise OptionError(f"rng must be an integer that is not negative, or a numpy.random.Generator; got {rng!r}")
+        raise OptionError(argument="rng", expected="zero or a positive integer, or a numpy.random.Generator", got=rng)
     return int(rng)
 
 
@@ -63,7 +74,7 @@ def as_paths(n: object, paths: object) -> tuple[int, int]:
     """Number of samples and number of paths (1 for None)."""
     for name, value in (("n", n), ("paths", 1 if paths is None else paths)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-            raise OptionError(f"{name} must be a positive integer, got {value!r}")
+            raise OptionError(argument=name, expected="a positive integer", got=value)
     return int(n), 1 if paths is None else int(paths)  # type: ignore[call-overload]
 
 

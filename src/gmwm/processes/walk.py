@@ -25,12 +25,12 @@ from gmwm.statespace import StateSpace
 class RW(Process):
     """Random walk (rate or acceleration random walk): X_t = X_{t−1} + ε_t, Var ε = γ², X_0 = ε_0.
 
-    ν_j² = γ²(τ_j² + 2)/(12τ_j).
+    ν_j² = γ²(τ_j² + 2)/(12τ_j), with τ_j = 2^j samples.
 
     Parameters
     ----------
     gamma2 : float, fixed or None
-        Variance of the innovations γ², in u² per sample.
+        Variance of the innovations γ² (u² per sample).
 
     Examples
     --------
@@ -49,7 +49,7 @@ class RW(Process):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """(τ² + 2)/(12τ) for the Haar filter."""
+        """Wavelet variance at γ² = 1: (τ² + 2)/(12τ) for the Haar filter."""
         if filter is not HAAR:
             return np.tile(filtered.walk_shape(filter, as_levels(levels)), (len(nonlinear), 1))
         tau = np.ldexp(1.0, as_levels(levels))
@@ -57,7 +57,7 @@ class RW(Process):
 
     @classmethod
     def drawn(cls, occasion: Occasion, rng: np.random.Generator, draws: int, before: tuple[Matrix, ...]) -> Matrix:
-        """γ² ~ U(σ̂_T²/(10⁵ N), σ̂_T²/N)."""
+        """Draw γ² ~ U(σ̂_T²/(10⁵ N), σ̂_T²/N)."""
         largest = occasion.total / occasion.samples
         return rng.uniform(1e-5 * largest, largest, (draws, 1))
 
@@ -67,42 +67,42 @@ class RW(Process):
         return self.scale * (m**3 - m) / 12.0
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """A(m) = −γ²|m|/2, in u² at integer `lags`, in their shape."""
+        """A(m) = −γ²|m|/2 (u²)."""
         return np.asarray(-0.5 * self.scale * np.abs(as_lags(lags)))
 
     def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
-        """Cubic pieces in the lag u, zero beyond the reach of the filters: (n,) in u², one for each pair in `at`.
+        """Covariance (u²) of Haar wavelet coefficients, (n,): piecewise cubic in the lag, zero without overlap.
 
-        K(m) = γ²(|m|³ − |m|)/12, differenced twice over both half-scales. The same at any `rate`, as γ² is per sample.
+        Second differences of K(m) = γ²(|m|³ − |m|)/12 over both half-scales.
         """
         return self.scale * haar_covariance.walk(at)
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
-        """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), as a filter that sums to 0 sees it; infinite at f = 0."""
+        """Pseudo-spectrum γ²Δt/(4 sin²(πfΔt)), valid under filters that sum to 0; infinite at f = 0."""
         f = as_frequencies(frequencies, as_rate(rate))
         with np.errstate(divide="ignore"):
             density = 1.0 / (4.0 * rate * np.sin(np.pi * f / rate) ** 2)
         return np.asarray(self.scale * density if self.scale > 0 else np.zeros_like(density))
 
     def state_space(self, rate: float) -> StateSpace:
-        """One diffuse state; a simulation starts at X_0 = ε_0."""
+        """Return the state space with one diffuse state; a simulation starts at X_0 = ε_0."""
         gamma2 = self.scale
         return StateSpace(F=1.0, Q=gamma2, H=1.0, P0=gamma2, diffuse=[True])
 
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths: (n,), or (paths, n)."""
         as_paths(n, paths), as_rate(rate)
         steps = as_rng(rng).standard_normal(shape_of_paths(n, paths))
         _core.accumulate(steps.reshape(-1, n), math.sqrt(self.scale))
         return steps
 
     def correlation_time(self, rate: float) -> float:
-        """Infinite."""
+        """Return inf: a random walk is not stationary."""
         return math.inf
 
     def physical(self, rate: float) -> tuple[Physical, ...]:
-        """K = √(γ²f)."""
+        """Return the random walk coefficient K = √(γ²/Δt)."""
         walk = math.sqrt(self.scale * as_rate(rate))
         return (Physical("K", "random walk", walk, -0.5, slopes={"gamma2": 0.5}),)

@@ -186,7 +186,9 @@ class WaveletAccumulator(SegmentedAccumulator):
         """
         if not self.robust:
             raise OptionError(
-                "a robust variance needs the counts of all coefficients; make the accumulator with robust=True"
+                "a robust variance needs the counts of all coefficients, which this accumulator does not keep",
+                argument="robust",
+                advice="Make the accumulator with {--robust=yes}.",
             )
         self._fold()
         reach = self._measured()[1].size
@@ -269,9 +271,9 @@ class WaveletAccumulator(SegmentedAccumulator):
             made._first = SegmentState.restored("first_", made.exact, values)
             made._last = SegmentState.restored("last_", made.exact, values)
         except KeyError as error:
-            raise ReadError(f"not an accumulator's state: it has no {error.args[0]!r}") from error
+            raise ReadError(f"this is not the state of an accumulator: {error.args[0]!r} is missing") from error
         except (TypeError, ValueError) as error:
-            raise ReadError(f"not an accumulator's state: {error}") from error
+            raise ReadError(f"this is not the state of an accumulator: {error}") from error
         return made
 
     def __getstate__(self) -> dict[str, Any]:
@@ -312,7 +314,8 @@ class WaveletAccumulator(SegmentedAccumulator):
         longest = max(self.lengths, default=0)
         if longest < MINIMUM_SAMPLES:
             raise DataError(
-                f"a wavelet variance needs at least {MINIMUM_SAMPLES} samples without a gap, got {longest} so far"
+                f"a wavelet variance needs at least {MINIMUM_SAMPLES} samples without a gap; got {longest} so far",
+                got=longest,
             )
         squares, counts = self._sums()
         reach = int(np.argmin(np.append(counts > 0, False)))

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
-from gmwm.errors import OptionError
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 from gmwm.signals import Signal
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.edf import degrees_of_freedom
@@ -89,8 +88,7 @@ def allan_variance(
     True
     """
     as_confidence(confidence)
-    if kind not in ("overlapping", "nonoverlapping", "modified"):
-        raise OptionError(f'kind must be "overlapping", "nonoverlapping" or "modified", got {kind!r}')
+    one_of(kind, "kind", ("overlapping", "nonoverlapping", "modified"))
     # All octaves are measured while the phase is summed: one pass, the same numbers.
     at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
     phase = phase_of(x, rate, data, octaves=at_octaves)

@@ -17,6 +17,7 @@ from gmwm.errors import OptionError
 from gmwm.signals import Signal
 from gmwm.variance.allan import allan_variance
 from gmwm.variance.clusters import ClusterVariance
+from gmwm.variance.phase import contradicting_rate
 from gmwm.variance.slope_line import LAWS, SlopeLine, Term, coefficient_unit
 
 if TYPE_CHECKING:
@@ -57,8 +58,10 @@ class AllanRegression(Summarised):
             if line.term == term:
                 return line
         if term in self.missing:
-            raise OptionError(f"{term} was not found: {self.missing[term]}")
-        raise OptionError(f"term must be one of {', '.join(LAWS)}; got {term!r}")
+            raise OptionError(
+                f"the Allan deviation has no line for {term}: {self.missing[term]}", argument="term", got=term
+            )
+        raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as plain numbers, lists and texts, ready for JSON."""
@@ -200,15 +203,20 @@ def avlr(
     """
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
     if allan.family == "hadamard" or allan.kind == "modified":
-        raise OptionError(f"the lines are those of an Allan deviation, got a {allan.title}; use gmwm.allan_variance")
+        raise OptionError(
+            f"the lines can be fitted to an Allan deviation only; got a {allan.title}",
+            argument="x",
+            got=x,
+            advice="Use `gmwm.allan_variance`.",
+        )
     if isinstance(x, ClusterVariance) and rate is not None and rate != allan.rate:
-        raise OptionError(f"rate={rate:g} contradicts the curve's {allan.rate:g} Hz; leave rate out")
+        raise contradicting_rate(rate, allan.rate, "curve")
     wanted = list(terms)
     for term in (*wanted, *(ranges or {})):
         if term not in LAWS:
-            raise OptionError(f"terms must be among {', '.join(LAWS)}; got {term!r}")
+            raise OptionError(argument="terms", expected=f"among {', '.join(LAWS)}", got=term)
     if not 0 < tolerance <= 0.5:
-        raise OptionError(f"tolerance must lie between 0 and 0.5, got {tolerance!r}")
+        raise OptionError(argument="tolerance", expected="greater than 0 and at most 0.5", got=tolerance)
     used = _octaves(allan.tau, (allan.variance > 0) & (allan.degrees_of_freedom >= least_freedom))
     tau, deviation = allan.tau[used], allan.deviation[used]
     lines: list[SlopeLine] = []
@@ -249,7 +257,11 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
     inside = (tau >= bounds[0]) & (tau <= bounds[1])
     if not inside.any():
         span = f"{tau[0]:g} … {tau[-1]:g} s" if tau.size else "no averaging time"
-        raise OptionError(f"ranges[{term!r}] = {bounds} holds no averaging time; the usable ones are {span}")
+        raise OptionError(
+            f"the range of {term} contains no usable averaging time; the usable ones are {span}",
+            argument="ranges",
+            got=bounds,
+        )
     return np.asarray(inside)
 
 

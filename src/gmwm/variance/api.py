@@ -1,4 +1,4 @@
-"""Estimating the wavelet variance of a signal."""
+"""Estimate the wavelet variance of a signal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
 from gmwm.variance.limits import chi_square_limits
+from gmwm.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
 from gmwm.variance.transform import (
@@ -68,63 +69,63 @@ def wavelet_variance(
     efficiency: float = 0.6,
     confidence: float = 0.95,
 ) -> WaveletVariance | WaveletVariances:
-    """Wavelet variance of a signal, or of each axis of a recording, at all dyadic scales, with chi-square limits.
+    """Estimate the wavelet variance of a signal, or of each axis of a recording, with chi-square confidence limits.
 
-    ν̂_j² is the mean of the squares of those level-j coefficients of the maximal-overlap transform W_{j,t} = Σ_l h_{j,l}
-    X_{t−l} that need no sample outside the record, M_j = N − L_j + 1 of them; or of the decimated transform, every
-    2^j-th of these. Both are unbiased; the decimated one is coarser by its smaller number of coefficients.
+    The classical estimate ν̂_j² is the mean square of the coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l} of level j, over
+    the M_j = N − L_j + 1 coefficients that use samples of the recording only. The decimated transform uses every
+    2^j-th of them. Both estimates are unbiased; the decimated one has the larger variance.
 
-    With the Haar filter, the running sum P of the signal (its mean removed) and h = 2^(j−1), W_{j,t} =
-    (P_t − 2 P_{t−h} + P_{t−2h}) / 2^j, M_j = N − 2^j + 1, and twice ν̂_j² is the Allan variance at the averaging time
-    τ_j / 2.
+    For the Haar filter W_{j,t} = (P_t − 2 P_{t−h} + P_{t−2h}) / 2^j, where P is the running sum of the signal and
+    h = 2^(j−1). Then M_j = N − 2^j + 1, and twice ν̂_j² is the Allan variance at the averaging time τ_j / 2.
 
-    The robust one is the M-estimate of scale of the same coefficients: σ² with mean ρ(W/σ) = E ρ under N(0, 1), Tukey's
-    biweight ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and else 0. Outliers beyond c σ count for nothing, however large. A bad
-    sample spoils 2^j coefficients of level j, so that a share of 1 % of bad samples is felt by the first levels
-    little and destroys those with 2^j > 25. As the share of far outliers among the coefficients of a level
-    grows, ν̂² is pulled down (to 0.79 of it at 10 %, efficiency 0.6), and beyond 26 % (42 % at efficiency 0.8, 56 %
-    at 0.9) there is no estimate but (MAD / 0.67449)².
+    The robust estimate is the M-estimate of scale of the same coefficients: the σ² for which the mean of ρ(W/σ) equals
+    its expectation under N(0, 1), with Tukey's biweight ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c, else 0. Outliers beyond
+    c σ have no influence. A bad sample affects 2^j coefficients of level j: 1 % of bad samples has little effect on
+    the first levels, but makes levels with 2^j > 25 useless. As the share of large outliers among the coefficients
+    grows, ν̂² is biased downwards (by 21 % at a share of 10 %, efficiency 0.6). Above a share of 26 % (42 % at
+    efficiency 0.8, 56 % at 0.9) the estimate is (MAD / 0.67449)².
 
     Parameters
     ----------
     x : Imu, Signal, or (N,) array in any unit
-        Finite samples, at least 8 without a gap. Of a Signal with gaps the coefficients of all segments are taken
-        together, none across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj, or the robust estimate of them all.
+        Finite samples, at least 8 without a gap. For a Signal with gaps the coefficients of all segments are pooled,
+        and no coefficient extends across a gap: ν̂_j² = Σ_s M_sj ν̂_sj² / Σ_s M_sj.
     rate : float
-        Samples per second (Hz); taken from an Imu or a Signal.
+        Sampling rate (Hz); leave it out for an Imu or a Signal.
     filter : str
-        A wavelet filter, see `find_filter`: "haar", "d4", "la8", … One with two or more vanishing moments does not
-        see a drift.
+        Wavelet filter, see `gmwm.filters.find_filter`: "haar", "d4", "la8", … A filter with two or more vanishing
+        moments removes a drift.
     transform : "modwt" or "dwt"
-        Maximal overlap, or decimated.
+        Maximal-overlap or decimated transform.
     levels : int, optional
-        Number of levels J; all that have a coefficient by default, floor(log2 N) with the Haar filter.
+        Number of levels J; by default all levels with a coefficient, floor(log2 N) for the Haar filter.
     robust : bool
-        Whether outliers are to be kept from the estimate.
+        Whether to use the robust estimate.
     efficiency : float
-        Of the robust estimate under Gaussian noise, from 0.3 to 0.99: the higher, the nearer to the classical one.
-        Another one than 0.6 without robust=True is an error.
+        Efficiency of the robust estimate under Gaussian noise, from 0.3 to 0.99; higher values are closer to the
+        classical estimate and less robust. A value other than 0.6 requires `robust=True`.
     confidence : float
-        Level of the limits, between 0 and 1.
+        Confidence level of the limits, from 0.5 to below 1.
 
     Returns
     -------
-    WaveletVariance, or WaveletVariances of an Imu
-        Of an Imu a mapping of axis to WaveletVariance, with `plot()` and `summary()` of all axes. Levels, scales,
-        variances in unit², limits and counts. A constant signal has variance 0 at every level. A robust one says in
-        `diagnostics["robust"]` for each level how it was found: "outcome" is "root"; "mad", (MAD / 0.67449)², where
-        the equation has no root; "mean", the mean of squares, of one or two coefficients; "zero" where more than half
-        of the coefficients are zero, as at the fine levels of a coarsely quantised signal, and the rest allow no
-        root. Its limits take the degrees of freedom times the efficiency, which is safe: the variance of a robust
-        estimate is larger by 1 / efficiency at most.
+    WaveletVariance, or WaveletVariances for an Imu
+        Levels, scales, variances (unit²), limits and counts; for an Imu a mapping of axis to WaveletVariance. A
+        constant signal has variance 0 at every level.
+
+        For a robust estimate `diagnostics["robust"]["outcome"]` has the method of each level: "root", the solution of
+        the equation; "mad", (MAD / 0.67449)², if there is no solution; "mean", the mean square of one or two
+        coefficients; "zero", if more than half of the coefficients are zero and there is no solution, as at the fine
+        levels of a coarsely quantised signal. The limits use the degrees of freedom times the efficiency. They are
+        conservative, because the variance of a robust estimate is larger by a factor of 1 / efficiency at most.
 
     Raises
     ------
     DataError
-        If the signal has NaN or infinities, or its longest segment fewer than 8 samples, or fewer than the filter has
-        taps.
+        If the signal contains NaN or infinities, or its longest segment has fewer than 8 samples or fewer samples
+        than the filter has taps.
     OptionError
-        If an option is not one of those it may be, or `rate` contradicts the Signal's.
+        If an option has an invalid value, or `rate` contradicts the rate of the Signal.
 
     References
     ----------
@@ -166,11 +167,10 @@ def signal_wavelet_variance(
     efficiency: float = 0.6,
     confidence: float = 0.95,
 ) -> WaveletVariance:
-    """The wavelet variance of one signal; a recording of several axes is refused. See `wavelet_variance`."""
+    """Estimate the wavelet variance of one signal; a recording of several axes is an error. See `wavelet_variance`."""
     as_confidence(confidence)
     wavelet = find_filter(filter)
-    if transform not in ("modwt", "dwt"):
-        raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+    one_of(transform, "transform", ("modwt", "dwt"))
     require_robust(robust, efficiency)
     signal = x if isinstance(x, Signal) else None
     if signal is None:
@@ -179,15 +179,22 @@ def signal_wavelet_variance(
     else:
         segments = signal.segment_values()
         if rate is not None and as_rate(rate) != signal.rate:
-            raise OptionError(f"rate={rate:g} contradicts the signal's {signal.rate:g} Hz; leave rate out")
+            raise contradicting_rate(rate, signal.rate, "signal")
         rate = signal.rate
     lengths = tuple(segment.size for segment in segments)
     n = max(lengths)
     if n < MINIMUM_SAMPLES:
-        raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples for a wavelet variance, got {n}")
+        raise DataError(
+            f"a wavelet variance needs at least {MINIMUM_SAMPLES} samples without a gap; got {n}", argument="x", got=n
+        )
     deepest = deepest_level(n, wavelet, transform)
     if deepest < 1:
-        raise DataError(f"x must have at least {wavelet.length} samples for filter={wavelet.name!r}, got {n}")
+        raise DataError(
+            f"the filter {wavelet.name} needs at least {wavelet.length} samples without a gap; got {n}",
+            argument="x",
+            got=n,
+            advice="Use {--filter=haar}, or a longer recording.",
+        )
     levels = as_level_count(levels, deepest, n)
 
     slope = _slope(segments)
@@ -202,7 +209,7 @@ def signal_wavelet_variance(
     else:
         variance = _classical(segments, wavelet, transform, levels)
     if not np.all(np.isfinite(variance)):
-        raise DataError("x is too large to be squared in double precision; scale it down")
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     lower, upper = chi_square_limits(variance, eta, confidence)
     return WaveletVariance(
         levels=numbers,
@@ -228,14 +235,14 @@ def signal_wavelet_variance(
 def variances_alone(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float | None
 ) -> Vector:
-    """ν̂_j² of levels 1 … J of segments of samples that are known to be good, robust where an efficiency is given."""
+    """Estimate ν̂_j² of levels 1 … J from segments of finite samples; robust if an efficiency is given."""
     if efficiency is None:
         return _classical(segments, filter, transform, levels)
     return _robust(segments, filter, transform=transform, levels=levels, efficiency=efficiency).variance
 
 
 def _classical(segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Means of squares over all coefficients of all segments."""
+    """Mean squares over all coefficients of all segments."""
     alone = _core.haar_variance if _by_running_sum(filter, transform) else partial(_by_pyramid, filter, transform)
     if len(segments) == 1:
         return alone(segments[0], levels)
@@ -255,7 +262,7 @@ def _by_pyramid(filter: WaveletFilter, transform: Transform, values: Vector, lev
 def _robust(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int, efficiency: float
 ) -> RobustVariances:
-    """One equation for each level, over all coefficients of all segments."""
+    """Robust estimates: one equation for each level, over all coefficients of all segments."""
     sources: list[Coefficients] = [
         HaarCoefficients(segment, reach)
         if _by_running_sum(filter, transform)
@@ -268,7 +275,7 @@ def _robust(
 def _reaching(
     segments: Sequence[Vector], filter: WaveletFilter, transform: Transform, levels: int
 ) -> Iterator[tuple[Vector, int]]:
-    """The segments that have a coefficient, and how many levels each has."""
+    """Segments with at least one coefficient, and the number of levels of each."""
     for segment in segments:
         reach = min(levels, deepest_level(segment.size, filter, transform))
         if reach > 0:
@@ -280,16 +287,16 @@ def _by_running_sum(filter: WaveletFilter, transform: Transform) -> bool:
 
 
 def _plain(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> PlainCoefficients:
-    """All coefficients, level by level; what rounding makes of one that is zero grows with the filter."""
+    """All coefficients by level. The rounding error of a coefficient is proportional to the length of the filter."""
     rounding = float(np.finfo(float).eps * np.abs(values).max() * filter.length)
     return PlainCoefficients(inner_coefficients(values, filter, transform, levels), [rounding] * levels)
 
 
 def _slope(segments: Sequence[Vector]) -> float:
-    """Mean rise in a sample; raises where the values cannot be used.
+    """Mean slope (unit per sample). Raises DataError if a value is not finite.
 
-    Of several segments by the squares of their lengths: what is best lies between the lengths themselves, in a random
-    walk, and their cubes, in white noise.
+    Segments are weighted by the squares of their lengths: the best weights are the lengths for a random walk, and
+    their cubes for white noise.
     """
     long = [segment for segment in segments if segment.size > 1]
     if len(long) == 1:
@@ -300,19 +307,19 @@ def _slope(segments: Sequence[Vector]) -> float:
 
 
 def _rise(values: Vector) -> float:
-    """Mean rise in a sample, from the means of the two halves."""
+    """Mean slope of one segment, from the means of its two halves."""
     half = values.size // 2
     with np.errstate(over="ignore", invalid="ignore"):
         first, second = float(values[:half].sum()), float(values[half:].sum())
     if not math.isfinite(first + second):
         require_finite(values, "x")
-        raise DataError("x is too large to be summed in double precision; scale it down")
-    # The two halves' means lie N/2 samples apart.
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
+    # The means of the two halves are N/2 samples apart.
     return (second / (values.size - half) - first / half) / (values.size / 2)
 
 
 def _clipped(values: Vector) -> Vector:
-    """The values with what is far from all others drawn in, so that outliers do not decide on the slope."""
+    """Values clipped to 10 MAD from the median, so that outliers do not determine the slope."""
     some = values[:: values.size // 4096 + 1]
     middle = float(np.median(some))
     spread = float(np.median(np.abs(some - middle)))

@@ -44,7 +44,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
 
     def __post_init__(self) -> None:
         if not self.curves:
-            raise DataError("expected the wavelet variance of at least one axis, got none")
+            raise DataError(argument="curves", expected="the wavelet variance of at least one axis", got=self.curves)
         object.__setattr__(self, "curves", MappingProxyType(dict(self.curves)))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -55,7 +55,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         try:
             return self.curves[axis]
         except KeyError:
-            raise DataError(f"axis must be one of {', '.join(self.curves)}; got {axis!r}") from None
+            raise DataError(argument="axis", expected=f"one of {', '.join(self.curves)}", got=axis) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.curves)

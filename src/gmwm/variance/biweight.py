@@ -68,16 +68,26 @@ def biweight(efficiency: float) -> Biweight:
     """
     number = isinstance(efficiency, int | float | np.floating)
     if not number or not LEAST_EFFICIENCY <= efficiency <= LARGEST_EFFICIENCY:
-        raise OptionError(f"efficiency must be from {LEAST_EFFICIENCY} to {LARGEST_EFFICIENCY}, got {efficiency!r}")
+        raise OptionError(
+            argument="efficiency", expected=f"a number from {LEAST_EFFICIENCY} to {LARGEST_EFFICIENCY}", got=efficiency
+        )
     return _biweight(float(efficiency))
 
 
 def require_robust(robust: bool, efficiency: float | None) -> None:
-    """Raise where an efficiency is asked for, but no robust estimate to have it."""
+    """Raise if an efficiency other than the default is given for a classical estimate."""
     if not robust and efficiency not in (None, EFFICIENCY):
-        raise OptionError(
-            f"efficiency={efficiency!r} belongs to the robust wavelet variance; pass robust=True too, or leave it out"
-        )
+        raise unused_efficiency(efficiency)
+
+
+def unused_efficiency(efficiency: float | None) -> OptionError:
+    """Make the error for an efficiency that is given for a classical estimate."""
+    return OptionError(
+        f"the efficiency {efficiency!r} applies to the robust wavelet variance only",
+        argument="efficiency",
+        got=efficiency,
+        advice="Pass {--robust=yes} too, or leave {--efficiency} out.",
+    )
 
 
 @lru_cache(maxsize=64)

@@ -87,7 +87,7 @@ class ClusterVariance(Summarised):
 
     def __post_init__(self) -> None:
         if (self.family, self.kind) not in _TITLES:
-            raise OptionError(f"there is no {self.kind!r} variance of the family {self.family!r}")
+            raise OptionError(f"the family {self.family!r} has no kind {self.kind!r}", argument="kind", got=self.kind)
         for name in ("clusters", "variance", "lower", "upper", "counts", "degrees_of_freedom"):
             freeze(getattr(self, name))
 

@@ -7,8 +7,7 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from gmwm import _core
-from gmwm.errors import OptionError
-from gmwm.options import as_confidence
+from gmwm.options import as_confidence, one_of
 from gmwm.signals import Signal
 from gmwm.variance.allan import difference_counts, exponents, modified_ratio
 from gmwm.variance.clusters import ClusterVariance
@@ -72,8 +71,7 @@ def hadamard_variance(
     True
     """
     as_confidence(confidence)
-    if kind not in ("overlapping", "nonoverlapping"):
-        raise OptionError(f'kind must be "overlapping" or "nonoverlapping", got {kind!r}')
+    one_of(kind, "kind", ("overlapping", "nonoverlapping"))
     phase = phase_of(x, rate, data, straighten=True)
     p = phase.values
     overlapping = kind == "overlapping"

@@ -103,17 +103,22 @@ class SegmentedAccumulator:
     def _require_following(self, following: object, *alike: str) -> None:
         """Raise if another part does not follow this one, or differs in what is to be alike."""
         if not isinstance(following, type(self)):
-            raise OptionError(f"following must be a {type(self).__name__}, got {type(following).__name__}")
+            raise OptionError(argument="following", expected=f"a {type(self).__name__}", got=following)
         for name in alike:
             if getattr(self, name) != getattr(following, name):
                 raise OptionError(
-                    f"both parts must have the same {name}, got {getattr(self, name)!r} and "
-                    f"{getattr(following, name)!r}"
+                    f"both parts must have the same {name}; got {getattr(self, name)!r} and "
+                    f"{getattr(following, name)!r}",
+                    argument=name,
+                    got=getattr(following, name),
                 )
         if following.start != self.stop:
             raise OptionError(
-                f"the following part must begin with sample {self.stop}, where this one ends; it begins with "
-                f"{following.start}: pass start= when it is made"
+                f"the following part must begin with sample {self.stop}, where this part ends; it begins with "
+                f"sample {following.start}",
+                argument="start",
+                got=following.start,
+                advice="Pass {--start} when the part is made.",
             )
 
     def _take_state(self, other: Self) -> None:
@@ -196,5 +201,5 @@ def whole(value: int, name: str, least: int, most: int) -> int:
         If it is not.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
-        raise OptionError(f"{name} must be a whole number from {least} to {most}, got {value!r}")
+        raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)
     return int(value)

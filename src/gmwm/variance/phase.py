@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
 from gmwm.errors import DataError, OptionError
+from gmwm.options import one_of
 from gmwm.signals import MINIMUM_SAMPLES, Signal
 from gmwm.units import find_unit
 
@@ -23,7 +24,8 @@ Progress: TypeAlias = Callable[[int, int], object]
 """Called with the cluster sizes done and all of them, first with 0 done."""
 
 
-TOO_LARGE = "x is too large to be squared and summed in double precision; scale it down"
+TOO_LARGE = "the signal is too large: its squares and sums overflow double precision"
+SCALE_DOWN = "Pass the signal in a larger unit."
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,16 +84,17 @@ def phase_of(
     OptionError
         If `data` is unknown, or `rate` contradicts the Signal's.
     """
-    if data not in ("rate", "phase"):
-        raise OptionError(f'data must be "rate" or "phase", got {data!r}')
+    one_of(data, "data", ("rate", "phase"))
     if isinstance(x, Signal):
         if rate is not None and rate != x.rate:
-            raise OptionError(f"rate={rate:g} contradicts the signal's {x.rate:g} Hz; leave rate out")
+            raise contradicting_rate(rate, x.rate, "signal")
         values, rate, unit, axis = x.whole(), x.rate, x.unit, x.axis
     else:
         values, rate, unit, axis = as_vector(x, "x", finite=data == "phase"), as_rate(rate), "", ""
     if values.size < MINIMUM_SAMPLES:
-        raise DataError(f"x must have at least {MINIMUM_SAMPLES} samples, got {values.size}")
+        raise DataError(
+            f"the signal must have at least {MINIMUM_SAMPLES} samples; got {values.size}", argument="x", got=values.size
+        )
     sums = None
     with np.errstate(over="ignore", invalid="ignore"):
         if data == "phase":
@@ -103,8 +106,18 @@ def phase_of(
             phase = _core.running_sum(_without_slope(values) if straighten else values)
     if not np.isfinite(phase[-1]):
         require_finite(values, "x")
-        raise DataError(TOO_LARGE)
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     return Phase(values=phase, rate=rate, samples=values.size, unit=unit, axis=axis, octaves=sums)
+
+
+def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
+    """Make the error for a `rate` that differs from the `known` rate (Hz) of the signal or curve."""
+    return OptionError(
+        f"the rate of {rate:g} Hz contradicts the {owner}, which has {known:g} Hz",
+        argument="rate",
+        got=rate,
+        advice="Leave {--rate} out.",
+    )
 
 
 def _rate_unit(unit: str) -> str:
@@ -156,14 +169,21 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
         if clusters == "decade":
             each = [m * 10**e for e in range(len(str(top))) for m in (1, 2, 4)]
             return np.array([n for n in each if n <= top], dtype=np.int64)
-        raise OptionError(f'clusters must be "octave", "decade", "all" or integers, got {clusters!r}')
+        raise OptionError(argument="clusters", expected="octave, decade, all or a list of integers", got=clusters)
     sizes: NDArray[Any] = np.asarray(clusters)
     if sizes.ndim != 1 or sizes.size == 0 or sizes.dtype.kind not in "iu":
-        raise OptionError(f"clusters must be a list of integers (samples), got {clusters!r}; τ is their number / rate")
+        raise OptionError(
+            argument="clusters",
+            expected="a list of integers (samples)",
+            got=clusters,
+            advice="A cluster of n samples has the averaging time n / rate.",
+        )
     low, high = sizes.min(), sizes.max()
     if low < 1 or high > largest or np.any(np.diff(sizes.astype(np.int64)) <= 0):
         raise OptionError(
-            f"clusters must be ascending integers from 1 to {largest} for this record, got {low} … {high}"
+            argument="clusters",
+            expected=f"ascending integers from 1 to {largest} for this recording",
+            got=clusters,
         )
     return np.asarray(sizes, dtype=np.int64)
 
@@ -180,7 +200,7 @@ def mean_squares(
     if progress is not None:
         progress(clusters.size, clusters.size)
     if not np.all(np.isfinite(sums)):
-        raise DataError(TOO_LARGE)
+        raise DataError(TOO_LARGE, argument="x", advice=SCALE_DOWN)
     return np.asarray(sums / counts)
 
 

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._text import Summarised
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError
 from gmwm.filters import find_filter
+from gmwm.options import one_of
 from gmwm.remarks import Remark, texts
 from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
@@ -58,9 +59,9 @@ class WaveletVariance(Summarised):
     diagnostics : mapping
         What is to be known of single levels; of a robust estimate see `wavelet_variance`.
     strides : tuple of int
-        Of each level, at every how many samples a coefficient was taken; () where all were, see `WaveletAccumulator`.
+        Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
-        Mean rise of the signal, in unit per sample: gives a drift its sign. None for published values.
+        Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
 
     Examples
     --------
@@ -95,7 +96,9 @@ class WaveletVariance(Summarised):
         for name in ("levels", "variance", "lower", "upper", "counts"):
             freeze(getattr(self, name))
         if self.strides and len(self.strides) != len(self):
-            raise DataError(f"strides must be none or one for each of {len(self)} levels, got {len(self.strides)}")
+            raise DataError(
+                argument="strides", expected=f"empty or one number for each of {len(self)} levels", got=self.strides
+            )
 
     @property
     def scales(self) -> NDArray[np.int64]:
@@ -129,7 +132,7 @@ class WaveletVariance(Summarised):
 
     @property
     def extent(self) -> str:
-        """How much was measured, in words: samples, segments, rate."""
+        """Number of samples and segments, and the rate, as text."""
         apart = f" in {len(self.segments)} segments" if self.segments else ""
         return f"{self.samples} samples{apart} at {self.rate:g} Hz"
 
@@ -150,31 +153,31 @@ class WaveletVariance(Summarised):
         unit: str = "",
         axis: str = "",
     ) -> WaveletVariance:
-        """A wavelet variance from published values, levels 1, 2, … in order.
+        """Make a wavelet variance from published values, for levels 1, 2, … in order.
 
         Parameters
         ----------
         variance : (J,) array, in unit²
-            Estimates at the scales 2, 4, 8, … samples; fewer levels than the length allows are welcome.
+            Estimates at the scales 2, 4, 8, … samples. There may be fewer levels than the length allows.
         samples : int
-            Length N of the signal they were computed from.
+            Length N of the signal.
         rate : float
-            Samples per second (Hz).
+            Sampling rate (Hz).
         lower, upper : (J,) arrays, optional
-            Published limits at `confidence`; by default those of the chi-square rule.
+            Published confidence limits; by default chi-square limits.
         robust, efficiency : bool, float
-            Whether they are robust estimates, and of what efficiency; 0.6 if it is not given.
+            Whether the estimates are robust, and their efficiency, 0.6 by default.
         filter, transform : str
-            What they were computed with: a name of `find_filter`, "modwt" or "dwt".
+            Wavelet filter, see `gmwm.filters.find_filter`, and transform, "modwt" or "dwt".
         confidence : float
-            Of the limits.
+            Confidence level of the limits.
         unit, axis : str
-            Of the signal.
+            Unit and name of the signal.
 
         Raises
         ------
         DataError
-            If a value is negative or not finite, N is not a whole number, or there are more levels than N samples have.
+            If a value is negative or not finite, N is not a whole number, or N samples have fewer levels.
 
         Examples
         --------
@@ -183,18 +186,19 @@ class WaveletVariance(Summarised):
         array([0.02, 0.04, 0.08])
         """
         wavelet = find_filter(filter)
-        if transform not in ("modwt", "dwt"):
-            raise OptionError(f"transform must be 'modwt' or 'dwt', got {transform!r}")
+        one_of(transform, "transform", ("modwt", "dwt"))
         samples = _checked_samples(samples)
         values = as_vector(variance, "variance").copy()
         if np.any(values < 0):
-            raise DataError(f"variance must not be negative, got {values.min():g}")
+            raise DataError(argument="variance", expected="zero or positive", got=float(values.min()))
         levels = np.arange(1, values.size + 1, dtype=np.int64)
         counts = coefficient_counts(samples, levels, wavelet, transform)
         if counts[-1] < 1:
             raise DataError(
-                f"{values.size} levels need at least {wavelet.width(values.size)} samples, got samples={samples}; "
-                "pass the length of the signal, or fewer levels"
+                f"{values.size} levels need at least {wavelet.width(values.size)} samples; got {samples}",
+                argument="samples",
+                got=samples,
+                advice="Pass the length of the signal, or fewer levels.",
             )
         efficiency = _checked_efficiency(robust, efficiency)
         eta = degrees_of_freedom(counts, levels, transform) * (efficiency or 1.0)
@@ -203,10 +207,10 @@ class WaveletVariance(Summarised):
         for name, given, default in (("lower", lower, low), ("upper", upper, high)):
             limit = default if given is None else as_vector(given, name).copy()
             if limit.shape != values.shape:
-                raise DataError(f"{name} must have {values.size} values like variance, got {limit.size}")
+                raise DataError(argument=name, expected=f"{values.size} values, one for each variance", got=limit)
             limits.append(limit)
         if np.any(limits[0] > values) or np.any(limits[1] < values):
-            raise DataError("the limits must enclose the variance: lower <= variance <= upper at every level")
+            raise DataError("the limits must enclose the variance: lower ≤ variance ≤ upper at every level")
         return cls(
             levels=levels,
             variance=values,
@@ -347,21 +351,21 @@ class WaveletVariance(Summarised):
 
 
 def _checked_samples(samples: int) -> int:
-    """A length: a whole number, which may be written 3e6."""
+    """Check a length: a whole number, which may be a float such as 3e6."""
     whole = isinstance(samples, int | float | np.number) and not isinstance(samples, bool) and samples % 1 == 0
     if not whole or samples < 1:
-        raise DataError(f"samples must be a whole number, the length of the signal; got {samples!r}")
+        raise DataError(argument="samples", expected="a positive whole number, the length of the signal", got=samples)
     return int(samples)
 
 
 def _checked_efficiency(robust: bool, efficiency: float | None) -> float | None:
-    """The efficiency of a robust estimate, None of a classical one."""
-    from gmwm.variance.biweight import biweight
+    """Efficiency of a robust estimate; None for a classical one."""
+    from gmwm.variance.biweight import biweight, unused_efficiency
 
     if robust:
         wanted = 0.6 if efficiency is None else efficiency
         biweight(wanted)
         return float(wanted)
     if efficiency is not None:
-        raise OptionError(f"efficiency={efficiency!r} belongs to robust estimates; pass robust=True, or leave it out")
+        raise unused_efficiency(efficiency)
     return None

@@ -69,7 +69,12 @@ class SecondPass(SegmentedAccumulator):
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
             if not np.array_equal(getattr(self._request, name), getattr(following._request, name)):
-                raise OptionError("both parts must be second passes after the same first one; make them with part()")
+                raise OptionError(
+                    "the two parts belong to different first passes",
+                    argument="following",
+                    got=following,
+                    advice="Make both parts with `part` of the same second pass.",
+                )
         joint = self.part(self.start)
         joint._take_state(self)
         joint._append(following)
@@ -97,7 +102,7 @@ class SecondPass(SegmentedAccumulator):
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:
             raise DataError(
-                f"the second pass must take all samples of the first again, {_extent(self._seen)}; it took "
+                f"the second pass must read all samples of the first pass, {_extent(self._seen)}; it read "
                 f"{_extent(self)}"
             )
         sketched = self._seen._sketched()
@@ -110,8 +115,8 @@ class SecondPass(SegmentedAccumulator):
         # The counts of the first pass are good to some 1e-4, so that these are not the samples that were counted.
         if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
             raise DataError(
-                f"the second pass must take the samples of the first again; at level {others[0] + 1} the variance of "
-                f"those that it took is another one, by {100 * moved[others[0]]:.2g} %"
+                f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
+                f"differs by {100 * moved[others[0]]:.2g} %"
             )
         found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
         return self._seen._curve(confidence, found, self.efficiency, self._rise)

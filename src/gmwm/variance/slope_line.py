@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
 from gmwm.errors import OptionError
+from gmwm.options import one_of
 from gmwm.units import datasheet_units, find_unit, noise_unit
 
 Term: TypeAlias = Literal["Q", "N", "B", "K", "R"]
@@ -43,10 +44,14 @@ def coefficient_unit(term: Term, unit: str, units: Literal["si", "datasheet"] = 
     >>> name, round(factor, 3)
     ('deg/√h', 3437.747)
     """
-    if units not in ("si", "datasheet"):
-        raise OptionError(f"units must be 'si' or 'datasheet', got {units!r}")
+    one_of(units, "units", ("si", "datasheet"))
     if units == "datasheet" and find_unit(unit) is None:
-        raise OptionError(f'units="datasheet" needs an angular rate or an acceleration, got {unit or "no unit"!r}')
+        raise OptionError(
+            f"datasheet units need an angular rate or an acceleration; the data have {unit or 'no unit'}",
+            argument="unit",
+            got=unit,
+            advice="Use {--units=si}.",
+        )
     si, factor = noise_unit(-LAWS[term].slope, unit, empty="unit")
     if units == "si":
         return si, factor

@@ -13,6 +13,7 @@ from gmwm import _core
 from gmwm._arrays import Vector, as_vector, freeze
 from gmwm.errors import OptionError
 from gmwm.filters import WaveletFilter, find_filter
+from gmwm.options import one_of
 from gmwm.signals import Signal
 
 Boundary = Literal["periodic", "reflection"]
@@ -252,8 +253,7 @@ def _checked(
     x: Signal | ArrayLike, filter: str | WaveletFilter, levels: int | None, boundary: Boundary
 ) -> tuple[Vector, WaveletFilter, int]:
     values = x.whole() if isinstance(x, Signal) else as_vector(x, "x", at_least=2)
-    if boundary not in ("periodic", "reflection"):
-        raise OptionError(f"boundary must be 'periodic' or 'reflection', got {boundary!r}")
+    one_of(boundary, "boundary", ("periodic", "reflection"))
     deepest = values.size.bit_length() - 1
     return values, find_filter(filter), as_level_count(levels, deepest, values.size)
 
@@ -263,7 +263,9 @@ def as_level_count(levels: int | None, deepest: int, samples: int) -> int:
     if levels is None:
         return deepest
     if isinstance(levels, bool) or not isinstance(levels, int | np.integer) or not 1 <= levels <= deepest:
-        raise OptionError(f"levels must be an integer from 1 to {deepest} for {samples} samples, got {levels!r}")
+        raise OptionError(
+            argument="levels", expected=f"an integer from 1 to {deepest} for {samples} samples", got=levels
+        )
     return int(levels)
 
 
