@@ -11,6 +11,7 @@ import typer
 
 from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
+from gmwm.cli.option_names import named_as_options
 from gmwm.cli.options import RESULT
 from gmwm.cli.output import NewFile, Outcome, calibration_file, file_names, made_directory, text_file
 from gmwm.errors import DataError, MissingTheoryError, OptionError
@@ -98,9 +99,10 @@ def export(
     choice: _Choice = {"axes": axes, "inflation": inflation, "horizon": seconds, "rate": rate}
     file = calibration_file(calibration)
     found = Calibration.load(file)
-    if all is not None:
-        return _all(found, file, made_directory(all, "all"), choice)
-    return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
+    with named_as_options({"axes": "--axes"}):
+        if all is not None:
+            return _all(found, file, made_directory(all, "all"), choice)
+        return _one(found, file, output=output, name=DEFAULT if format is None else format, choice=choice)
 
 
 class _Choice(TypedDict):
