@@ -99,7 +99,7 @@ def likely(samples: int, method: str, seed: int) -> recordings.Array:
 
 def ends(intervals: dict[str, tuple[float, float]], diagnostics: Any) -> recordings.Array:
     """Both intervals, and whether something is said of the term; one that acts as another process is told too."""
-    told = float(any(note.startswith("GM") for note in diagnostics.notes()))
+    told = float(any(remark.facts.get("term") == "GM" for remark in diagnostics.remarks))
     return np.array([(*intervals[name], told) for name in ("GM.beta", "GM.sigma2")])
 
 

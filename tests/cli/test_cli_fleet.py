@@ -89,7 +89,8 @@ def test_options_reach_every_unit(gmwm, folder, tmp_path):
 def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tmp_path):
     (tmp_path / "in").mkdir()
     for k in range(12):
-        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,gyro_x [deg/s]\n1,2\n")
+        rows = "".join(f"{i / 100},{(i * 7) % 5}\n" for i in range(9))
+        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,accel_x [m/s^2]\n" + rows)
     outcome = gmwm("fleet", tmp_path / "in", "--output", tmp_path / "out", "--workers", 0)
     assert outcome.code == 2
     assert outcome.err.startswith("error: none of 12 units ")
@@ -100,9 +101,12 @@ def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tm
 def test_many_failures_with_one_reason_are_one_warning(gmwm, folder, tmp_path):
     (tmp_path / "in").mkdir()
     for k in range(12):
-        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,gyro_x [deg/s]\n1,2\n")
+        rows = "".join(f"{i / 100},{(i * 7) % 5}\n" for i in range(9))
+        (tmp_path / "in" / f"{k:02d}.csv").write_text("time,accel_x [m/s^2]\n" + rows)
     (tmp_path / "in" / "good.parquet").write_bytes((folder / "unit 1.parquet").read_bytes())
-    outcome = gmwm("fleet", tmp_path / "in", "--within", "WN", "--output", tmp_path / "out", "--workers", 0)
+    outcome = gmwm(
+        "fleet", tmp_path / "in", "--axis", "gyro_x", "--within", "WN", "--output", tmp_path / "out", "--workers", 0
+    )
     assert outcome.code == 0
     (line,) = outcome.err.splitlines()
     assert all(f"{k:02d}.csv" in line for k in range(8))

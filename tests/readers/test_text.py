@@ -205,7 +205,7 @@ def test_paths(tmp_path):
         ({"columns": 5}, "columns must be.*got 5"),
         ({"gaps": "glue"}, "gaps must be"),
         ({"format": "bag"}, "format must be one of .*parquet"),
-        ({"rate": -1}, "rate must be positive"),
+        ({"rate": -1}, "rate must be a positive"),
     ],
 )
 def test_wrong_options_say_what_may_be(tmp_path, options, message):

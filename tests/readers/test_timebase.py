@@ -225,7 +225,7 @@ def test_declared_time_unit(tmp_path):
     path = saved(tmp_path, np.arange(100) * 5, "time")
     assert read(path, units={"time": "ms"}).rate == 200
     assert read(path, rate=200).rate == 200
-    with raises(UnitError, "'fortnight'", "s, ms, us, ns"):
+    with raises(UnitError, "'fortnight'", advises=["s, ms, us, ns"]):
         read(path, units={"time": "fortnight"})
     with pytest.raises(OptionError):
         read(path, units={"clock": "s"})

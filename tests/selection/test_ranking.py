@@ -365,7 +365,7 @@ def test_general_models_that_are_refused(wv, general, words):
 
 
 def test_data_that_are_refused(wv):
-    with pytest.raises(ModelError, match="constant signal"):
+    with pytest.raises(ModelError, match="signal is constant"):
         gmwm.select("GM + WN", np.ones(1000), RATE)
     with pytest.raises(OptionError, match="rate"):
         gmwm.select("GM + WN", simulated(1000))

@@ -245,7 +245,7 @@ def test_workers_that_die_of_a_part(tmp_path, client, monkeypatch):
     source = opened(recording(tmp_path / "a.npy"))
     monkeypatch.setattr(client.cluster.scheduler, "allowed_failures", 0)
     monkeypatch.setattr(cluster, "_measure", lambda part, begin: os._exit(1))
-    with pytest.raises(GmwmError, match=r"given Part\(rows \d+ to .* died, one after the other: have they memory"):
+    with pytest.raises(GmwmError, match=r"workers died while reading Part\(rows \d+ to .*memory"):
         spread_variance(source, scheduler=client, parts=2)
 
 

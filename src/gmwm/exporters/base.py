@@ -247,10 +247,10 @@ class TwoNumbers(Exporter):
         missing = [NAMES[q] for q, found in zip(QUANTITIES, (gyro, accel), strict=True) if found is None]
         if missing and (self.both or len(missing) == 2):
             raise DataError(
-                f"{self.name} needs gyroscopes and accelerometers, but this calibration has no {missing[0]}, "
+                f"the format needs gyroscopes and accelerometers, but this calibration has no {missing[0]}, "
                 f"only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
-            )
+            ).about(self.name)
         return Noise(gyro, accel, options)
 
 
