@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm import GM, QN, RW, WN, Model, wavelet_variance
+from gmwm.axis_names import AXES
 from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.readers import read
-from gmwm.signals import AXES
 from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from gmwm.units import STANDARD_GRAVITY
 from tests.helpers import only
@@ -220,7 +220,7 @@ def test_a_signal_is_rounded_and_its_parts_are_not():
         ({"model": "WN(sigma2=1) + VN"}, ModelError, "VN"),
         ({"rate": 0.0}, OptionError, "rate"),
         ({"samples": None}, OptionError, "neither"),
-        ({"rng": -1}, OptionError, "rng must be an integer"),
+        ({"rng": -1}, OptionError, "rng must be zero or a positive integer"),
         ({"resolution": -1.0}, OptionError, "resolution of the signal"),
     ],
 )
@@ -252,9 +252,9 @@ def test_models_by_axis():
         ({"samples": 10.5}, OptionError, "integer"),
         ({"samples": None, "duration": float("nan")}, OptionError, "duration"),
         ({"samples": None, "duration": 1e-9}, OptionError, "at least 8"),
-        ({"rng": -1}, OptionError, "rng must be an integer"),
-        ({"rng": 1.5}, OptionError, "rng must be an integer"),
-        ({"rng": True}, OptionError, "rng must be an integer"),
+        ({"rng": -1}, OptionError, "rng must be zero or a positive integer"),
+        ({"rng": 1.5}, OptionError, "rng must be zero or a positive integer"),
+        ({"rng": True}, OptionError, "rng must be zero or a positive integer"),
         ({"resolution": {"gyro_x": 0.0}}, OptionError, "resolution"),
         ({"resolution": {"gyros": 1.0}}, OptionError, "gyros"),
         ({"gravity": "gyro_x"}, OptionError, "gravity"),

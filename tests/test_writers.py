@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gmwm._files import write_text
+from gmwm.axis_names import AXES
 from gmwm.errors import OptionError
 from gmwm.readers import read
-from gmwm.signals import AXES, Imu, Signal
+from gmwm.signals import Imu, Signal
 from gmwm.writers import SUFFIXES, write
 from tests.helpers import raises
 

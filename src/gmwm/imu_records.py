@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.signals import AXES
+from gmwm.axis_names import AXES
 
 PREFIX = "imu:"
 """Prefix of a type in the `format` option."""

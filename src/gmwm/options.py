@@ -10,8 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 from gmwm._arrays import as_rate
+from gmwm.axis_names import AXES
 from gmwm.errors import OptionError, UnitError
-from gmwm.signals import AXES
 from gmwm.time_ranges import kept_ranges
 from gmwm.units import LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 

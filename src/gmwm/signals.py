@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
 from gmwm._text import counted
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase, begins_of, times_of
@@ -25,12 +26,7 @@ if TYPE_CHECKING:
 
     from gmwm.plots.view import UnitSystem
 
-__all__ = ["AXES", "Imu", "Signal"]
-
-T = TypeVar("T")
-
-AXES = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-"""The names of the six axes of an IMU, in the order in which they are shown."""
+__all__ = ["Imu", "Signal"]
 
 MINIMUM_SAMPLES = 8
 """Shortest segment that is read: 2³ samples give three wavelet levels, fewer than any model has parameters to fit.
@@ -557,49 +553,6 @@ class Imu:
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
-
-
-def sensor_of(axis: str) -> str:
-    """The sensor of an axis; "" if its name has none.
-
-    >>> sensor_of("gyro_x"), sensor_of("temperature")
-    ('gyro', '')
-    """
-    return axis.rpartition("_")[0]
-
-
-def letter_of(axis: str) -> str:
-    """The direction of an axis, x, y or z; the whole name if it has no sensor.
-
-    >>> letter_of("gyro_x")
-    'x'
-    """
-    return axis.rpartition("_")[2]
-
-
-def by_sensor(axes: Mapping[str, T]) -> dict[str, dict[str, T]]:
-    """The values of axes, grouped by sensor.
-
-    >>> by_sensor({"gyro_x": 1, "accel_x": 2, "gyro_y": 3})
-    {'gyro': {'gyro_x': 1, 'gyro_y': 3}, 'accel': {'accel_x': 2}}
-    """
-    sensors: dict[str, dict[str, T]] = {}
-    for axis, value in axes.items():
-        sensors.setdefault(sensor_of(axis), {})[axis] = value
-    return sensors
-
-
-def axis_quantity(axis: str) -> Quantity:
-    """The quantity that an axis measures, "gyro" or "accel".
-
-    Raises
-    ------
-    OptionError
-        If it is not one of `AXES`.
-    """
-    if axis not in AXES:
-        raise OptionError(argument="axis", expected=f"one of {', '.join(AXES)}", got=axis)
-    return "gyro" if axis.startswith("gyro") else "accel"
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

@@ -10,9 +10,10 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._files import written_whole
+from gmwm.axis_names import AXES
 from gmwm.errors import DataError, OptionError
 from gmwm.imu_records import TYPES, RecordType, counts
-from gmwm.signals import AXES, Imu, Signal
+from gmwm.signals import Imu, Signal
 
 SUFFIXES = (".csv", ".parquet")
 """File name extensions of tables; the extension chooses the format."""

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.readers import read
-from gmwm.signals import AXES, Imu
+from gmwm.signals import Imu
 from gmwm.simulation import simulate
 
 

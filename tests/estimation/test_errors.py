@@ -46,7 +46,7 @@ WV = gmwm.wavelet_variance(X, 100.0)
         ("WN", WV, {"weighting": np.ones((9, 9))}, gmwm.errors.OptionError, ("weighting", "positive definite")),
         ("WN", WV, {"weighting": np.triu(np.ones((9, 9)))}, gmwm.errors.OptionError, ("weighting", "symmetric")),
         ("WN", np.full(100, 3.0), {"rate": 1.0}, gmwm.errors.ModelError, ("constant",)),
-        ("WN", np.append(X, np.nan), {"rate": 1.0}, gmwm.errors.DataError, ("1 NaN", 1000)),
+        ("WN", np.append(X, np.nan), {"rate": 1.0}, gmwm.errors.DataError, ("1 of 1001 values are NaN", 1000)),
         ("WN", X[:5], {"rate": 1.0}, gmwm.errors.DataError, (8, 5)),
         ("WN", X.reshape(2, -1), {"rate": 1.0}, gmwm.errors.DataError, ("(2, 500)",)),
         ("WN", ["a"] * 10, {"rate": 1.0}, gmwm.errors.DataError, ("real numbers",)),

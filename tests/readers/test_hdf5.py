@@ -6,9 +6,9 @@ import h5py
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.errors import GmwmError, MissingDependencyError, ReadError, UnitError
 from gmwm.readers import arrays, find_reader, read
-from gmwm.signals import AXES
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(9).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from gmwm.axis_names import AXES
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers import find_reader, read
-from gmwm.signals import AXES
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(8).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -7,10 +7,10 @@ import zipfile
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.errors import GmwmError, ReadError, TimeBaseWarning
 from gmwm.readers import arrays, find_reader, read
 from gmwm.remarks import Quantity
-from gmwm.signals import AXES
 from tests.helpers import only, raises
 
 VALUES = np.random.default_rng(3).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]

@@ -10,10 +10,10 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.readers import find_reader, read
 from gmwm.remarks import Remark
-from gmwm.signals import AXES
 from tests.helpers import only
 from tests.readers.rosbag_files import (
     CONTAINERS,

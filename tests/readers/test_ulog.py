@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.errors import DataError, GmwmError, MissingDependencyError, ReadError
 from gmwm.readers import base, find_reader, read
 from gmwm.readers.ulog import UlogReader
-from gmwm.signals import AXES
 from tests.helpers import raises
 
 pyulog = pytest.importorskip("pyulog")

@@ -5,10 +5,11 @@ import struct
 import numpy as np
 import pytest
 
+from gmwm.axis_names import AXES
 from gmwm.errors import DataError, GmwmError, GmwmWarning, OptionError, ReadError
 from gmwm.imu_records import TYPES, counts
 from gmwm.readers import find_reader, read, waypoint
-from gmwm.signals import AXES, Imu, Signal
+from gmwm.signals import Imu, Signal
 from tests.helpers import only, raises
 
 RATE = 62.5  # no whole number: a rate that is rounded shows

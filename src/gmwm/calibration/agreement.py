@@ -10,6 +10,7 @@ from statistics import NormalDist
 
 import numpy as np
 
+from gmwm.axis_names import sensor_of
 from gmwm.calibration.agreement_result import Agreement, SharedNumber
 from gmwm.calibration.findings import rejected
 from gmwm.calibration.reference import as_reference
@@ -18,7 +19,6 @@ from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
-from gmwm.signals import sensor_of
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0

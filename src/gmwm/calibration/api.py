@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gmwm._threads import in_threads
+from gmwm.axis_names import sensor_of
 from gmwm.calibration.findings import WANTED
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
@@ -33,7 +34,7 @@ from gmwm.processes.validation import as_seed
 from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
 from gmwm.selection.api import select_within
-from gmwm.signals import Imu, Signal, sensor_of
+from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT, find_unit
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance

@@ -9,9 +9,9 @@ import numpy as np
 
 from gmwm._tables import headed
 from gmwm._text import counted, duration_text
+from gmwm.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
 from gmwm.remarks import Dialect, brief, texts
-from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration

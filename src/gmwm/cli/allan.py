@@ -198,8 +198,8 @@ def _draw(
 
 def _curves_text(results: Mapping[str, ClusterVariance], system: UnitSystem) -> str:
     """Format one axis with its confidence intervals and noise types, or the axes of a sensor side by side."""
+    from gmwm.axis_names import by_sensor
     from gmwm.plots.allan import cluster_view
-    from gmwm.signals import by_sensor
 
     sensors = {sensor: list(group.values()) for sensor, group in by_sensor(results).items()}
     first = next(iter(results.values()))

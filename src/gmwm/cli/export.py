@@ -160,8 +160,8 @@ class KalibrFile:
 
 def kalibr_file(found: Calibration, folder: Path) -> KalibrFile:
     """Make imu.yaml, if both sensors are calibrated and the data bound its numbers."""
+    from gmwm.axis_names import sensor_of
     from gmwm.exporters import export as exported
-    from gmwm.signals import sensor_of
 
     target, remarks = folder / "imu.yaml", []
     if {"gyro", "accel"} <= {sensor_of(axis) for axis in found}:

@@ -282,9 +282,9 @@ def _picture(fits: Mapping[str, Fit], path: Path, view: Literal["wavelet", "alla
 
 def fits_text(fits: Mapping[str, Fit], how: IntervalMethod) -> str:
     """Format the summary of one fit, or a table for each sensor with its axes side by side."""
+    from gmwm.axis_names import by_sensor
     from gmwm.calibration.tables import wrapped
     from gmwm.inference.summary import intervals_if_known
-    from gmwm.signals import by_sensor
 
     if len(fits) == 1:
         return next(iter(fits.values())).summary(how.level, how.method, draws=how.draws, rng=how.seed)

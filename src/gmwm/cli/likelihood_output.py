@@ -109,8 +109,8 @@ def as_dict(found: Judged) -> dict[str, Any]:
 
 def likelihoods_text(found: Mapping[str, Judged]) -> str:
     """Format the summary of one fit, or a table for each sensor with its axes side by side."""
+    from gmwm.axis_names import by_sensor
     from gmwm.likelihood.summary import in_words
-    from gmwm.signals import by_sensor
 
     if len(found) == 1:
         one = next(iter(found.values()))

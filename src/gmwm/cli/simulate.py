@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from gmwm.axis_names import AXES
 from gmwm.cli.command import command
 from gmwm.cli.durations import parse_length
 from gmwm.cli.output import Outcome, progress
 from gmwm.errors import OptionError
-from gmwm.signals import AXES
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:

@@ -61,9 +61,9 @@ def whole_text(
 ) -> str:  # fmt: skip
     """Format the complete status: a table of deviations for each sensor, and one of estimates for each axis."""
     from gmwm._text import duration_text
+    from gmwm.axis_names import by_sensor
     from gmwm.cli.output import table_text
     from gmwm.plots.view import view_of
-    from gmwm.signals import by_sensor
 
     first = next(iter(curves.values()))
     parts = [f"{first.extent}: {duration_text(first.samples / first.rate)}"]

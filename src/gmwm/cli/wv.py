@@ -131,8 +131,8 @@ def _draw(
 
 def _curves_text(results: Mapping[str, WaveletVariance], view: ViewName, system: UnitSystem) -> str:
     """Format one axis with its confidence intervals, or the axes of a sensor side by side."""
+    from gmwm.axis_names import by_sensor
     from gmwm.plots.view import view_of
-    from gmwm.signals import by_sensor
 
     sensors = by_sensor(results)
     first = next(iter(results.values()))

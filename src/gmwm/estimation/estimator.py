@@ -224,7 +224,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
     free = (*problem.linear, *problem.shaped)
     acts_as = {name: term.acts_as for name, term in sorted(found.items()) if term.acts_as is not None}
     zero = tuple(sorted(label[id(processes[place])] for place in free if processes[place].scale == 0))
-    remarks = (*_of_terms(model, acts_as, zero, wv, problem.matrix), *settled.remarks)
+    remarks = (*_of_terms(model, acts_as, zero, wv=wv, matrix=problem.matrix), *settled.remarks)
     diagnostics = Diagnostics(
         acts_as=acts_as, not_supported=zero, nodes=solution.nodes, start=solution.start, remarks=remarks
     )
@@ -244,7 +244,7 @@ def as_fit(settled: Settled, wv: WaveletVariance, weighting: str) -> Fit:
 
 
 def _of_terms(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], wv: WaveletVariance, matrix: Matrix
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, wv: WaveletVariance, matrix: Matrix
 ) -> Iterator[Remark]:
     """Remarks about each term: what it acts as, whether the data support it, and the remarks of its process."""
     processes = dict(zip(model.terms, model.processes, strict=True))

@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from gmwm.axis_names import letter_of, sensor_of
 from gmwm.exporters.base import ExportOptions, Noise, TwoNumbers, register
 from gmwm.exporters.reduction import SensorNoise
 from gmwm.exporters.text import unended, written
-from gmwm.signals import letter_of, sensor_of
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from gmwm.axis_names import letter_of, sensor_of
 from gmwm.datasheets.bias import SYMBOL
 from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, is_flicker, is_scale_free, noise_in_use
 from gmwm.datasheets.entry import Entry
@@ -14,7 +15,6 @@ from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
 from gmwm.errors import DataError
 from gmwm.estimation.result import Fit
-from gmwm.signals import letter_of, sensor_of
 from gmwm.units import SI_UNIT, Quantity
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from gmwm.axis_names import by_sensor
 from gmwm.calibration.tables import SENSORS, in_order, number
 from gmwm.exporters.base import Exporter, ExportOptions, register, title_line
 from gmwm.exporters.text import commented, paragraphs, recording
-from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration import Calibration

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from gmwm._arrays import Matrix
+from gmwm.axis_names import sensor_of
 from gmwm.fleets.statistics_result import SIGNED, AxisDifference
-from gmwm.signals import sensor_of
 
 LEAST = 6
 """Number of units with a number on all axes that the test needs, so that three axes leave 4 degrees of freedom."""

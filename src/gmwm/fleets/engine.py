@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm._threads import processors
+from gmwm.axis_names import AXES
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
 from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
@@ -28,7 +29,6 @@ from gmwm.processes.model import ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.readers import find_reader
 from gmwm.remarks import Remark
-from gmwm.signals import AXES
 from gmwm.units import SI_UNIT
 
 if TYPE_CHECKING:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from gmwm.axis_names import sensor_of
 from gmwm.fleets.outlier_units import FEWEST
 from gmwm.remarks import Remark, sorted_remarks
-from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     from polars import DataFrame

@@ -109,9 +109,9 @@ class Fleet(Summarised):
 
     def summary(self) -> str:
         """Counts, failed units, tables, outliers and remarks."""
-        from gmwm.fleets.summary_text import summary
+        from gmwm.fleets import summary_text
 
-        return summary(self)
+        return summary_text.summary(self)
 
     def plot(self, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
         """Draw the datasheet numbers of all units, axis by axis, in ascending order.

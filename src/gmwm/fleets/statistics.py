@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector
+from gmwm.axis_names import sensor_of
 from gmwm.calibration.tables import in_order
 from gmwm.errors import OptionError
 from gmwm.fleets.axes import differences
@@ -19,7 +20,6 @@ from gmwm.fleets.random_effects import effects, predicted, spread_limits
 from gmwm.fleets.samples import Reading, Sample
 from gmwm.fleets.statistics_result import SIGNED, FleetNumber, FleetStatistics, OutlierUnit
 from gmwm.options import as_confidence
-from gmwm.signals import sensor_of
 
 if TYPE_CHECKING:
     import polars

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 
 from gmwm._tables import headed
 from gmwm._text import counted
+from gmwm.axis_names import letter_of, sensor_of
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, wrapped
 from gmwm.datasheets.entry import significant
 from gmwm.remarks import Dialect, Remark, texts
-from gmwm.signals import letter_of, sensor_of
 from gmwm.units import datasheet_units
 from gmwm.variance.slope_line import LAWS
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
+from gmwm.axis_names import axis_quantity
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
 from gmwm.inspection.findings import MOVED, of_motion, of_steps, of_time, of_units, of_values, of_warm_up
@@ -20,7 +21,7 @@ from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.warm_up import warm_up_of
 from gmwm.readers.streams import Chunk, Stream
 from gmwm.remarks import Remark
-from gmwm.signals import Imu, Signal, axis_quantity
+from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 

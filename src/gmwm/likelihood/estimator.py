@@ -227,7 +227,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
         evaluations=found.evaluations,
         converged=found.converged,
         started_at=problem.value(problem.model)[0],
-        remarks=tuple(_remarks(order, acts_as, zero, found.converged, problem)),
+        remarks=tuple(_remarks(order, acts_as, zero, converged=found.converged, problem=problem)),
     )
     return LikelihoodFit(
         model=order,
@@ -249,7 +249,7 @@ def _as_fit(problem: Problem, found: Maximum) -> LikelihoodFit:
 
 
 def _remarks(
-    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], converged: bool, problem: Problem
+    model: Model, acts_as: Mapping[str, str], zero: Sequence[str], *, converged: bool, problem: Problem
 ) -> Iterator[Remark]:
     """Remarks about each term and about the search."""
     axis = problem.record.axis

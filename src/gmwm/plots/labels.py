@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from gmwm.axis_names import letter_of, sensor_of
 from gmwm.plots.axes import number_text
 from gmwm.plots.view import View
-from gmwm.signals import letter_of, sensor_of
 from gmwm.units import datasheet_units, noise_unit
 
 if TYPE_CHECKING:

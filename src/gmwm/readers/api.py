@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, as_rate
 from gmwm._text import counted
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.options import Columns, Gaps, ReadOptions
 from gmwm.readers.axis_units import Scales, resolve, time_unit
@@ -22,7 +23,7 @@ from gmwm.readers.scale_factors import multiply
 from gmwm.readers.text_stamps import holds_stamps, require_readable
 from gmwm.readers.time_stamps import Timing, as_stamps, beside_stated, timing, unstamped
 from gmwm.remarks import Remark
-from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.time_ranges import cut
 from gmwm.units import SI_UNIT
 

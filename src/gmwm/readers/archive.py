@@ -15,6 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import ReadError
 from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.byte_sources import ZIP, MemberSource, PackedError, open_archive
@@ -23,7 +24,6 @@ from gmwm.readers.compressed import packed_text
 from gmwm.readers.sensorlogger import WITHOUT_GRAVITY, SensorLoggerReader, sensor
 from gmwm.readers.text import TextReader
 from gmwm.remarks import Remark
-from gmwm.signals import AXES, axis_quantity
 
 _SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm.axis_names import AXES
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Layout, Mark, Rows
 from gmwm.readers.column_names import recognise
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import AXES
 
 ROWS = 1 << 20
 """Rows of a chunk."""

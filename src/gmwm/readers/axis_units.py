@@ -12,6 +12,7 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._template import Fact
+from gmwm.axis_names import axis_quantity
 from gmwm.errors import UnitError
 from gmwm.options import TIME_NAMES
 from gmwm.readers.base import Layout
@@ -20,7 +21,6 @@ from gmwm.readers.columns import Choice
 from gmwm.readers.text_stamps import UNIT as STAMPS
 from gmwm.readers.text_stamps import described, holds_stamps
 from gmwm.remarks import Remark
-from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY, TIME_UNITS, Quantity, Unit, find_unit, parse_unit, unit_names
 
 _INFERRED = ("g", "m/s²", "mg")

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from gmwm._template import Fact, joined
 from gmwm._text import counted
+from gmwm.axis_names import AXES
 from gmwm.errors import OptionError, ReadError
 from gmwm.options import ROLES, Columns
 from gmwm.readers.base import Layout
 from gmwm.readers.column_names import clean, recognise
 from gmwm.remarks import Remark
-from gmwm.signals import AXES
 
 
 @dataclass(frozen=True)

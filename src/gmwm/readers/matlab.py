@@ -12,13 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
+from gmwm.axis_names import AXES
 from gmwm.errors import ReadError
 from gmwm.readers.arrays import MAX_ARRAYS, Array, chunks_of, layouts_of, part_of, split_path, upright
 from gmwm.readers.base import Layout, Reader, Rows, register
 from gmwm.readers.hdf5 import MAGIC, arrays_in
 from gmwm.readers.mat5 import variables
 from gmwm.remarks import Remark
-from gmwm.signals import AXES
 
 _NAVEGO = {"t": (("time",), ("s",)), "wb": (AXES[:3], ("rad/s",) * 3), "fb": (AXES[3:], ("m/s²",) * 3)}
 _KALIBR_ALLAN = (("time", *AXES[3:], *AXES[:3]), ("", *("m/s²",) * 3, *("rad/s",) * 3))

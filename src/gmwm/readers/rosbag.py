@@ -18,6 +18,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gmwm.axis_names import AXES
 from gmwm.errors import ReadError
 from gmwm.readers import bag_mcap, bag_ros1, bag_sqlite
 from gmwm.readers.bag_mcap import McapStorage
@@ -30,7 +31,6 @@ from gmwm.readers.byte_sources import ZSTD, CompressedSource
 from gmwm.readers.cdr import Decoder, Definition
 from gmwm.readers.column_names import recognise
 from gmwm.remarks import Remark
-from gmwm.signals import AXES
 
 LOG_TIME = "log_time"
 """Name of the channel with the time at which a message was recorded."""

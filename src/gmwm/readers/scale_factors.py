@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gmwm._arrays import Vector
+from gmwm.axis_names import axis_quantity
 from gmwm.errors import OptionError
 from gmwm.readers.base import Layout
 from gmwm.readers.columns import Choice
 from gmwm.remarks import Remark
-from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 
 

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm._text import counted
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import GmwmWarning, ReadError
 from gmwm.imu_records import TYPES, RecordType
 from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.remarks import Quantity, Remark
-from gmwm.signals import AXES, axis_quantity
 from gmwm.units import STANDARD_GRAVITY
 
 BLOCK = 1 << 18

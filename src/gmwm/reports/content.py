@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gmwm._text import duration_text
+from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import SIZE, rejected
 from gmwm.calibration.summary_text import rows_of
 from gmwm.calibration.tables import SENSORS
@@ -21,7 +22,6 @@ from gmwm.reports.configurations import configurations
 from gmwm.reports.figures import axis_pictures, sensor_pictures
 from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
-from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration

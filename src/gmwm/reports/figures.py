@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from gmwm.axis_names import by_sensor
 from gmwm.errors import OptionError
 from gmwm.plots.figure import Panel
 from gmwm.plots.fit import fit_panel
@@ -15,7 +16,6 @@ from gmwm.plots.ranking import ranking_figure
 from gmwm.plots.style import curve_stroke, letter_stroke
 from gmwm.plots.view import UnitSystem, ViewName
 from gmwm.reports.plotly import plotly_panel
-from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration

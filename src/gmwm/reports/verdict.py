@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gmwm._text import duration_text
+from gmwm.axis_names import by_sensor
 from gmwm.calibration.findings import rejected, unusable
 from gmwm.calibration.tables import SENSORS, in_order
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
-from gmwm.signals import by_sensor
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import Calibration

@@ -11,12 +11,13 @@ from typing import Literal, TypeVar, overload
 import numpy as np
 
 from gmwm._arrays import Vector, as_rate
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import GmwmError, ModelError, OptionError
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.processes.validation import as_rng, as_seed
 from gmwm.remarks import Remark
-from gmwm.signals import AXES, MINIMUM_SAMPLES, Imu, Signal, axis_quantity
+from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.simulation.components import SimulatedImu, SimulatedSignal
 from gmwm.units import SI_UNIT, STANDARD_GRAVITY
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Protocol
 
 from gmwm._arrays import Vector
 from gmwm._threads import INTERRUPT_CHECK, in_threads, processors
+from gmwm.axis_names import axis_quantity
 from gmwm.errors import DataError, OptionError
 from gmwm.options import as_confidence
 from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
-from gmwm.signals import axis_quantity
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
