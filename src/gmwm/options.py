@@ -25,10 +25,33 @@ TIME_NAMES = ", ".join((*TIME_UNITS, *LONG_TIME_UNITS))
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """Options for reading a recording. `gmwm.read` describes each of them.
+    """Options for reading a recording. `gmwm.read` describes each of them in detail.
 
     All values are checked before the file is opened. They are stored in one form: numbers as float, sequences as
     tuples, units of time by their symbols.
+
+    Attributes
+    ----------
+    rate : float or None
+        Sampling rate (Hz); None if the time stamps of the file give it.
+    columns : mapping, sequence or None
+        Column of each axis by name or index (from 0), or the axes in the order of the columns; None uses the header.
+    units : mapping
+        Units of "gyro", "accel" and "time" that override the units of the file.
+    gaps : "keep" or "longest"
+        Whether to keep all segments between gaps, or only the longest one.
+    start, stop : float or None
+        First and last time to keep, in seconds from the first sample; None keeps all.
+    skip : sequence of (from, to)
+        Time ranges to leave out, in seconds from the first sample.
+    format : str or None
+        Name of the reader; None if the content of the file decides.
+    topic : str or None
+        Name of the recording in a file that holds several.
+    scale : mapping
+        Factor by axis or sensor, from the numbers of the file to the declared unit.
+    increments : bool or sequence
+        Sensors and axes whose numbers are integrals over one sampling interval; True for both sensors.
 
     Raises
     ------

@@ -87,7 +87,20 @@ class StateSpace:
 
     @classmethod
     def sum(cls, parts: Iterable[StateSpace]) -> StateSpace:
-        """The state space of a sum of independent signals: block-diagonal states, and the sum of noise variances."""
+        """Return the state space of a sum of independent signals.
+
+        F, Q and P0 are block-diagonal; the variances R of the measurement noise add up.
+
+        Parameters
+        ----------
+        parts : iterable of StateSpace
+            State spaces with p₁, p₂, … states and one output each, all at the same sampling rate.
+
+        Returns
+        -------
+        StateSpace
+            With p₁ + p₂ + … states.
+        """
         items = list(parts)
         return cls(
             F=_block_diagonal([s.F for s in items]),

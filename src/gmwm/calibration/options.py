@@ -94,6 +94,15 @@ class CalibrationOptions:
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:
         """Make the options from the result of `to_dict`.
 
+        Parameters
+        ----------
+        content : mapping of name to value
+            Every option that `to_dict` returns.
+
+        Returns
+        -------
+        CalibrationOptions
+
         Raises
         ------
         ReadError

@@ -162,7 +162,23 @@ class Calibration(Summarised, Mapping[str, Fit]):
         return verdict_of(self)
 
     def of_file(self, path: str | os.PathLike[str]) -> Calibration:
-        """Return the calibration with name, size and SHA-256 of the file that the recording was read from."""
+        """Return the calibration with name, size and SHA-256 of the file that the recording was read from.
+
+        Parameters
+        ----------
+        path : path
+            The recording: a file, or a folder. A folder has a name, but no size and no SHA-256.
+
+        Returns
+        -------
+        Calibration
+            A copy; the same calibration if it has no description of a recording.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be opened.
+        """
         return self if self.recording is None else replace(self, recording=self.recording.of_file(path))
 
     def summary(self, *, every: bool = False) -> str:
@@ -203,6 +219,15 @@ class Calibration(Summarised, Mapping[str, Fit]):
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Calibration:
         """Read a calibration from a file that `save` or `gmwm calibrate` wrote.
+
+        Parameters
+        ----------
+        path : path
+            The JSON file.
+
+        Returns
+        -------
+        Calibration
 
         Raises
         ------

@@ -71,15 +71,15 @@ class Process(ABC):
     All theory is per sample and in SI units; u is the unit of the signal. The module docstring of `noise.py` explains
     how to add a process. The methods share these arguments:
 
-    - rate : sampling rate (Hz)
-    - levels : number J of levels, or an ascending list of levels
-    - lags, clusters : integers (samples)
-    - frequencies : Hz, within ±rate/2
-    - filter : name or `WaveletFilter`, see `gmwm.filters.find_filter`
-    - samples : length N of a recording
-    - nonlinear : (n, q) array, the q nonlinear parameters of n processes
-    - n, paths : number of samples and of sample paths
-    - rng : NumPy Generator or seed
+    - `rate`: sampling rate (Hz)
+    - `levels`: number J of levels, or an ascending list of levels
+    - `lags`, `clusters`: arrays of integers (samples)
+    - `frequencies`: array (Hz), within ±rate/2
+    - `filter`: name or `WaveletFilter`, see `gmwm.filters.find_filter`
+    - `samples`: length N of a recording (samples)
+    - `nonlinear`: (n, q) array, the q nonlinear parameters of n processes
+    - `n`, `paths`: number of samples and number of sample paths
+    - `rng`: NumPy Generator or seed
 
     A method raises `MissingTheoryError` if the process does not define the theory; check with `has`.
 

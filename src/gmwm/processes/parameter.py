@@ -151,7 +151,10 @@ class Parameter:
     # --- unconstrained coordinates --------------------------------------------------------------------
 
     def room(self, values: Vector) -> Vector:
-        """Distance of each value from the end of the domain; for a real parameter its absolute value, or 1 at zero."""
+        """Distance of each of the `values` (n,) from the end of the domain, (n,), in the unit of the parameter.
+
+        For a real parameter, whose domain has no end, it is the absolute value, or 1 at zero.
+        """
         if self.domain == "between":
             return np.asarray(np.minimum(values - self.limits[0], self.limits[1] - values))
         size = np.abs(values)

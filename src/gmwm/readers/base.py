@@ -176,6 +176,16 @@ def register(reader: R) -> R:
 
     A class of the same name that is defined again, as in a notebook, replaces the older one.
 
+    Parameters
+    ----------
+    reader : class
+        A subclass of `Reader`. Its `name` must differ from the names of the other formats; case does not count.
+
+    Returns
+    -------
+    class
+        The same class.
+
     Raises
     ------
     OptionError
@@ -240,7 +250,18 @@ def _sign_of(folder: Path) -> Path:
 
 
 def find_reader(path: Path, format: str | None = None) -> Reader:
-    """The reader of a file: the one named `format`, or the one that recognises its first bytes.
+    """Find the reader of a file by the name of the format or by the first bytes of the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is opened only if `format` is None.
+    format : str, optional
+        Name of the format; case does not count. By default, the reader that recognises the file best.
+
+    Returns
+    -------
+    Reader
 
     Raises
     ------

@@ -168,7 +168,18 @@ class Ranking:
         return tuple(candidate for candidate in self.candidates if candidate.same_as is None)
 
     def compare(self, first: int | str | Model, second: int | str | Model) -> Comparison:
-        """Compare two candidates: the difference of their criteria, and its standard error."""
+        """Compare two candidates: the difference of their criteria, and its standard error.
+
+        Parameters
+        ----------
+        first, second : int, str or Model
+            The candidates: rank from 0, text of the model, or model.
+
+        Returns
+        -------
+        Comparison
+            The criterion of `first` minus the criterion of `second`, and its standard error.
+        """
         from gmwm.selection.comparison import compared
 
         return compared(self, self[first], self[second])
