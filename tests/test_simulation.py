@@ -1,3 +1,4 @@
+import math
 import pickle
 
 import numpy as np
@@ -11,7 +12,7 @@ from gmwm.errors import DataError, ModelError, OptionError
 from gmwm.readers import read
 from gmwm.simulation import models_by_axis, reference_imu, simulate, simulate_signal
 from gmwm.units import STANDARD_GRAVITY
-from tests.helpers import only
+from tests.helpers import only, raises
 
 WHITE = "WN(sigma2=1e-6)"
 FIXED = settings(derandomize=True, deadline=None, max_examples=40)
@@ -178,9 +179,9 @@ def test_what_was_simulated_can_be_pickled_and_says_what_it_is():
     assert repr(again) == repr(made)
     assert repr(made).endswith("; gyro_x = WN)")
     assert np.array_equal(again["gyro_x"]["WN"].values, made["gyro_x"]["WN"].values)
-    with pytest.raises(DataError, match="axis must be one of gyro_x"):
+    with raises(DataError, argument="axis", expected="one of gyro_x", got="gyro_y"):
         made["gyro_y"]
-    with pytest.raises(DataError, match="term must be one of WN"):
+    with raises(DataError, argument="term", expected="one of WN", got="RW"):
         made["gyro_x"]["RW"]
     with pytest.raises(TypeError):
         made.axes["gyro_x"] = None
@@ -201,7 +202,7 @@ def test_latent_processes_come_back_from_a_file_to_the_last_bit(tmp_path, suffix
 def test_a_plain_signal_has_plain_columns(tmp_path):
     made = simulate_signal("AR1(phi=0.9, sigma2=1) + WN(sigma2=1)", rate=1.0, samples=10, rng=1)
     assert made.write_components(tmp_path / "parts.csv") == ("AR1", "WN")
-    with pytest.raises(OptionError, match=r"\.csv or \.parquet"):
+    with raises(OptionError, ".csv", ".parquet", argument="path", got="parts.txt"):
         made.write_components(tmp_path / "parts.txt")
     assert [path.name for path in tmp_path.iterdir()] == ["parts.csv"]
 
@@ -214,20 +215,24 @@ def test_a_signal_is_rounded_and_its_parts_are_not():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "says"),
+    ("arguments", "error", "facts"),
     [
-        ({"model": "WN"}, ModelError, "^a simulation needs every value"),
-        ({"model": "WN(sigma2=1) + VN"}, ModelError, "VN"),
-        ({"rate": 0.0}, OptionError, "rate"),
-        ({"samples": None}, OptionError, "neither"),
-        ({"rng": -1}, OptionError, "rng must be zero or a positive integer"),
-        ({"resolution": -1.0}, OptionError, "resolution of the signal"),
+        ({"model": "WN"}, ModelError, {"subject": "", "example": "WN(sigma2=…)"}),
+        ({"rate": 0.0}, OptionError, {"argument": "rate", "got": 0.0}),
+        ({"samples": None}, OptionError, {"argument": "duration", "got": None}),
+        ({"rng": -1}, OptionError, {"argument": "rng", "got": -1}),
+        ({"resolution": -1.0}, OptionError, {"argument": "resolution", "got": -1.0, "subject": ""}),
     ],
 )
-def test_errors_of_a_signal(arguments, error, says):
+def test_errors_of_a_signal(arguments, error, facts):
     given_arguments = {"model": WHITE, "rate": 100.0, "samples": 100, "rng": 1, **arguments}
-    with pytest.raises(error, match=says):
+    with raises(error, **facts):
         simulate_signal(given_arguments.pop("model"), **given_arguments)
+
+
+def test_an_unknown_process_is_named():
+    with raises(ModelError, "VN"):
+        simulate_signal("WN(sigma2=1) + VN", rate=100.0, samples=100, rng=1)
 
 
 def test_models_by_axis():
@@ -238,31 +243,30 @@ def test_models_by_axis():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "says"),
+    ("arguments", "argument", "got"),
     [
-        ({"models": {}}, OptionError, "models must map axes"),
-        ({"models": {"gyro_w": WHITE}}, OptionError, "gyro_w"),
-        ({"models": 3}, OptionError, "models"),
-        ({"models": {"gyro_x": "WN"}}, ModelError, "gyro_x: .*WN.sigma2"),
-        ({"models": {"gyro_x": "GM(sigma2=1.0) + WN"}}, ModelError, "GM.beta, WN.sigma2"),
-        ({"rate": -1.0}, OptionError, "rate"),
-        ({"samples": None}, OptionError, "neither"),
-        ({"duration": 1.0}, OptionError, "one of them"),
-        ({"samples": 7}, OptionError, "at least 8"),
-        ({"samples": 10.5}, OptionError, "integer"),
-        ({"samples": None, "duration": float("nan")}, OptionError, "duration"),
-        ({"samples": None, "duration": 1e-9}, OptionError, "at least 8"),
-        ({"rng": -1}, OptionError, "rng must be zero or a positive integer"),
-        ({"rng": 1.5}, OptionError, "rng must be zero or a positive integer"),
-        ({"rng": True}, OptionError, "rng must be zero or a positive integer"),
-        ({"resolution": {"gyro_x": 0.0}}, OptionError, "resolution"),
-        ({"resolution": {"gyros": 1.0}}, OptionError, "gyros"),
-        ({"gravity": "gyro_x"}, OptionError, "gravity"),
+        ({"models": {}}, "models", {}),
+        ({"models": {"gyro_w": WHITE}}, "models", "gyro_w"),
+        ({"models": 3}, "models", 3),
+        ({"rate": -1.0}, "rate", -1.0),
+        ({"samples": None}, "duration", None),
+        ({"duration": 1.0}, "duration", 1.0),
+        ({"samples": 7}, "samples", 7),
+        ({"samples": 10.5}, "samples", 10.5),
+        ({"samples": None, "duration": -1.0}, "duration", -1.0),
+        ({"samples": None, "duration": math.inf}, "duration", math.inf),
+        ({"samples": None, "duration": 1e-9}, "duration", 1e-9),
+        ({"rng": -1}, "rng", -1),
+        ({"rng": 1.5}, "rng", 1.5),
+        ({"rng": True}, "rng", True),
+        ({"resolution": {"gyro_x": 0.0}}, "resolution", 0.0),
+        ({"resolution": {"gyros": 1.0}}, "resolution", "gyros"),
+        ({"gravity": "gyro_x"}, "gravity", "gyro_x"),
     ],
 )
-def test_errors(arguments, error, says):
+def test_errors(arguments, argument, got):
     given_arguments = {"models": WHITE, "rate": 100.0, "samples": 100, "rng": 1, **arguments}
-    with pytest.raises(error, match=says):
+    with raises(OptionError, argument=argument, got=got):
         simulate(given_arguments.pop("models"), **given_arguments)
 
 
@@ -275,3 +279,29 @@ def test_the_reference_is_a_whole_unit():
         # Sorted as results are, so that the names of truth and estimate agree.
         assert model.sorted(100.0).processes == model.processes
         assert any(name.startswith("WN") for name in model.names), axis
+
+
+def test_a_recording_needs_at_least_8_samples():
+    with raises(OptionError, "0 samples", "at least 8", advises=["duration="]):
+        simulate(WHITE, rate=100.0, duration=1e-9, rng=1)
+    with raises(OptionError, "at least 8"):
+        simulate(WHITE, rate=100.0, samples=7, rng=1)
+    with raises(OptionError, argument="duration", advises=["duration=", "samples="]) as both:
+        simulate(WHITE, rate=100.0, duration=1.0, samples=100, rng=1)
+    with raises(OptionError, argument="duration", advises=["duration=", "samples="]) as neither:
+        simulate(WHITE, rate=100.0, rng=1)
+    assert both.value.message != neither.value.message
+    with raises(OptionError, argument="duration") as undefined:
+        simulate(WHITE, rate=100.0, duration=math.nan, rng=1)
+    assert math.isnan(undefined.value.got)
+
+
+@pytest.mark.parametrize(
+    ("model", "names", "example"),
+    [("WN", "WN.sigma2", "WN(sigma2=…)"), ("GM(sigma2=1.0) + WN", "GM.beta, WN.sigma2", "GM(beta=…, sigma2=1)")],
+)
+def test_a_model_needs_all_its_values(model, names, example):
+    with raises(ModelError, "gyro_x: ", names, subject="gyro_x", example=example, advises=[example]):
+        simulate({"gyro_x": model}, rate=100.0, samples=100, rng=1)
+    with raises(OptionError, subject="gyro_x", argument="resolution"):
+        simulate({"gyro_x": WHITE}, rate=100.0, samples=100, rng=1, resolution={"gyro": -1.0})

@@ -1,4 +1,4 @@
-"""Paths of models: each axis of a static recording from its own one, or a single signal."""
+"""Simulation of static recordings and of single signals from noise models."""
 
 from __future__ import annotations
 
@@ -62,44 +62,43 @@ def simulate(
     gravity: str | None = "accel_z",
     components: bool = False,
 ) -> Imu | SimulatedImu:
-    """A static recording whose noise is known: X_t = Σ_k X_t^(k) on each axis, from that axis' model.
+    """Simulate a static recording with known noise: X_t = Σ_k X_t^(k) on each axis, from the model of the axis.
 
-    Every axis draws from its own stream of `rng`, so that gyro_y is the same path whichever other axes are
-    simulated with it.
+    Each axis has its own stream of random numbers. Therefore gyro_y is the same path for any choice of other axes.
 
     Parameters
     ----------
     models : mapping of axis to model, or one model
-        Complete models with variances in (rad/s)² or (m/s²)² per sample, or their texts. The keys are axes, or
-        "gyro" and "accel" for three axes at once (an axis named by itself goes before). One model alone is
-        that of all six axes.
+        Models with a value for every parameter, as objects or as text; variances in (rad/s)² or (m/s²)² per sample.
+        The keys are axes, or "gyro" and "accel" for all three axes of a sensor; an axis overrides its sensor. A single
+        model applies to all six axes.
     rate : float
-        Samples per second (Hz).
+        Sampling rate (Hz).
     rng : int or numpy.random.Generator
-        Source of the draws; the same integer gives the same recording. Of a Generator an integer is drawn, which the
-        notes of the recording state.
+        Seed; the same integer gives the same recording. From a Generator an integer is drawn, which the remarks of the
+        recording state.
     duration : float, optional
         Length (s); give this or `samples`.
     samples : int, optional
         Length (samples), at least 8.
     resolution : mapping, optional
-        Least significant bit of the output (rad/s or m/s²) by axis or sensor: each sample is rounded to it,
-        which adds white noise of variance resolution²/12. None is rounded by default.
+        Least significant bit of the output (rad/s or m/s²) by axis or sensor. Each sample is rounded to a multiple of
+        it, which adds white noise of variance resolution²/12. By default no axis is rounded.
     gravity : axis or None
-        The accelerometer that carries 9.80665 m/s², if it is simulated; None for no gravity at all.
+        The accelerometer to which 9.80665 m/s² is added, if it is simulated; None adds no gravity.
     components : bool
-        Whether to return the latent process of each term as well. The recording is the same either way.
+        Whether to return the latent process of each term as well. The recording does not depend on this option.
 
     Returns
     -------
     Imu, or SimulatedImu with `components=True`
-        The recording in SI units; its remarks state the model of each axis and the seed. A `SimulatedImu` holds it as
-        `imu`, and the latent processes as `components["gyro_x"]["WN"]`.
+        The recording in SI units; its remarks state the model of each axis and the seed. A `SimulatedImu` holds the
+        recording as `imu`, and the latent processes as `components["gyro_x"]["WN"]`.
 
     Raises
     ------
     OptionError
-        If an argument cannot be used.
+        If an argument has a value that is not allowed, or if the recording has fewer than 8 samples.
     ModelError
         If a model has a parameter without a value, or a process that cannot be simulated.
 
@@ -117,9 +116,9 @@ def simulate(
     rate, seed = as_rate(rate), as_seed(rng)
     n = _length(rate, duration, samples)
     truth = models_by_axis(models)
-    steps = {axis: _step(axis, value) for axis, value in _by_axis(resolution or {}, "resolution").items()}
+    steps = {axis: _step(value, axis) for axis, value in _by_axis(resolution or {}, "resolution").items()}
     if gravity is not None and gravity not in _ACCELEROMETERS:
-        raise OptionError(f"gravity must be one of {', '.join(_ACCELEROMETERS)} or None, got {gravity!r}")
+        raise OptionError(argument="gravity", expected=f"one of {', '.join(_ACCELEROMETERS)} or None", got=gravity)
     streams = dict(zip(AXES, np.random.SeedSequence(seed).spawn(len(AXES)), strict=True))
 
     arrays, made = {}, {}
@@ -127,7 +126,7 @@ def simulate(
         generator = np.random.default_rng(streams[axis])
         _require_values(axis, model)
         offset = STANDARD_GRAVITY if axis == gravity else 0.0
-        with _named(axis):
+        with _errors_about(axis):
             if components:
                 unit = SI_UNIT[axis_quantity(axis)]
                 made[axis] = _simulated(
@@ -152,16 +151,16 @@ def simulate_signal(
     unit: str = "",
     resolution: float | None = None,
 ) -> SimulatedSignal:
-    """One path of one model, with each latent process that it is the sum of: X_t = Σ_k X_t^(k).
+    """Simulate one signal from a model, with the latent process of each term: X_t = Σ_k X_t^(k).
 
     Parameters
     ----------
     model : Model, Process or str
-        Complete, with variances in the square of `unit` per sample.
+        A model with a value for every parameter; variances in the square of `unit` per sample.
     rate : float
-        Samples per second (Hz); 1 where time is counted in samples.
+        Sampling rate (Hz); 1 to count time in samples.
     rng : int or numpy.random.Generator
-        Source of the draws; the path is that of `model.simulate(n, rate, rng)`.
+        Seed or generator; the signal is the same as from `model.simulate(n, rate, rng)`.
     duration : float, optional
         Length (s); give this or `samples`.
     samples : int, optional
@@ -169,7 +168,7 @@ def simulate_signal(
     unit : str
         Unit of the signal; none by default.
     resolution : float, optional
-        The signal is rounded to multiples of it, in its unit; its latent processes are not.
+        Step, in the unit of the signal, to whose multiples the signal is rounded. The latent processes are not rounded.
 
     Returns
     -------
@@ -179,7 +178,7 @@ def simulate_signal(
     Raises
     ------
     OptionError
-        If an argument cannot be used.
+        If an argument has a value that is not allowed, or if the signal has fewer than 8 samples.
     ModelError
         If the model has a parameter without a value, or a process that cannot be simulated.
 
@@ -194,13 +193,18 @@ def simulate_signal(
     """
     truth, rate = as_model(model), as_rate(rate)
     n = _length(rate, duration, samples)
-    step = None if resolution is None else _step("the signal", resolution)
+    step = None if resolution is None else _step(resolution)
     _require_values("", truth)
     return _simulated(truth, n, rate, as_rng(rng), unit=unit, step=step)
 
 
 def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Model]:
-    """The model of each axis, in the order of the axes, from what `simulate` takes.
+    """Return the model of each axis, in the order of the axes, from the argument `models` of `simulate`.
+
+    Raises
+    ------
+    OptionError
+        If it is neither a model nor a mapping of axes or sensors to models, or if it is empty.
 
     >>> models_by_axis({"gyro": "WN(sigma2=1.0)", "gyro_y": "QN(q2=2.0)"})
     {'gyro_x': Model('WN(sigma2=1.0)'), 'gyro_y': Model('QN(q2=2.0)'), 'gyro_z': Model('WN(sigma2=1.0)')}
@@ -209,59 +213,69 @@ def models_by_axis(models: Mapping[str, ModelLike] | ModelLike) -> dict[str, Mod
         return dict.fromkeys(AXES, as_model(models))
     if not isinstance(models, Mapping) or not models:
         raise OptionError(
-            "models must map axes to models, as {'gyro': 'WN(sigma2=4e-8)'}, or be one model for all axes; "
-            f"got {models!r}"
+            argument="models",
+            expected="a model, or a mapping of axes to models such as {'gyro': 'WN(sigma2=4e-8)'}",
+            got=models,
         )
     return {axis: as_model(model) for axis, model in _by_axis(models, "models").items()}
 
 
 def _by_axis(given: Mapping[str, T], name: str) -> dict[str, T]:
-    """One value for each axis that is named, by itself or as one of a sensor's."""
+    """Return one value for each axis that is a key, or whose sensor is a key."""
     unknown = [key for key in given if key not in _PLACES]
     if unknown:
-        raise OptionError(f"{name} must be given for {', '.join(_PLACES)}; got {unknown[0]!r}")
+        raise OptionError(argument=name, expected=f"a mapping with keys among {', '.join(_PLACES)}", got=unknown[0])
     of = {axis: axis if axis in given else axis[:-2] for axis in AXES}
     return {axis: given[key] for axis, key in of.items() if key in given}
 
 
 def _length(rate: float, duration: float | None, samples: int | None) -> int:
+    """Return the number of samples from the length in seconds or in samples."""
     if (duration is None) == (samples is None):
-        got = "neither" if duration is None else f"duration={duration!r} and samples={samples!r}"
-        raise OptionError(f"give the length as duration= (s) or as samples=, one of them; got {got}")
+        what = "no length is given" if duration is None else "two lengths are given, a duration and a number of samples"
+        raise OptionError(
+            what,
+            argument="duration",
+            got=duration,
+            advice="Pass either {--duration} (s) or {--samples}.",
+        )
     if duration is not None:
         if not (math.isfinite(duration) and duration > 0):
-            raise OptionError(f"duration must be positive and finite (s), got {duration!r}")
-        n, came = (
-            round(duration * rate),
-            f"duration={duration:g} at {rate:g} Hz, {round(duration * rate)} samples",
-        )
-    else:
-        if isinstance(samples, bool) or not isinstance(samples, int | np.integer):
-            raise OptionError(f"samples must be an integer, got {samples!r}")
-        n, came = int(samples), f"samples={samples}"
-    if n < MINIMUM_SAMPLES:
-        raise OptionError(f"a recording needs at least {MINIMUM_SAMPLES} samples, got {came}")
-    return n
+            raise OptionError(argument="duration", expected="a positive, finite number (s)", got=duration)
+        n = round(duration * rate)
+        if n < MINIMUM_SAMPLES:
+            raise OptionError(
+                f"{duration:g} s at {rate:g} Hz are {n} samples, but at least {MINIMUM_SAMPLES} are needed",
+                argument="duration",
+                got=duration,
+                advice="Pass a longer {--duration}.",
+            )
+        return n
+    if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or samples < MINIMUM_SAMPLES:
+        raise OptionError(argument="samples", expected=f"an integer, at least {MINIMUM_SAMPLES}", got=samples)
+    return int(samples)
 
 
 def _require_values(axis: str, model: Model) -> None:
-    open_ends = [name for name, value in model.parameters.items() if value is None]
-    if open_ends:
+    missing = [name for name, value in model.parameters.items() if value is None]
+    if missing:
         process = next(process for process in model.processes if not process.is_complete)
         values = (f"{name}={'…' if value is None else f'{value:g}'}" for name, value in process.values.items())
         raise ModelError(
-            f"{axis and f'{axis}: '}a simulation needs every value of its model, {model} has none for "
-            f'{", ".join(open_ends)}; write them in it, as "{process.name}({", ".join(values)})"'
-        )
+            f"a simulation needs a value for every parameter, but {model} has none for {', '.join(missing)}",
+            advice='Write the values in the model, such as "{example}".',
+            example=f"{process.name}({', '.join(values)})",
+        ).about(axis)
 
 
 @contextmanager
-def _named(axis: str) -> Iterator[None]:
-    """Say of which axis an error speaks."""
+def _errors_about(axis: str) -> Iterator[None]:
+    """Add the axis to errors."""
     try:
         yield
     except GmwmError as error:
-        raise type(error)(f"{axis}: {error}") from None
+        error.about(axis)
+        raise
 
 
 def _simulated(
@@ -275,7 +289,7 @@ def _simulated(
     offset: float = 0.0,
     step: float | None,
 ) -> SimulatedSignal:
-    """A path with its latent processes, in the order in which `Model.simulate` adds them."""
+    """Simulate a signal and its latent processes, and add these in the same order as `Model.simulate`."""
     drawn = model.simulate_terms(n, rate, rng)
     total = np.zeros(n)
     parts = {}
@@ -287,21 +301,24 @@ def _simulated(
 
 
 def _finished(path: Vector, offset: float, step: float | None) -> Vector:
+    """Add an offset to a path, in place, and round the result."""
     if offset:
         path += offset
     return path if step is None else _rounded(path, step)
 
 
-def _step(axis: str, step: float) -> float:
+def _step(step: float, axis: str = "") -> float:
     if not (math.isfinite(step) and step > 0):
-        raise OptionError(f"resolution of {axis} must be positive and finite, got {step!r}")
+        raise OptionError(
+            argument="resolution", expected="a positive, finite number in the unit of the signal", got=step
+        ).about(axis)
     return float(step)
 
 
 def _rounded(path: Vector, step: float) -> Vector:
-    """To the nearest multiple of `step`."""
+    """Round to the nearest multiple of `step`."""
     inverse = round(1 / step)
-    # The quotient by a whole number is the double nearest to a decimal such as 0.0123: short in a text file.
+    # Division by an integer gives the double nearest to a decimal such as 0.0123, which is short in a text file.
     if inverse and math.isclose(inverse * step, 1, rel_tol=1e-12):
         return np.asarray(np.rint(path * inverse) / inverse)
     return np.asarray(np.rint(path / step) * step)

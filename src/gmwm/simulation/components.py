@@ -1,4 +1,4 @@
-"""What a simulated signal is made of: each latent process as a signal of its own."""
+"""Simulated signals and recordings with their latent processes."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class SimulatedSignal:
-    """A path of a model with the path of each of its terms: X_t = offset + Σ_k X_t^(k).
+    """Simulated signal with the latent process of each term: X_t = offset + Σ_k X_t^(k).
 
     Parameters
     ----------
     signal : Signal
         The sum, X.
     components : mapping of term to Signal
-        The latent processes by the names of `model.terms`, in the order in which they were added: where nothing is
-        rounded, `offset + sum(path.values for path in components.values())` is `signal.values` to the last bit.
+        The latent processes by the names of `model.terms`, in the order in which they were added. If `resolution` is
+        None, `offset + sum(path.values for path in components.values())` equals `signal.values` to the last bit.
     model : Model
-        What was simulated, with its values.
+        The model with its values.
     offset : float
-        What was added to the noise, in the unit of the signal: gravity, or 0.
+        Gravity or 0, in the unit of the signal; it was added to the noise.
     resolution : float or None
-        The step that the sum was rounded to, in the unit of the signal. The latent processes are not rounded: they
-        then add up to the signal to within half a step.
+        The step of the rounded signal, in the unit of the signal; None if it is not rounded. The latent processes are
+        not rounded, so their sum agrees with the signal within half a step.
     """
 
     signal: Signal
@@ -50,7 +50,7 @@ class SimulatedSignal:
         object.__setattr__(self, "components", MappingProxyType(dict(self.components)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
+        # A mapping proxy cannot be pickled, so the copy is made from a dict.
         made = partial(
             SimulatedSignal,
             signal=self.signal,
@@ -65,7 +65,7 @@ class SimulatedSignal:
         try:
             return self.components[term]
         except KeyError:
-            raise DataError(f"term must be one of {', '.join(self.model.terms)}; got {term!r}") from None
+            raise DataError(argument="term", expected=f"one of {', '.join(self.model.terms)}", got=term) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.components)
@@ -101,25 +101,25 @@ class SimulatedSignal:
         return f"SimulatedSignal({self.signal!r} = {' + '.join(self.model.terms)})"
 
     def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
-        """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
+        """Write the latent processes as a table with one column each.
 
-        The columns are `time [s]` and one for each term, as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
+        The columns are `time [s]` and one for each term, such as `gyro_x WN [rad/s]`, with full precision.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one. If writing fails, there is no file.
 
         Parameters
         ----------
         path : path
-            Where to.
+            File to write, ending in .csv or .parquet.
 
         Returns
         -------
         tuple of str
-            Names of the columns after the first.
+            Names of the columns after the time.
 
         Raises
         ------
         OptionError
-            If the suffix is neither of these.
+            If the path has another ending.
 
         Examples
         --------
@@ -143,7 +143,7 @@ class SimulatedImu:
     imu : Imu
         The recording.
     axes : mapping of axis to SimulatedSignal
-        Each axis with its latent processes; `simulated["gyro_x"]` is one of them.
+        Each axis with its latent processes; `simulated["gyro_x"]` is the same as `simulated.axes["gyro_x"]`.
     """
 
     imu: Imu
@@ -164,7 +164,7 @@ class SimulatedImu:
         try:
             return self.axes[axis]
         except KeyError:
-            raise DataError(f"axis must be one of {', '.join(self.axes)}; got {axis!r}") from None
+            raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis) from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.axes)
@@ -174,31 +174,31 @@ class SimulatedImu:
         return f"SimulatedImu({self.imu!r}; {parts})"
 
     def write_components(self, path: str | os.PathLike[str]) -> tuple[str, ...]:
-        """Write the latent processes as a table, a column each; the suffix of the path chooses: .csv or .parquet.
+        """Write the latent processes as a table with one column each.
 
-        The columns are `time [s]` and one for each term of each axis, as `gyro_x WN [rad/s]`, with full precision.
-        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one back. The file appears whole or not at all.
+        The columns are `time [s]` and one for each term of each axis, such as `gyro_x WN [rad/s]`, with full precision.
+        `gmwm.read(path, columns={"gyro_x": "gyro_x WN [rad/s]"})` reads one. If writing fails, there is no file.
 
         Parameters
         ----------
         path : path
-            Where to.
+            File to write, ending in .csv or .parquet.
 
         Returns
         -------
         tuple of str
-            Names of the columns after the first.
+            Names of the columns after the time.
 
         Raises
         ------
         OptionError
-            If the suffix is neither of these.
+            If the path has another ending.
         """
         return _write_components(list(self.axes.values()), path)
 
 
 def _write_components(parts: Sequence[SimulatedSignal], path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """The latent processes of simulated signals in one table; the names of its columns after the time."""
+    """Write the latent processes of several signals as one table; returns the names of the columns after the time."""
     columns = {}
     for part in parts:
         for component in part.components.values():

@@ -1,4 +1,4 @@
-"""The unit that the demo and the examples simulate."""
+"""Noise models of the inertial unit that the demo and the examples simulate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gmwm.processes.walk import RW
 
 
 def reference_imu() -> dict[str, Model]:
-    """The models of a good MEMS unit at 100 Hz: the truth that `gmwm demo` simulates and finds again.
+    """Return the noise models of a good MEMS unit at 100 Hz, which `gmwm demo` simulates and then estimates.
 
     Gyroscopes: white noise (angular random walks of 0.22 to 0.27 deg/√h), quantization of the angle on x,
     Gauss-Markov processes with correlation times from 0.1 to 5 s, and a rate random walk on y. Accelerometers:
