@@ -6,6 +6,7 @@ import pytest
 import gmwm
 from gmwm.plots import imu
 from gmwm.plots.comparison import automatic_labels
+from tests.helpers import raises
 
 SIGNALS = {
     axis: gmwm.Signal(np.random.default_rng(seed).normal(size=4096), 100.0, "rad/s", axis)
@@ -64,22 +65,22 @@ def test_fits_are_compared_too():
 
 
 @pytest.mark.parametrize(
-    ("items", "labels", "words"),
+    ("items", "labels", "expected", "argument", "got"),
     [
-        ((), None, "at least one"),
-        ((X, Y), ["one"], "each of 2 curves, got 1"),
-        ((X, Y), ["one", "one"], "differ"),
-        ((X, "wv"), None, "expected a WaveletVariance or a Fit"),
+        ((), None, "one or more", "items", ()),
+        ((X, Y), ["one"], "2 names", "labels", ["one"]),
+        ((X, Y), ["one", "one"], "different", "labels", ["one", "one"]),
+        ((X, "wv"), None, "WaveletVariance or Fit", "items", "wv"),
     ],
 )
-def test_errors(items, labels, words):
-    with pytest.raises(gmwm.errors.OptionError, match=words):
+def test_errors(items, labels, expected, argument, got):
+    with raises(gmwm.errors.OptionError, expected, argument=argument, got=got):
         gmwm.compare(*items, labels=labels)
 
 
 def test_units_must_be_one():
     other = gmwm.WaveletVariance.from_values(X.variance, 4096, 100.0, unit="m/s²")
-    with pytest.raises(gmwm.errors.OptionError, match="one unit"):
+    with raises(gmwm.errors.OptionError, argument="items", got=("rad/s", "m/s²")):
         gmwm.compare(X, other)
 
 
@@ -89,5 +90,5 @@ def test_several_curves_in_the_panel_of_an_axis():
     assert left.title == "Gyroscope X"
     assert {mark.label for mark in left.marks} >= {"classical", "robust"}
     assert "classical" not in {mark.label for mark in right.marks}
-    with pytest.raises(gmwm.errors.OptionError, match="split"):
+    with raises(gmwm.errors.OptionError, argument="split", got=False, advises=["split=True"]):
         imu.imu_figure({"gyro_x": {"classical": X, "robust": ROBUST}}, split=False)

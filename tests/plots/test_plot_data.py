@@ -14,6 +14,7 @@ from gmwm.plots.overlay import overlay_panel
 from gmwm.plots.style import GREY, curve_stroke, letter_stroke, term_stroke, term_strokes
 from gmwm.plots.variance import wavelet_variance_panel
 from gmwm.processes import registry
+from tests.helpers import raises
 
 
 def test_the_curve_and_its_band_are_the_numbers_of_the_result(wv):
@@ -36,7 +37,7 @@ def test_the_allan_view(wv):
 
 
 def test_the_allan_view_is_for_haar_only(wv):
-    with pytest.raises(OptionError, match="Haar"):
+    with raises(OptionError, "Haar", "d4", argument="view", got="allan", advises=["view='wavelet'", "filter='haar'"]):
         wavelet_variance_panel(replace(wv, filter="d4"), view="allan")
     assert wavelet_variance_panel(replace(wv, filter="d4")).lines
 
@@ -295,7 +296,7 @@ def test_sensors_over_one_another(fit, six):
 
 
 def test_curves_of_two_units_are_not_compared(wv, scaled):
-    with pytest.raises(OptionError, match="one unit"):
+    with raises(OptionError, "a in rad/s", "b in m/s²", argument="items", got=("rad/s", "m/s²")):
         overlay_panel({"a": wv, "b": scaled(wv, unit="m/s²")})
 
 
@@ -307,7 +308,7 @@ def test_curves_of_one_quantity_meet_in_one_unit(wv, scaled):
 
 @pytest.mark.parametrize("items", [{}, [1, 2], {"gyro_x": np.ones(4)}])
 def test_foreign_things_are_refused(items):
-    with pytest.raises(OptionError, match="expected a"):
+    with raises(OptionError, "WaveletVariance or Fit", argument="items"):
         imu_figure(items)
 
 

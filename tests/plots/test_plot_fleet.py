@@ -11,6 +11,7 @@ from gmwm.errors import OptionError
 from gmwm.fleets.statistics import fleet_statistics
 from gmwm.plots.fleet import fleet_figure, plot_fleet
 from gmwm.units import datasheet_units
+from tests.helpers import raises
 
 DEG = datasheet_units("rad/s/√Hz")["deg/√h"]
 
@@ -94,5 +95,5 @@ def test_it_is_drawn_and_written_for_one_sensor_and_one_unit_too(tmp_path):
         plot_fleet(told, path=tmp_path / "fleet.svg")
         assert (tmp_path / "fleet.svg").read_bytes().startswith(b"<?xml")
     empty = told.table.with_columns(status=pl.lit("failed"))
-    with pytest.raises(OptionError, match="no unit gives one"):
+    with raises(OptionError, argument="fleet", advises=["reason"]):
         fleet_figure(SimpleNamespace(table=empty, statistics=fleet_statistics(empty)))

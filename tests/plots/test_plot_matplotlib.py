@@ -12,6 +12,7 @@ from gmwm.plots.figure import Figure
 from gmwm.plots.fit import fit_panel
 from gmwm.plots.imu import imu_figure
 from gmwm.plots.matplotlib import draw
+from tests.helpers import raises
 
 
 def drawn(axes):
@@ -113,7 +114,7 @@ def test_files_are_written_and_repeatable(wv, tmp_path, ending, start):
 
 
 def test_an_unknown_ending_writes_nothing(wv, tmp_path):
-    with pytest.raises(OptionError, match=r"\.png, \.pdf, \.svg"):
+    with raises(OptionError, ".png, .pdf, .svg", argument="path", got=str(tmp_path / "curve.jpeg")):
         plot_wavelet_variance(wv, path=tmp_path / "curve.jpeg")
     assert list(tmp_path.iterdir()) == []
 
@@ -143,7 +144,7 @@ def test_on_axes_of_the_caller(wv, fit):
     ]
     inner = MatplotlibFigure()
     assert plot_wavelet_variance(wv, ax=inner.subfigures(1, 2)[1].add_subplot()) is inner
-    with pytest.raises(OptionError, match="ax must be"):
+    with raises(OptionError, argument="ax", got="here", advises=["add_subplot"]):
         plot_wavelet_variance(wv, ax="here")
 
 

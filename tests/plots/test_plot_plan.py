@@ -6,6 +6,7 @@ import pytest
 import gmwm
 from gmwm.errors import OptionError
 from gmwm.plots.plan import plan_panel, plot_plan
+from tests.helpers import raises
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_it_is_drawn(plan, tmp_path):
     assert (tmp_path / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert figure.axes[0].get_ylabel() == "Relative standard error (%)"
     plot_plan(plan, ax=figure.axes[0])
-    with pytest.raises(OptionError, match="path must end"):
+    with raises(OptionError, argument="path", got=str(tmp_path / "plan.bmp")):
         plan.plot(path=tmp_path / "plan.bmp")
-    with pytest.raises(OptionError, match="accuracy"):
+    with raises(OptionError, argument="accuracy", got=0.9):
         plan.plot(accuracy=0.9)

@@ -13,6 +13,7 @@ from gmwm.plots.axes import signed_axis
 from gmwm.plots.figure import Axis, Band, Figure, Line, Panel, Stroke, Tick
 from gmwm.plots.matplotlib import draw
 from gmwm.plots.ranking import candidates_figure, distance, plot_ranking, ranking_figure
+from tests.helpers import raises
 
 
 @pytest.fixture(scope="module")
@@ -127,13 +128,13 @@ def test_other_views_and_units(ranking):
     assert curves.x.label == distances.x.label == "Averaging time τ (s)"
     factor = np.degrees(1) * 3600
     np.testing.assert_allclose(models(curves)[0].y, factor * np.sqrt(2 * np.asarray(ranking.best.fit.implied)))
-    with pytest.raises(OptionError, match="view"):
+    with raises(OptionError, argument="view", got="hadamard"):
         ranking.plot(view="hadamard")
 
 
 @pytest.mark.parametrize("limit", [0, 9, 2.0, True, "4"])
 def test_limits_that_are_refused(ranking, limit):
-    with pytest.raises(OptionError, match="limit must be a whole number from 1 to 8"):
+    with raises(OptionError, argument="limit", expected="a whole number from 1 to 8", got=limit):
         plot_ranking(ranking, limit=limit)
 
 

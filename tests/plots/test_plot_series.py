@@ -17,6 +17,7 @@ from gmwm.plots.series import DOTS, PAGE, components_figure, recording_figure, s
 from gmwm.plots.style import term_strokes
 from gmwm.plots.trace import extremes, trace
 from gmwm.signals import Imu, Signal
+from tests.helpers import raises
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 
@@ -206,7 +207,7 @@ def test_time_reads_well():
 
 
 def test_datasheet_units_need_a_unit(noise):
-    with pytest.raises(OptionError, match="datasheet"):
+    with raises(OptionError, "no unit", argument="units", got="datasheet"):
         Signal(noise[:100], 1.0).plot(units="datasheet")
 
 

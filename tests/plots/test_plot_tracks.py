@@ -14,6 +14,7 @@ from gmwm.plots.figure import Band, Line
 from gmwm.plots.trace import envelope, even_trace, extremes_there, isolated
 from gmwm.plots.tracks import COLUMNS, plot_tracks, tracks_figure
 from gmwm.signals import Signal
+from tests.helpers import raises
 
 FIXED = settings(derandomize=True, deadline=None, max_examples=60)
 MODEL = gmwm.Model.parse("GM(beta=0.2, sigma2=4e-8) + WN(sigma2=4e-6)")
@@ -254,23 +255,23 @@ def test_the_truth_lies_over_the_track_unless_it_would_hide_it(made, smoothed):
 
 
 def test_a_truth_has_to_fit(smoothed):
-    with pytest.raises(OptionError, match=r"truth of bias must have a value for each of 20000 samples, got 5"):
+    with raises(OptionError, "bias", "20000 samples", argument="truth", got=5):
         smoothed.plot(truth=np.zeros(5))
-    with pytest.raises(OptionError, match="truth must be of GM, WN, level, bias; got RW"):
+    with raises(OptionError, "GM, WN, level, bias", argument="truth", got="RW"):
         smoothed.plot(truth={"RW": np.zeros(20_000)})
-    with pytest.raises(DataError, match="truth of bias"):
+    with raises(DataError, argument="truth of bias"):
         smoothed.plot(truth=["a"] * 20_000)
 
 
 def test_options_that_cannot_be(smoothed):
     for labels in ("RW", ["bias", "RW"]):
-        with pytest.raises(OptionError, match="labels must be among GM, WN, level, bias; got 'RW'"):
+        with raises(OptionError, "GM, WN, level, bias", argument="labels", got="RW"):
             smoothed.plot(labels)
-    with pytest.raises(OptionError, match="got none"):
+    with raises(OptionError, argument="labels", got=[]):
         smoothed.plot([])
-    with pytest.raises(OptionError, match="level"):
+    with raises(OptionError, argument="level", got=95):
         smoothed.plot(level=95)
-    with pytest.raises(OptionError, match="units"):
+    with raises(OptionError, argument="units", got="imperial"):
         smoothed.plot(units="imperial")
 
 
@@ -294,7 +295,7 @@ def test_one_track_on_axes_of_the_caller(smoothed):
     assert smoothed.plot("GM", ax=axes) is mine
     assert axes.get_title().startswith("GM: T")
     assert axes.get_legend() is not None
-    with pytest.raises(OptionError, match="ax holds one panel"):
+    with raises(OptionError, "2 panels", argument="ax", got=axes, advises=["ax="]):
         smoothed.plot(["GM", "bias"], ax=axes)
 
 

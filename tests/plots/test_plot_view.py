@@ -8,6 +8,7 @@ from gmwm.plots.labels import axis_title, duration_text, model_text, parameter_t
 from gmwm.plots.view import view_of
 from gmwm.processes import Model, Parameter, registry
 from gmwm.units import STANDARD_GRAVITY
+from tests.helpers import raises
 
 
 def test_the_wavelet_view_in_si_leaves_the_numbers_alone():
@@ -53,13 +54,14 @@ def test_si_converts_what_is_not_si():
 @pytest.mark.parametrize("unit", ["", "volt"])
 def test_foreign_units_are_kept_and_have_no_datasheet(unit):
     assert unit in view_of(unit, "wavelet", "si").height_label
-    with pytest.raises(OptionError, match="datasheet"):
+    with raises(OptionError, unit or "no unit", argument="units", got="datasheet", advises=["units='si'"]):
         view_of(unit, "wavelet", "datasheet")
 
 
 @pytest.mark.parametrize(("view", "units"), [("adev", "si"), ("wavelet", "SI"), ("Allan", "si")])
 def test_unknown_names_are_errors(view, units):
-    with pytest.raises(OptionError, match="must be"):
+    argument, got = ("units", units) if view == "wavelet" else ("view", view)
+    with raises(OptionError, argument=argument, got=got):
         view_of("rad/s", view, units)
 
 

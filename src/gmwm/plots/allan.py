@@ -69,17 +69,22 @@ def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
 def allan_panel(
     curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True, title: str = ""
 ) -> Panel:
-    """One or several deviations in a panel, each with its band; names are those of the legend.
+    """Return a panel with one or several deviations and their bands; the names appear in the legend.
 
     Raises
     ------
     OptionError
-        If the curves are not of one unit and one quantity.
+        If the curves differ in quantity or unit.
     """
     views = [cluster_view(curve, units) for curve in curves.values()]
     if len({(view.unit, view.title) for view in views}) > 1:
         found = ", ".join(f"{name}: {view.height_label}" for name, view in zip(curves, views, strict=True))
-        raise OptionError(f"curves in one panel must be of one quantity and unit, got {found}")
+        raise OptionError(
+            f"curves in one panel need the same quantity and unit, but they are {found}",
+            argument="curves",
+            got=tuple(view.height_label for view in views),
+            advice="Plot each quantity in its own figure.",
+        )
     strokes = [OBSERVED] if len(curves) == 1 else [_stroke(name, k) for k, name in enumerate(curves)]
     marks: list[Mark] = []
     for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
@@ -192,18 +197,19 @@ def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
 
 
 def allan_figure(curves: Mapping[str, ClusterVariance], *, units: UnitSystem = "si", guides: bool = True) -> Figure:
-    """A panel for each sensor, with its axes over one another, as data.
+    """Return a figure with a panel for each sensor, which shows all its axes.
 
     Raises
     ------
     OptionError
-        If it is not a mapping of names to ClusterVariance, or empty.
+        If `curves` is empty or is not a mapping of names to ClusterVariance.
     """
     known = isinstance(curves, Mapping) and all(isinstance(curve, ClusterVariance) for curve in curves.values())
     if not known or not curves:
         raise OptionError(
-            f"expected a mapping of names to ClusterVariance, got {type(curves).__name__}; "
-            'pass for instance {"gyro_x": allan_x, "gyro_y": allan_y}'
+            argument="curves",
+            expected="a mapping of names to ClusterVariance such as {'gyro_x': allan_x, 'gyro_y': allan_y}",
+            got=curves,
         )
     sensors: dict[str, dict[str, ClusterVariance]] = {}
     for name, curve in curves.items():

@@ -27,39 +27,39 @@ def compare(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw wavelet variances over one another: classical and robust, several axes, filters or recordings.
+    """Draw several wavelet variances in one panel, for example classical and robust, or several axes or recordings.
 
     Parameters
     ----------
     items : WaveletVariance or Fit
-        At least one; of a fit the data are symbols and the model is a line.
+        One or more. A fit has symbols for the data and a line for the model.
     labels : sequence of str, optional
-        Their names in the legend; by default what tells them apart: axis, classical or robust with its
-        efficiency, filter, length and rate, fitted model.
+        Names for the legend. By default they state what differs: axis, classical or robust with its efficiency,
+        filter, length and rate, or fitted model.
     view : "wavelet" or "allan"
         ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
     title : str
-        Over the panel.
+        Title of the panel.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; by default a new figure is made.
     path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
+        File to write the picture to, ending in .png, .pdf or .svg.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+        A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
     Raises
     ------
     OptionError
-        If an option is unknown, a label is missing or repeated, or the curves are not of one unit.
+        If an option is unknown, a label is missing or repeated, or the curves differ in unit.
 
     References
     ----------
-    As the comparison of classical and robust wavelet variances in Balamuta, Guerrier, Molinari and Yang.
+    The comparison of classical and robust wavelet variances follows Balamuta, Guerrier, Molinari and Yang.
 
     Examples
     --------
@@ -71,20 +71,27 @@ def compare(
     'Wavelet variance (rad²/s²)'
     """
     if not items:
-        raise OptionError("expected at least one WaveletVariance or Fit to compare, got none")
+        raise OptionError(argument="items", expected="one or more of WaveletVariance and Fit", got=items)
     for item in items:
         if not hasattr(measured(item), "robust"):
-            raise OptionError(f"expected WaveletVariance or Fit to compare, got {type(item).__name__}; see plot_allan")
+            raise OptionError(
+                argument="items",
+                expected="of type WaveletVariance or Fit",
+                got=item,
+                advice="Draw Allan variances with `gmwm.plots.plot_allan_axes`.",
+            )
     names = automatic_labels(items) if labels is None else [str(name) for name in labels]
     if len(names) != len(items):
-        raise OptionError(f"labels must name each of {len(items)} curves, got {len(names)}")
+        raise OptionError(
+            argument="labels", expected=f"a sequence of {len(items)} names, one for each curve", got=names
+        )
     if len(set(names)) != len(names):
-        raise OptionError(f"labels must differ from one another, got {', '.join(map(repr, names))}")
+        raise OptionError(argument="labels", expected="a sequence of different names", got=names)
     return plot_comparison(dict(zip(names, items, strict=True)), view=view, units=units, title=title, ax=ax, path=path)
 
 
 def automatic_labels(items: Sequence[Item]) -> list[str]:
-    """The name of each item: what differs between them, of fits the model too; a number if nothing differs.
+    """Return a name for each item that states what differs, such as the axis or the model; a number if nothing does.
 
     >>> from gmwm.variance.result import WaveletVariance
     >>> one = WaveletVariance.from_values([2.0, 1.0], samples=1000, rate=100.0, axis="gyro_x")

@@ -29,13 +29,15 @@ def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
     Raises
     ------
     OptionError
-        If a name is unknown, or an Allan deviation is asked of a filter other than Haar's.
+        If `view` or `units` is unknown, or if `view` is "allan" and the filter is not Haar.
     """
     chosen = view_of(wv.unit, view, units)
     if chosen.name == "allan" and wv.filter != "haar":
         raise OptionError(
-            'view="allan" needs the Haar filter, since only its variance is half of Allan\'s; got '
-            f'filter={wv.filter!r}. Use view="wavelet", or measure with filter="haar"'
+            f"the Allan deviation needs the Haar filter, but the wavelet variance has the filter {wv.filter}",
+            argument="view",
+            got=view,
+            advice="Use {--view=wavelet}, or compute the wavelet variance with {--filter=haar}.",
         )
     return chosen
 

@@ -69,7 +69,11 @@ def fleet_figure(fleet: FleetLike) -> Figure:
     """What `plot_fleet` draws, as data: for each sensor a panel a number, in each panel a strip an axis."""
     found = fleet.statistics
     if not found.rows:
-        raise OptionError("fleet must have a number to draw; no unit gives one")
+        raise OptionError(
+            "the fleet has no estimated parameter to draw",
+            argument="fleet",
+            advice="Read the reasons in the column `reason` of the table.",
+        )
     reading = Reading(fleet.table, found.confidence)
     groups: dict[str, dict[str, list[Sample]]] = {}
     for sample in reading.samples():

@@ -47,8 +47,10 @@ def imu_figure(
     single = {name: item for name, item in axes.items() if not isinstance(item, dict)}
     if len(single) < len(axes):
         raise OptionError(
-            "split=False lays the axes of a sensor over one another, which leaves no room for several "
-            "curves of one axis; leave split out, or pass one curve for each axis"
+            "a panel for each sensor can show one curve of each axis only, but an axis has several",
+            argument="split",
+            got=split,
+            advice="Use {--split=yes}, or pass one curve for each axis.",
         )
     return _by_sensor(single, view, units)
 

@@ -60,24 +60,31 @@ class Picture(MatplotlibFigure):
 
 
 def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw plot data and, where a path is given, write the picture whole or not at all.
+    """Draw plot data, and write the picture to a file if a path is given.
+
+    If writing fails, an existing file is not changed.
 
     Parameters
     ----------
     figure : Figure
-        What to draw.
+        The plot as data.
     ax : matplotlib Axes, optional
-        Draw the only panel there, with the legend inside; a new figure by default.
+        Axes for a plot of one panel, which then contain the legend; by default a new figure is made.
     path : path, optional
-        A file that ends in .png, .pdf or .svg.
+        File to write, ending in .png, .pdf or .svg.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The new figure, or the figure of `ax`.
 
     Raises
     ------
     OptionError
-        If `ax` is not Matplotlib axes, or cannot hold several panels, or the ending of `path` is unknown.
+        If `ax` is not Matplotlib axes, if it is given for a plot of several panels, or if `path` has another ending.
     """
     if path is not None and Path(path).suffix.lower() not in FORMATS:
-        raise OptionError(f"path must end in one of {', '.join(FORMATS)}, got {str(path)!r}")
+        raise OptionError(argument="path", expected=f"a path that ends in {', '.join(FORMATS)}", got=str(path))
     picture = _new_picture(figure) if ax is None else _onto(figure, ax)
     if path is not None:
         save(picture, path)
@@ -111,13 +118,13 @@ def _new_picture(figure: Figure) -> MatplotlibFigure:
 
 
 def _titled(row: Sequence[Panel | None], width: float) -> list[Panel | None]:
-    """The panels of a row with titles no wider than they are."""
+    """Fold the titles of a row of panels to the width of the panels."""
     room = (width / len(row) - BESIDE) * MILLIMETRE * 72
     return [panel and replace(panel, title=folded(panel.title, room, TEXT_SIZE)) for panel in row]
 
 
 def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[FigureBase, SubplotSpec]]]:
-    """Where each panel stands: in one grid, or, where rows differ in length, in a grid of each row's own."""
+    """Return the place of each panel: in one grid, or in a grid for each row if the rows differ in length."""
     heights = figure.heights or None
     lengths = [len(row) for row in figure.rows]
     if len(set(lengths)) == 1:
@@ -130,9 +137,16 @@ def _places(picture: MatplotlibFigure, figure: Figure) -> list[list[tuple[Figure
 
 def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
     if not isinstance(ax, Axes):
-        raise OptionError(f"ax must be Matplotlib axes, got {type(ax).__name__}; pass figure.add_subplot()")
+        raise OptionError(
+            argument="ax", expected="Matplotlib axes", got=ax, advice="Pass the result of `figure.add_subplot()`."
+        )
     if len(figure.panels) != 1:
-        raise OptionError(f"ax holds one panel, this plot has {len(figure.panels)}; leave ax out")
+        raise OptionError(
+            f"the plot has {len(figure.panels)} panels, but Matplotlib axes have room for one",
+            argument="ax",
+            got=ax,
+            advice="Call it without {--ax}.",
+        )
     handles = draw_panel(figure.panels[0], ax)
     if handles:
         legend_inside(ax, handles)

@@ -1,4 +1,4 @@
-"""Several curves in one panel: the axes of a triad, or whatever is to be compared."""
+"""Panels with several curves, for example the three axes of a sensor."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 Item: TypeAlias = "WaveletVariance | Fit"
-"""What can be laid over others: a measurement, or a fit with its measurement."""
+"""A curve of a panel: a wavelet variance, or a fit with its wavelet variance."""
 
 
 def measured(item: Item) -> WaveletVariance:
-    """The wavelet variance behind an item.
+    """Return the wavelet variance of an item.
 
     Raises
     ------
@@ -36,23 +36,23 @@ def measured(item: Item) -> WaveletVariance:
     """
     wv: Any = getattr(item, "wavelet_variance", item)
     if not hasattr(wv, "variance") or not hasattr(wv, "tau"):
-        raise OptionError(f"expected a WaveletVariance or a Fit for each curve, got {type(item).__name__}")
+        raise OptionError(argument="items", expected="of type WaveletVariance or Fit", got=item)
     return cast("WaveletVariance", wv)
 
 
 def checked_items(items: Mapping[str, Any]) -> dict[str, Item]:
-    """The items as a dict, none of them foreign, at least one.
+    """Check a mapping of names to items and return it as a dict.
 
     Raises
     ------
     OptionError
-        If it is not a mapping, is empty, or holds something else than WaveletVariance and Fit.
+        If it is not a mapping, if it is empty, or if a value is neither a WaveletVariance nor a Fit.
     """
     if not isinstance(items, Mapping) or not items:
-        came = "an empty one" if isinstance(items, Mapping) else type(items).__name__
         raise OptionError(
-            f"expected a mapping of names to WaveletVariance or Fit, got {came}; "
-            'pass for instance {"gyro_x": wv_x, "gyro_y": wv_y}'
+            argument="items",
+            expected="a mapping of names to WaveletVariance or Fit such as {'gyro_x': wv_x, 'gyro_y': wv_y}",
+            got=items,
         )
     for item in items.values():
         measured(item)
@@ -67,19 +67,24 @@ def overlay_panel(
     strokes: Sequence[Stroke] | None = None,
     title: str = "",
 ) -> Panel:
-    """Several curves in one panel, each with its band; of a fit, symbols for the data, a line for the model.
+    """Return a panel with several curves and their bands; a fit has symbols for the data and a line for the model.
 
     Raises
     ------
     OptionError
-        If the curves are not of one unit.
+        If the curves differ in unit.
     """
     results = [measured(item) for item in items.values()]
     views = [view_for(wv, view, units) for wv in results]
     if len({shown.unit for shown in views}) > 1:
         pairs = zip(items, views, strict=True)
         found = ", ".join(f"{name} in {shown.unit or 'no unit'}" for name, shown in pairs)
-        raise OptionError(f"curves in one panel must have one unit, got {found}; plot each sensor by itself")
+        raise OptionError(
+            f"curves in one panel need the same unit, but they are {found}",
+            argument="items",
+            got=tuple(shown.unit for shown in views),
+            advice="Plot each sensor in its own figure.",
+        )
     strokes = strokes or [curve_stroke(k) for k in range(len(results))]
     marks: list[Mark] = []
     around = []

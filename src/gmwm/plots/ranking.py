@@ -44,7 +44,7 @@ EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
 def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
     """What `plot_ranking` draws, as data."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
-        raise OptionError(f"limit must be a whole number from 1 to {MOST_CURVES}, got {limit!r}")
+        raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
     drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
     strokes = _strokes(drawn)
     listed = [c for k, c in enumerate(ranking.distinct) if k < max(LISTED, limit) or c.equivalent or c.recommended]

@@ -201,7 +201,7 @@ def _title(tracks: Tracks, label: str, shown: View) -> str:
 
 
 def _less(title: str, amount: float, shown: View) -> str:
-    """A title that says what was taken off."""
+    """Return a title that states the value that was subtracted."""
     written = number_text(amount, 6).replace("-", "−")
     return f"{title}, less {written} {shown.unit}".rstrip() if amount else title
 
@@ -211,30 +211,40 @@ def _height_label(tracks: Tracks, shown: View, power: int) -> str:
     return f"{NAMES[known.quantity] if known else 'Signal'} ({scaled_unit(shown.unit, power)})"
 
 
-# --- the door -----------------------------------------------------------------------------------------
+# --- checks of the arguments --------------------------------------------------------------------------
 
 
 def _as_labels(tracks: Tracks, labels: str | Sequence[str] | None) -> list[str]:
     wanted = [BIAS] if labels is None else [labels] if isinstance(labels, str) else list(dict.fromkeys(labels))
     unknown = [label for label in wanted if label not in tracks.mean]
     if unknown or not wanted:
-        got = ", ".join(map(repr, unknown)) or "none"
-        raise OptionError(f"labels must be among {', '.join(tracks.labels)}; got {got}")
+        raise OptionError(
+            argument="labels",
+            expected=f"one or more of {', '.join(tracks.labels)}",
+            got=unknown[0] if unknown else labels,
+        )
     return wanted
 
 
 def _as_truth(tracks: Tracks, truth: Mapping[str, ArrayLike] | ArrayLike | None) -> dict[str, Vector]:
-    """The true paths by label; one array is that of the bias."""
+    """Return the true paths (N,) by label; a single array is the path of the bias."""
     if truth is None:
         return {}
     given = truth if isinstance(truth, Mapping) else {BIAS: truth}
     unknown = [str(label) for label in given if label not in tracks.mean]
     if unknown:
-        raise OptionError(f"truth must be of {', '.join(tracks.labels)}; got {', '.join(unknown)}")
+        raise OptionError(
+            argument="truth", expected=f"a mapping with keys among {', '.join(tracks.labels)}", got=unknown[0]
+        )
     paths = {label: as_vector(path, f"truth of {label}", finite=False) for label, path in given.items()}
     for label, path in paths.items():
         if path.size != len(tracks):
-            raise OptionError(f"truth of {label} must have a value for each of {len(tracks)} samples, got {path.size}")
+            raise OptionError(
+                f"the truth of {label} has {path.size} values, but the tracks have {len(tracks)} samples",
+                argument="truth",
+                got=path.size,
+                advice="Pass one value for each sample.",
+            )
     return paths
 
 
@@ -251,7 +261,7 @@ def plot_tracks(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw tracks with their bands: see `Tracks.plot`."""
+    """Draw estimated components with their confidence bands; see `Tracks.plot`."""
     from gmwm.plots.matplotlib import draw
 
     figure = tracks_figure(tracks, labels, truth=truth, level=level, units=units, record=ax is None)

@@ -1,4 +1,4 @@
-"""How a wavelet variance is shown: as itself or as an Allan deviation, in SI or in datasheet units."""
+"""Views of a wavelet variance: wavelet variance or Allan deviation, in SI or datasheet units."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ _SQUARES = {"rad/s": "rad²/s²", "deg/h": "deg²/h²", "m/s²": "m²/s⁴", "mg
 
 @dataclass(frozen=True)
 class View:
-    """One way to show a wavelet variance.
+    """View of a wavelet variance: quantity, unit and conversion factor.
 
     Parameters
     ----------
     name : "wavelet" or "allan"
-        Which quantity is drawn.
+        The quantity that is drawn.
     unit : str
-        The unit of a deviation in the picture; "" where the data have none.
+        The unit of a deviation in the picture; "" if the data have no unit.
     factor : float
         From the unit of the data to `unit`.
     """
@@ -86,7 +86,7 @@ class View:
 
 
 def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
-    """The view named `view` of data in `unit`, in the unit system `units`.
+    """Return the view named `view` of data in `unit`, in the unit system `units`.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
     Raises
     ------
     OptionError
-        If `view` or `units` is unknown, or datasheet units are asked of data that are neither an angular rate
-        nor an acceleration.
+        If `view` or `units` is unknown, or if `units` is "datasheet" and the data are neither an angular rate nor an
+        acceleration.
 
     >>> view_of("deg/s", "wavelet", "si").height_label
     'Wavelet variance (rad²/s²)'
@@ -109,15 +109,18 @@ def view_of(unit: str, view: ViewName, units: UnitSystem) -> View:
     'Allan deviation (mg)'
     """
     if view not in ("wavelet", "allan"):
-        raise OptionError(f'view must be "wavelet" or "allan", got {view!r}')
+        raise OptionError(argument="view", expected='"wavelet" or "allan"', got=view)
     if units not in ("si", "datasheet"):
-        raise OptionError(f'units must be "si" (rad/s, m/s²) or "datasheet" (deg/h, mg), got {units!r}')
+        raise OptionError(argument="units", expected='"si" (rad/s, m/s²) or "datasheet" (deg/h, mg)', got=units)
     known = find_unit(unit)
     if known is None:
         if units == "datasheet":
             raise OptionError(
-                'units="datasheet" needs data in a unit of angular rate or acceleration, got '
-                f'{unit or "no unit"!r}; give the signal its unit (unit="rad/s"), or use units="si"'
+                "datasheet units need data in a unit of angular rate or acceleration, but the data are in "
+                f"{unit or 'no unit'}",
+                argument="units",
+                got=units,
+                advice="Use {--units=si}, or give the signal a unit such as rad/s.",
             )
         return View(view, unit, 1.0)
     shown = _shown_unit(known, units)
