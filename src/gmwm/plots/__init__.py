@@ -1,8 +1,8 @@
-"""Seeing: what to draw, as data (`figure`, one module a plot), and one renderer for each drawing library.
+"""Plots of results with Matplotlib.
 
-Each plot is a pair: a function that returns plot data (`wavelet_variance_panel`, `fit_panel`,
-`overlay_panel`, `imu_figure`, `ranking_figure`), and one that draws them with Matplotlib (`plot_…`).
-Matplotlib is imported when something is drawn.
+Each plot has two functions: one returns the plot as data (`wavelet_variance_panel`, `fit_panel`, `overlay_panel`,
+`imu_figure`, `ranking_figure`), and one draws these data with Matplotlib (`plot_…`). Matplotlib is imported
+by the first drawing.
 """
 
 from gmwm.plots.allan import plot_allan, plot_allan_axes, plot_avlr

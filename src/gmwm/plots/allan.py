@@ -230,7 +230,7 @@ def plot_allan(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a deviation over its averaging times: see `ClusterVariance.plot`."""
+    """Draw a deviation over its averaging times; see `ClusterVariance.plot`."""
     panel = allan_panel({result.title: result}, units=units, guides=guides, title=axis_title(result.axis))
     return _drawn(panel, ax, path)
 
@@ -243,7 +243,7 @@ def plot_avlr(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw an Allan deviation with its fitted lines: see `AllanRegression.plot`."""
+    """Draw an Allan deviation with its fitted lines; see `AllanRegression.plot`."""
     return _drawn(avlr_panel(regression, units=units, guides=guides), ax, path)
 
 
@@ -254,19 +254,19 @@ def plot_allan_axes(
     guides: bool = True,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw the deviations of several axes, those of a sensor over one another, a panel for each sensor.
+    """Draw the deviations of several axes, with one panel for each sensor.
 
     Parameters
     ----------
     curves : mapping of axis name to ClusterVariance
-        Such as {"gyro_x": …, "accel_z": …}; names that are none of an axis share a panel.
+        For example {"gyro_x": allan_x, "accel_z": allan_z}. All names that are not axes share a panel.
     units, guides, path
         As for `plot_allan`.
 
     Raises
     ------
     OptionError
-        If an option is unknown, or the curves of a panel are not of one unit and quantity.
+        If an option is unknown, or the curves of a panel differ in quantity or unit.
     """
     from gmwm.plots.matplotlib import draw
 

@@ -1,4 +1,4 @@
-"""All axes of a unit: one panel an axis in a grid, or one panel a sensor with its axes over one another."""
+"""Plots of all axes of an inertial unit, with a panel for each axis or for each sensor."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def imu_figure(
     view: ViewName = "wavelet",
     units: UnitSystem = "si",
 ) -> Figure:
-    """What `plot_imu` draws, as data."""
+    """Return the plot of `plot_imu` as data."""
     if not isinstance(items, Mapping) or not items:
         checked_items(items)
     axes = {
@@ -68,27 +68,27 @@ def plot_imu(
     Parameters
     ----------
     items : mapping of axis to WaveletVariance or Fit
-        Named "gyro_x" … "accel_z", any number of them; other names get a panel each. In place of one, a mapping
-        of names to several, to be laid over one another in the panel of the axis.
+        One or more axes named "gyro_x" … "accel_z"; any other name has its own panel. A value may also be a mapping of
+        names to several curves, which share the panel of the axis.
     split : bool
-        One panel for every axis, a row for each sensor; else one panel for every sensor, x, y and z in
-        vermillion, green and blue with symbols and dashes of their own.
+        If True, one panel for each axis and one row for each sensor. If False, one panel for each sensor, with x, y and
+        z in vermillion, green and blue and with different symbols and dashes.
     view : "wavelet" or "allan"
         ν² over the scale τ (s), or the Allan deviation √(2ν²) over the averaging time τ/2 (s).
     units : "si" or "datasheet"
         rad/s and m/s², or deg/h and mg.
     path : path, optional
-        Write the picture there too, as .png, .pdf or .svg.
+        File to write the picture to, ending in .png, .pdf or .svg.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+        A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
     Raises
     ------
     OptionError
-        If an option is unknown, or there is nothing to draw.
+        If an option is unknown, `items` is empty, or `split` is False and an axis has several curves.
     """
     from gmwm.plots.matplotlib import draw
 

@@ -122,26 +122,26 @@ def plot_comparison(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw several wavelet variances over one another: classical and robust, two sensors, two recordings.
+    """Draw several wavelet variances in one panel, for example classical and robust, or two recordings.
 
     Parameters
     ----------
     items : mapping of name to WaveletVariance or Fit
-        The names stand in the legend; of a fit the data are symbols and the model is a line.
+        The names appear in the legend. A fit has symbols for the data and a line for the model.
     view, units, ax, path
         As for `plot_wavelet_variance`.
     title : str
-        Over the panel.
+        Title of the panel.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Shows itself in a notebook; not known to pyplot, so nothing has to be closed.
+        A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
 
     Raises
     ------
     OptionError
-        If an option is unknown, or the curves are not of one unit.
+        If an option is unknown, or the curves differ in unit.
     """
     from gmwm.plots.matplotlib import draw
 

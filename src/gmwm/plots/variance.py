@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def wavelet_variance_panel(wv: WaveletVariance, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Panel:
-    """What `plot_wavelet_variance` draws, as data."""
+    """Return the plot of `plot_wavelet_variance` as data."""
     shown = view_for(wv, view, units)
     return closed_panel([shown], [wv], observed_marks(wv, shown), title=axis_title(wv.axis))
 
@@ -31,7 +31,7 @@ def plot_wavelet_variance(
     ax: Axes | None = None,
     path: str | os.PathLike[str] | None = None,
 ) -> MatplotlibFigure:
-    """Draw a wavelet variance over its scales: see `WaveletVariance.plot`."""
+    """Draw a wavelet variance over its scales; see `WaveletVariance.plot`."""
     from gmwm.plots.matplotlib import draw
 
     panel = wavelet_variance_panel(wv, view=view, units=units)
