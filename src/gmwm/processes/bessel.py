@@ -1,11 +1,11 @@
-"""The Matérn correlation, its complement and its derivatives, to nearly all digits at any distance.
+"""Matérn correlation, its complement and its derivatives, near machine precision at any distance.
 
     M(x) = 2^(1−ν)/Γ(ν) x^ν K_ν(x)
 
-is 1 less a small number near 0, which is what wavelets see of a slow process. There 1 − M is a series: one in y = x²/4,
-and one in y^k times y^ν. Where ν is near a whole number both have poles that cancel: they are taken pair by pair, and
-their differences on paper. Beyond, K_ν(x) = ∫ e^(−x cosh t) cosh νt dt by the trapezoidal rule, which for such an
-integrand converges like e^(−c/step).
+is close to 1 near x = 0, where the wavelet variance of a slow process depends on 1 − M. There 1 − M is the sum of a
+series in y = x²/4 and a series in y^k times y^ν. If ν is near an integer, the poles of both series cancel; the terms
+are combined in pairs and their differences are computed analytically. For larger x, the trapezoidal rule computes
+K_ν(x) = ∫ e^(−x cosh t) cosh νt dt, with an error that decreases like e^(−c/step).
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from numpy.typing import NDArray
 from gmwm._arrays import Matrix, Vector
 
 LARGEST = 50.0
-"""Of ν; beyond, the process is next to one that is smooth without end."""
+"""Upper limit of ν; beyond it, the process is almost infinitely smooth."""
 _PAIRS = 24
 _POWERS = 52
-"""Terms in ε, |ε| ≤ ½, whose coefficients are 1 at most."""
+"""Number of terms of the series in ε, |ε| ≤ ½, with coefficients of at most 1."""
 _STEP = 1e-30
-"""Of complex steps, which are exact."""
+"""Size of complex steps, which have no truncation error at this size."""
 _NODES = 40
 _FAR = 1200.0
-"""Distance from which the correlation is less than the least double, for any ν up to 50."""
+"""Distance beyond which the correlation underflows, for any ν up to 50."""
 _GONE = 40.0
-"""e^(−40) is nothing next to 1."""
+"""Cut-off exponent: e^(−40) is below the rounding error of 1."""
 
 Numbers = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Matern:
-    """At distances x (n,): M itself, 1 − M, and the derivatives of 1 − M by ln x and by ν."""
+    """M, 1 − M, and the derivatives of 1 − M by ln x and by ν at distances x (n,)."""
 
     correlation: Vector
     lost: Vector
@@ -47,7 +47,7 @@ class Matern:
 
 
 def matern(x: Vector, nu: float) -> Matern:
-    """The correlation at distances x ≥ 0 and smoothness 0 < ν < `LARGEST`."""
+    """Compute the correlation at distances x ≥ 0 for smoothness 0 < ν < `LARGEST`."""
     edge = 2.0 * math.sqrt(max(1.0, nu / 2.0))
     parts = [np.zeros_like(x) for _ in range(4)]
     parts[0][x == 0] = 1.0
@@ -62,7 +62,7 @@ def matern(x: Vector, nu: float) -> Matern:
 def _integral(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
     from scipy.special import gammaln, psi
 
-    # Where x (cosh t − 1) − νt has grown to 40.
+    # Upper limit of t: x (cosh t − 1) − νt reaches 40.
     end = 2.0 * np.arcsinh(np.sqrt(_GONE / (2.0 * x)))
     for _ in range(6):
         end = 2.0 * np.arcsinh(np.sqrt((_GONE + nu * end) / (2.0 * x)))
@@ -92,7 +92,7 @@ def _series(x: Vector, nu: float) -> tuple[Vector, Vector, Vector, Vector]:
         power = front / gamma**2 * np.exp(complex_nu * log)
         lost, slope = lost + power, slope + 2.0 * complex_nu * power
         front *= epsilon / gamma
-    # In pairs y^k and y^(ν + i), k = n + i, n the whole number next to ν; the first of n = 0 is 1 and the power above.
+    # Pairs y^k and y^(ν + i), k = n + i, with n the integer nearest ν; for n = 0 the first pair is 1 and y^ν.
     i = np.arange(0 if whole else 1, _pairs(float(log.max())))[:, None]
     k = whole + i
     size = front * np.exp(epsilon * before[i] - _LOG_FACTORIALS[k] - _LOG_FACTORIALS[i] + k * log)
@@ -116,12 +116,12 @@ def _low_powers(log: Vector, nu: complex, whole: int) -> tuple[Numbers, Numbers]
 
 
 def _pairs(log: float) -> int:
-    """So many pairs that y^i / i!² is nothing, the largest y being e^`log`."""
+    """Return the number of pairs after which y^i / i!² is negligible for the largest y, e^`log`."""
     size = np.arange(_PAIRS) * max(log, 0.0) - 2.0 * _LOG_FACTORIALS[:_PAIRS]
     return int(np.count_nonzero(size > -_GONE))
 
 
-# --- functions that complex steps can be taken through ------------------------------------------------
+# --- functions that support complex steps --------------------------------------------------------------
 
 
 def _relative_exponential(z: Numbers) -> Numbers:
@@ -150,13 +150,13 @@ def _sine_powers() -> Vector:
 
 
 def _log_gamma_slopes(epsilon: complex) -> Numbers:
-    """[ln Γ(a + ε) − ln Γ(a)]/ε of a = 1, 2, …, |ε| ≤ ½."""
+    """Compute [ln Γ(a + ε) − ln Γ(a)]/ε for a = 1, 2, …, |ε| ≤ ½."""
     return np.asarray(_gamma_powers() @ epsilon ** np.arange(_POWERS, -1, -1))
 
 
 @lru_cache(maxsize=1)
 def _gamma_powers() -> Matrix:
-    """Coefficients of the Taylor series of ln Γ about 1, 2, …, the highest first."""
+    """Return the Taylor coefficients of ln Γ about 1, 2, …, highest order first."""
     from scipy.special import psi, zeta
 
     a, m = np.arange(1.0, LARGEST + _PAIRS + 2)[:, None], np.arange(_POWERS, 0, -1.0)

@@ -1,15 +1,15 @@
 """Haar wavelet variance of autocovariances φ^|k|, φ = ±e^(−λ), and its derivatives, at full accuracy.
 
-The closed forms in common use cancel as φ → 1, where inertial sensors live. Everything here is written in
-λ = −ln|φ|, x = λh (h = τ/2), y = 1 − e^(−x), with powers of λ and x divided out beforehand, so that nothing
-cancels, overflows or underflows, from λ = 1e-300 to white noise: relative errors of some 1e-16.
+The usual closed forms lose accuracy by cancellation as φ → 1, the typical case for inertial sensors. All formulas
+here use λ = −ln|φ|, x = λh (h = τ/2) and y = 1 − e^(−x), with powers of λ and x divided out analytically. This avoids
+cancellation, overflow and underflow from λ = 1e-300 to white noise; relative errors are about 1e-16.
 
 With f(x) = 2x − 2y − y², the wavelet variance at marginal variance 1 and φ > 0 is
 
     ν² = [f(x) + 2h(sinh λ − λ)] / (8h² sinh²(λ/2)),
 
-and the derivatives follow from f′ = 2y² with their leading terms cancelled on paper. Where a function below
-is a power series for small arguments, its direct form has lost its leading terms there.
+and the derivatives follow from f′ = 2y² with the leading terms cancelled analytically. A function below uses a power
+series for small arguments if the leading terms of its direct form cancel there.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from gmwm import _core
 Array = NDArray[np.float64]
 
 WHITE = 700.0
-"""From this λ on e^(−λ) is nothing next to 1, and cosh λ would soon overflow: λ is cut off here."""
+"""Upper limit for λ: beyond it, e^(−λ) is below the rounding error of 1, and cosh λ would soon overflow."""
 
 
 def gm_shape(lam: Array, h: Array) -> Array:
@@ -63,7 +63,7 @@ def ar1_slope(phi: Array, h: Array) -> Array:
 
 
 def log_decay(phi: Array) -> Array:
-    """λ = −ln|φ|, exact also where |φ| is next to 1; cut off where e^(−λ) is nothing next to 1."""
+    """Compute λ = −ln|φ|, accurate for |φ| near 1, up to a limit where e^(−λ) is below the rounding error of 1."""
     size = np.maximum(np.abs(phi), np.exp(-WHITE))
     near_one = size > 0.5
     return np.where(near_one, -np.log1p(np.where(near_one, size, 1.0) - 1.0), -np.log(size))
@@ -94,7 +94,7 @@ def _negative_shape(phi: Array, h: Array) -> Array:
     lam, x, y = _arguments(log_decay(phi), h)
     e1, above = _decay(lam), 1.0 - phi[:, None]
     smooth = 0.5 / (h * above**2) - phi[:, None] * (y / x) * (2.0 + y) / (2.0 * h * above**3 * e1)
-    # φ^h is negative at h = 1 alone, where ν² = 1/(2(1 + φ)).
+    # φ^h is negative only at h = 1, where ν² = 1/(2(1 + φ)).
     return np.where(h == 1.0, 0.5 / (lam * e1), smooth)
 
 
@@ -107,23 +107,23 @@ def _negative_slope(phi: Array, h: Array) -> Array:
     return np.where(h == 1.0, -0.5 / (lam * e1) ** 2, smooth)
 
 
-# --- the functions that need care ---------------------------------------------------------------------
+# --- functions with a series for small arguments ------------------------------------------------------
 
 
 def _series(term: Callable[[int], float], first: int, last: int) -> Array:
-    """Coefficients term(first) … term(last), highest power first."""
+    """Return the coefficients term(first) … term(last), highest power first."""
     return np.array([term(n) for n in range(last, first - 1, -1)], dtype=np.float64)
 
 
 def _polynomial(coefficients: Array, x: Array) -> Array:
-    """The polynomial at x (n,), as `numpy.polyval` has it; many small ones are what a fit asks for."""
+    """Evaluate the polynomial at x (n,), as `numpy.polyval` does but faster for the many small calls of a fit."""
     out = np.empty_like(x)
     _core.polynomial(coefficients, x, out)
     return out
 
 
 def _piecewise(x: Array, series: Callable[[Array], Any], direct: Callable[[Array], Any]) -> Array:
-    """`series` below 1 and `direct` above, each evaluated only where it is used."""
+    """Evaluate `series` below 1 and `direct` above, each only at the arguments that need it."""
     small = x < 1.0
     result = np.empty_like(x)
     result[small] = series(x[small])
@@ -217,7 +217,7 @@ def _t(lam: Array) -> Array:
 def block_variance(lam: float, m: Array) -> Array:
     """Variance [e^(−λm) − 1 + m sinh λ]/(2 sinh²(λ/2)) of a sum of m samples of autocovariance e^(−λ|k|)."""
     v = np.array([min(lam, WHITE)])
-    # Divided through by e^λ and λ², so that neither end overflows or cancels.
+    # Dividing by e^λ and λ² avoids overflow for large λ and cancellation for small λ.
     x = np.asarray(m, dtype=np.float64) * v
     curve = _piecewise(x, lambda x: _polynomial(_CURVE, x), lambda x: np.asarray((np.expm1(-x) + x) / (x * x)))
     return np.asarray((2.0 * np.exp(-v) * m * m * curve + v * m * _s(v)) / _decay(v) ** 2)

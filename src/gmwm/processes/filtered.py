@@ -1,14 +1,15 @@
-"""Wavelet variance of processes under any wavelet filter, at full accuracy down to the deepest levels.
+"""Wavelet variance of processes under any wavelet filter, at full accuracy at all levels.
 
-The level-j wavelet filter obeys h_j(z) = g(z) h_{j−1}(z²). A process that is white noise ε through a factor c(z)
-keeps this form, as long as the factor does: with 1 − φz = (1 − φ²z²)/(1 + φz),
+The level-j wavelet filter satisfies h_j(z) = g(z) h_{j−1}(z²). For white noise ε filtered by 1/(1 − φz), the same
+recursion follows from 1 − φz = (1 − φ²z²)/(1 + φz):
 
     h_j(z)/(1 − φz) = g(z)(1 + φz) · [h_{j−1}(w)/(1 − φ²w)], w = z²,
 
-and with φ = 1 this is a random walk, with φ = 0 white noise, while quantization noise has (1 − z) h_j(z) =
-g(z)/(1 + z) · (1 − w) h_{j−1}(w). So the variance Σ |coefficients|² follows level by level from the autocorrelation of
-short filters: u_{j+1}(m) = Σ_k u_j(k) t(k − 2m), t that of the factor in front, and ν_j² = Σ_m u_j(m) a_j(m), a_j that
-of the bracket at level 1. No difference of large numbers is taken, however long the filter and near φ to 1.
+φ = 1 is a random walk and φ = 0 is white noise. For quantization noise, (1 − z) h_j(z) =
+g(z)/(1 + z) · (1 − w) h_{j−1}(w). The variance Σ |coefficients|² is computed level by level from autocorrelations of
+short filters: u_{j+1}(m) = Σ_k u_j(k) t(k − 2m) and ν_j² = Σ_m u_j(m) a_j(m), where t is the autocorrelation of the
+factor in front and a_j that of the bracket at level 1. This avoids differences of large numbers for any filter length
+and any φ.
 """
 
 from __future__ import annotations
@@ -48,9 +49,10 @@ def quantization_shape(filter: WaveletFilter, levels: Levels) -> Vector:
 
 
 def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Levels, Vector]]:
-    """Filters that give W_j of X_t = e_t − e_{t−1} from the errors e_t, (1 − z) h_j(z): places and taps.
+    """Return the filters (1 − z) h_j(z) from the errors e_t to W_j of X_t = e_t − e_{t−1}: positions and taps.
 
-    Of levels 1 … `level`, as long as there are no more than `most` taps; Haar's has three at every level.
+    The list covers levels 1 … `level`, up to the last filter with at most `most` taps. The Haar filter has three taps
+    at every level.
     """
     taps = np.convolve(filter.wavelet / np.sqrt(2.0), [1.0, -1.0])
     places, factor = np.flatnonzero(taps), without_zero(filter)
@@ -65,12 +67,12 @@ def error_filters(filter: WaveletFilter, level: int, most: int) -> list[tuple[Le
 
 
 def drift_shape(filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,): 0 from two vanishing moments on."""
+    """ν_j² = (Σ_l l h_{j,l})² = 4^(j−1) (Σ_l l h_{1,l})² of a slope of 1 (J,); 0 for two or more vanishing moments."""
     return np.asarray(np.ldexp(filter.first_moment**2 / 2.0, 2 * (levels - 1)))
 
 
 def without_zero(filter: WaveletFilter) -> Vector:
-    """g(z)/(1 + z) of the smoothing filter; there is no remainder, g has a zero at z = −1."""
+    """Divide the smoothing filter: g(z)/(1 + z). The division is exact because g has a zero at z = −1."""
     sign = (-1.0) ** np.arange(filter.length)
     return np.asarray((np.cumsum(filter.scaling / np.sqrt(2.0) * sign) * sign)[:-1])
 
@@ -78,10 +80,10 @@ def without_zero(filter: WaveletFilter) -> Vector:
 # --- first-order Markov processes and the random walk -------------------------------------------------
 
 _NEAR_MINUS_ONE = 0.1
-"""λ below which φ = −e^(−λ) is treated as next to −1: either way is exact there."""
+"""λ below which φ = −e^(−λ) uses the method for φ near −1; both methods are accurate at this λ."""
 
 _BLOCK = 2**18
-"""Multiplications a matrix product: BLAS starts threads for larger ones, which costs more than such products take."""
+"""Largest number of multiplications per matrix product: larger products start BLAS threads, which is slower here."""
 
 
 def walk_shape(filter: WaveletFilter, levels: Levels) -> Vector:
@@ -113,9 +115,9 @@ def ar1_shape(phi: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
 
 
 def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *, slopes: bool) -> tuple[Matrix, Matrix]:
-    """Variance of h_j(z)/(1 − φz) driven by white noise of variance 1, φ = ±e^(−λ); for φ > 0 its derivative by λ.
+    """Compute the variance of h_j(z)/(1 − φz) driven by unit white noise, φ = ±e^(−λ); for φ > 0 also ∂/∂λ.
 
-    (n, J) each. What is carried along is u_j (K, n), a column for each φ.
+    Both are (n, J). The recursion propagates u_j (K, n), with one column for each φ.
     """
     even, odd, spread = _markov_steps(filter)
     most = _BLOCK // spread.size
@@ -145,10 +147,10 @@ def _driven(lam: Vector, sign: Vector, filter: WaveletFilter, levels: Levels, *,
 
 
 def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tuple[Vector, Vector]:
-    """Σ_k v_k s(k) (n,) and its derivative by φ, s the autocovariance of (1 − z)/(1 − φz).
+    """Compute Σ_k v_k s(k) (n,) and its derivative by φ, where s is the autocovariance of (1 − z)/(1 − φz).
 
-    s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ): the difference that every wavelet filter begins with is taken
-    on paper, so that φ → 1 costs no digit. `below` is 1 − φ and `above` 1 + φ.
+    s(0) = 2/(1 + φ), s(k) = −φ^(k−1) (1 − φ)/(1 + φ). The factor 1 − z of every wavelet filter is applied
+    analytically, so there is no cancellation for φ → 1. `below` is 1 − φ and `above` is 1 + φ.
     """
     polynomial, slope = np.zeros_like(phi), np.zeros_like(phi)
     for k in range(len(v) - 1, 0, -1):
@@ -160,9 +162,9 @@ def _against_ratio(v: Matrix, phi: Vector, below: Vector, above: Vector) -> tupl
 
 @lru_cache(maxsize=64)
 def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
-    """The step u → [(1 + φ²) E + φ O] u of the factor g(z)(1 + φz), and what takes u to Σ_m u(m) r_q(m − l).
+    """Return E and O of the step u → [(1 + φ²) E + φ O] u of g(z)(1 + φz), and the map from u to Σ_m u(m) r_q(m − l).
 
-    q(z) = h(z)/(1 − z) is what remains of the wavelet filter after its difference.
+    q(z) = h(z)/(1 − z) is the wavelet filter without the factor 1 − z.
     """
     reach = filter.length
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
@@ -173,7 +175,7 @@ def _markov_steps(filter: WaveletFilter) -> tuple[Matrix, Matrix, Matrix]:
 
 @lru_cache(maxsize=64)
 def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
-    """r_j(0), 2r_j(1), …, 2r_j(L) of the level filters j = 1 … J: (J, L + 1)."""
+    """Compute r_j(0), 2r_j(1), …, 2r_j(L) of the level filters j = 1 … J: (J, L + 1)."""
     k, m = np.arange(filter.length + 1)[:, None], np.arange(filter.length + 1)
     plain = _autocorrelation(filter.scaling / np.sqrt(2.0))
     step = _at(plain, k - 2 * m) + np.where(m > 0, _at(plain, k + 2 * m), 0.0)
@@ -186,9 +188,10 @@ def _folded_autocorrelations(filter: WaveletFilter, levels: int) -> Matrix:
 def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matrix:
     """ν² of an AR(1) process with φ = −ψ = −e^(−λ) and innovation variance 1, λ small: (n,) → (n, J).
 
-    At level 1 the wavelet filter meets the pole of 1/(1 + ψz). From level 2 on it is the smoothing filter, whose zero
-    at z = −1 is taken on paper: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ), s(k) = (−ψ)^(k−1) ρ,
-    ρ = (1 − ψ)/(1 + ψ). The smooth part then has the autocovariance of a moving average less κ ψ^(2|k|).
+    At level 1 the wavelet filter does not cancel the pole of 1/(1 + ψz). From level 2 on, the zero of the smoothing
+    filter at z = −1 cancels it analytically: (1 + z)/(1 + ψz) has the autocovariance s(0) = 2/(1 + ψ),
+    s(k) = (−ψ)^(k−1) ρ, ρ = (1 − ψ)/(1 + ψ). The autocovariance of the scaling coefficients is then that of a moving
+    average minus κ ψ^(2|k|).
     """
     psi, below, size = np.exp(-lam), -np.expm1(-lam), filter.length
     above = 1.0 + psi
@@ -200,7 +203,7 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     def continued(lag: NDArray[np.int64]) -> Matrix:
         return np.asarray((-1.0) ** (lag - 1) * np.exp(-np.outer(lam, lag - 1)) * (below / above)[:, None])
 
-    # c(k) = Σ_n r(n) s(2k − n), against the form that it has beyond the reach of r, continued to k = 0.
+    # c(k) = Σ_n r(n) s(2k − n), minus its form at lags beyond the support of r, continued to k = 0.
     r = _autocorrelation(without_zero(filter))
     n = np.arange(2 - size, size - 1)
     near = np.zeros((size + 1, lam.size))
@@ -216,17 +219,17 @@ def _near_minus_one(lam: Vector, filter: WaveletFilter, levels: Levels) -> Matri
     return values[:, levels - 1]
 
 
-# --- any process: by its state space, or by its autocovariance ----------------------------------------
+# --- any process: from its state space, or from its autocovariance ------------------------------------
 
 
 def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Levels) -> Vector:
     """ν_j² of a stationary state-space process (J,), O(J(L² + L p²)).
 
-    Carried from level to level is −½E(V_{t+k} − V_t)² of the scaling coefficients V: number by number at short
-    lags k ≤ L, and beyond as −(A^k d) in its last component, where A is the transition over 2^j samples with the
-    accumulated difference as one more state, so that nothing cancels while the states hardly move. Digits are lost,
-    2^j of the last, where the spectrum vanishes at f = 0 and only there: as does quantization noise's, which has a
-    form of its own.
+    The recursion over levels propagates −½E(V_{t+k} − V_t)² of the scaling coefficients V. Short lags k ≤ L are stored
+    individually. Longer lags are the last component of −(A^k d), where A is the transition over 2^j samples with the
+    accumulated difference as an additional state; this avoids cancellation if the states change slowly. The rounding
+    error grows to 2^j times the machine precision only if the spectrum vanishes at f = 0, as for quantization noise,
+    which has its own closed form.
     """
     p, reach = space.states, filter.length
     a = np.zeros((p + 1, p + 1))
@@ -242,7 +245,7 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
         far = np.linalg.matrix_power(a, reach + 1 - offset) @ tail
         sequence = np.append(near, -_last(a, far, 2 * reach))
         values[j] = sequence[np.abs(np.arange(1 - reach, reach))] @ detail
-        # A constant is free, and what has decayed within the reach must not stay as one: it would drown the rest.
+        # A constant has no effect, and a covariance that has decayed at short lags must not remain as a large constant.
         shift = sequence[reach]
         sequence, tail[p] = sequence - shift, tail[p] + shift
         near = np.array([sequence[np.abs(2 * k - np.arange(1 - reach, reach))] @ smooth for k in range(reach + 1)])
@@ -257,7 +260,7 @@ def state_space_variance(space: StateSpace, filter: WaveletFilter, levels: Level
 
 
 def _last(a: Matrix, x: Vector, count: int) -> Vector:
-    """Last component of x, Ax, …, A^(count−1)x."""
+    """Compute the last component of x, Ax, …, A^(count−1)x."""
     out = np.empty(count)
     for k in range(count):
         out[k] = x[-1]
@@ -266,7 +269,7 @@ def _last(a: Matrix, x: Vector, count: int) -> Vector:
 
 
 def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: Levels) -> Vector:
-    """ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance at lags 0 … `lags_needed` − 1, constants being free."""
+    """ν_j² = Σ_k r_j(k) c(k) (J,) from an autocovariance, up to a constant, at lags 0 … `lags_needed` − 1."""
     smooth, detail = (_autocorrelation(f / np.sqrt(2.0)) for f in (filter.scaling, filter.wavelet))
     reach = filter.length - 1
     values = np.empty(int(levels[-1]))
@@ -279,7 +282,7 @@ def autocovariance_variance(covariance: Vector, filter: WaveletFilter, levels: L
 
 
 def lags_needed(filter: WaveletFilter, level: int) -> int:
-    """How many lags of an autocovariance, from 0, the wavelet variance at `level` is made of: L_j."""
+    """Return L_j, the number of autocovariance lags, starting at 0, that determine the wavelet variance at `level`."""
     return filter.width(level)
 
 
@@ -292,7 +295,7 @@ def _autocorrelation(filter: Vector) -> Vector:
 
 
 def _folded(even: Vector, reach: int) -> Vector:
-    """An even sequence a(−K) … a(K) as weights (a(0), 2a(1), …, 2a(reach))."""
+    """Fold an even sequence a(−K) … a(K) into weights (a(0), 2a(1), …, 2a(reach))."""
     middle = even.size // 2
     half = np.zeros(reach + 1)
     half[: middle + 1] = even[middle:]
@@ -301,20 +304,20 @@ def _folded(even: Vector, reach: int) -> Vector:
 
 
 def _transition(even: Vector, reach: int) -> Matrix:
-    """T with (T u)(m) = Σ_k u(k) t(k − 2m) for even sequences u, given at 0 … reach."""
+    """Return T with (T u)(m) = Σ_k u(k) t(k − 2m) for even sequences u, given at 0 … reach."""
     k, m = np.arange(reach + 1), np.arange(reach + 1)[:, None]
     return _at(even, k - 2 * m) + np.where(k > 0, _at(even, k + 2 * m), 0.0)
 
 
 def _convolution(even: Vector, reach: int) -> Matrix:
-    """C with (C u)(l) = Σ_m u(m) t(m − l) for even u at 0 … reach, folded: l and −l together at l = 0, 1, …"""
+    """Return C with (C u)(l) = Σ_m u(m) t(m − l) for even u at 0 … reach, with l and −l added at l = 0, 1, …"""
     l, m = np.arange(reach + even.size // 2 + 1)[:, None], np.arange(reach + 1)  # noqa: E741
     once = _at(even, m - l) + np.where(m > 0, _at(even, m + l), 0.0)
     return np.where(l > 0, 2.0, 1.0) * once
 
 
 def _at(even: Vector, lags: NDArray[np.int64]) -> Matrix:
-    """t(k) of an even sequence given as t(−K) … t(K); 0 beyond."""
+    """Return t(k) of an even sequence given as t(−K) … t(K); 0 outside this range."""
     middle = even.size // 2
     inside = np.abs(lags) <= middle
     return np.asarray(np.where(inside, even[np.where(inside, lags + middle, 0)], 0.0))

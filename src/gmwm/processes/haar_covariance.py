@@ -1,14 +1,14 @@
-"""Covariances of Haar wavelet coefficients, at full accuracy at any level and lag.
+"""Covariances of Haar wavelet coefficients, at full accuracy for any level and lag.
 
 With K(m) the generalised covariance of the running sum of a process, h_j = 2^(j−1) and weights c = (1, −2, 1) at
 offsets (0, h, 2h),
 
     2^(j+k) Cov(W_{j,t}, W_{k,t+u}) = Σ_a Σ_b c_a c_b K(u − b + a).
 
-The nine terms cancel to nothing in double precision. Differenced over the finer level first,
+The nine terms cancel almost completely in double precision. If the finer level is differenced first,
 D(m) = Σ_a c_a K(m + a) is a short closed form in y = |m + h_j|, and the sum is D(u) − 2 D(u − h_k) + D(u − 2 h_k);
-`cpp/src/differences.cpp` has the forms. Lags may be real numbers: the sums over them are done by Gauss rules between
-the kinks.
+`cpp/src/differences.cpp` contains the closed forms. Lags can be real numbers, because Gauss rules compute the sums over
+lags between the kinks.
 """
 
 from __future__ import annotations
@@ -27,8 +27,7 @@ from gmwm.processes import self_similar
 class LagGrid:
     """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
 
-    `odd` says of a node between integers that it stands for odd lags (of an alternating covariance); None where no
-    covariance alternates.
+    `odd` marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
     """
 
     fine: Vector
@@ -38,9 +37,9 @@ class LagGrid:
 
 
 _WHITE = 40.0
-"""From this λ on e^(−λ) is nothing next to 1."""
+"""λ beyond which e^(−λ) is below the rounding error of 1."""
 _WANDERING = 1e-40
-"""Up to this λ the process is a random walk with γ² = 2λ to any record; 1/λ² would overflow before long."""
+"""λ below which the process is treated as a random walk with γ² = 2λ, because 1/λ² would overflow."""
 
 
 def white(at: LagGrid) -> Vector:
@@ -76,12 +75,12 @@ def exponential(at: LagGrid, decay: float) -> Vector:
 
 
 def alternating(at: LagGrid, decay: float) -> Vector:
-    """Autocovariance (−1)^k e^(−λ|k|), λ = `decay`: the nine terms as they stand, less 1 where all ones drop out."""
+    """Autocovariance (−1)^k e^(−λ|k|), λ = `decay`: sum of nine terms, without constants that cancel."""
     phi = -np.exp(-decay)
     fine, coarse = at.fine.astype(np.int64), at.coarse.astype(np.int64)
-    # Nodes are whole lags where the grid does not tell odd from even.
+    # If the grid does not mark odd lags, all nodes are integers.
     odd = at.lag.astype(np.int64) & 1 if at.odd is None else at.odd
-    # Offsets that are even leave the signs alone, and the weights sum to 0: only at h_j = h_k = 1 the ones add up.
+    # Even offsets keep the sign and the weights sum to 0, so the constants remain only at h_j = h_k = 1.
     total = np.where((fine == 1) & (coarse == 1), 16.0 * np.where(odd, -1.0, 1.0), 0.0)
     for a, weight_a in ((0, 1.0), (1, -2.0), (2, 1.0)):
         for b, weight_b in ((0, 1.0), (1, -2.0), (2, 1.0)):

@@ -1,8 +1,9 @@
-"""Linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t: the theory, for any orders.
+"""Theory of linear recursions driven by white noise, φ(B) Φ(B^s) X_t = θ(B) Θ(B^s) ε_t, for any orders.
 
-Every covariance is that of sums over the recursion, which the kernels carry as polynomials modulo φ(B)Φ(B^s), in
-twice the digits of a double: no root is too near to the unit circle, and no level too deep. What is left is the
-rounding of the coefficients themselves: a double next to 1 holds the distance δ of a root to 1e-16/δ.
+Every covariance is computed from sums over the recursion. The kernels represent them as polynomials modulo φ(B)Φ(B^s)
+in double-double arithmetic, so roots can be arbitrarily close to the unit circle and levels arbitrarily high. The
+remaining error comes from rounding of the coefficients: a double near 1 determines the distance δ of a root from the
+unit circle with a relative error of 1e-16/δ.
 """
 
 from __future__ import annotations
@@ -32,32 +33,32 @@ SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coef
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance of a root of φ and one of θ below which they nearly cancel."""
+"""Distance between a root of φ and a root of θ below which they nearly cancel."""
 _MANY = 2.5
 
 
 class Lagged(Ordered, abstract=True, listed=False):
-    """The theory, for whatever of the four polynomials a class has."""
+    """Theory of a process with any of the four polynomials."""
 
     scale_of = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
 
     @classmethod
     def full_orders(cls) -> tuple[int, int, int, int, int]:
-        """p, q, P, Q and the period s, which is 1 for a class without one."""
+        """Return p, q, P, Q and the period s, which is 1 for a class without a period."""
         by_name = dict(zip((p.name for p in cls.polynomials), cls.orders, strict=False))
         p, q, seasonal_p, seasonal_q = (by_name.get(name, 0) for name in _PLACES)
         return p, q, seasonal_p, seasonal_q, cls.orders[-1] if cls.period_name is not None else 1
 
     @classmethod
     def lags(cls, orders: tuple[int, ...]) -> int:
-        """How many samples back φΦ or θΘ reaches, whichever is more."""
+        """Return the larger of the degrees of φΦ and θΘ."""
         if cls.period_name is None:
             return max(orders)
         p, q, seasonal_p, seasonal_q, period = orders
         return max(p + period * seasonal_p, q + period * seasonal_q)
 
     def check_values(self) -> None:
-        """Stationary and invertible, as far as all coefficients of a polynomial are given."""
+        """Raise unless every polynomial whose coefficients all have values is stationary or invertible."""
         for polynomial in self.polynomials:
             values = self.coefficients(polynomial.name)
             if not values or None in values:
@@ -77,7 +78,7 @@ class Lagged(Ordered, abstract=True, listed=False):
             )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Roots that nearly cancel, or lie next to the unit circle."""
+        """Report roots that nearly cancel, or that are close to the unit circle."""
         *_, period = self.full_orders()
         found: dict[tuple[float, int], NDArray[np.complex128]] = {}
         for part, span in self._factors():
@@ -101,7 +102,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def shape(cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR) -> Matrix:
-        """ν² at innovation variance 1; NaN in rows that are not stationary."""
+        """Compute ν² at innovation variance 1; NaN in rows that are not stationary."""
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((len(rows), int(wanted[-1])))
         _core.arma_shapes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -111,7 +112,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     def shape_jacobian(
         cls, nonlinear: Matrix, levels: int | ArrayLike, rate: float, filter: WaveletFilter = HAAR
     ) -> Matrix:
-        """∂ν² by each coefficient at innovation variance 1, to the last digits; NaN in rows that are not stationary."""
+        """Compute ∂ν² by each coefficient at innovation variance 1; NaN in rows that are not stationary."""
         wanted, rows = as_levels(levels), np.ascontiguousarray(nonlinear, dtype=np.float64)
         out = np.empty((*rows.shape, int(wanted[-1])))
         _core.arma_slopes(cls.full_orders(), rows, rational.odd_lags(filter), out)
@@ -121,14 +122,14 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def _factors(cls) -> list[tuple[Coefficients, slice]]:
-        """The polynomials, and where their coefficients lie among the nonlinear parameters."""
+        """Return the polynomials and the slices of their coefficients in the nonlinear parameters."""
         ends = np.cumsum([0, *cls.orders[: len(cls.polynomials)]]).tolist()
         spans = [slice(a, b) for a, b in pairwise(ends)]
         return [(part, span) for part, span in zip(cls.polynomials, spans, strict=True) if span.stop > span.start]
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Half the least size of its polynomial on the unit circle, which by Rouché's theorem no root crosses."""
+        """Return half the minimum modulus on the unit circle; by Rouché's theorem no root crosses within this step."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.clearance(_sign(part) * np.asarray(nonlinear)[:, span])[:, None]
@@ -136,7 +137,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def coordinates(cls, nonlinear: Matrix) -> Matrix:
-        """artanh of the partial autocorrelations of each polynomial, θ taken for −φ; NaN where there are none."""
+        """Return artanh of the partial autocorrelations of each polynomial, with −θ in place of φ; NaN if undefined."""
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.coordinates(_sign(part) * np.asarray(nonlinear)[:, span])
@@ -144,7 +145,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def at_coordinates(cls, z: NDArray[Any]) -> NDArray[Any]:
-        """The coefficients with partial autocorrelations tanh z, by Levinson's recursion."""
+        """Return the coefficients with partial autocorrelations tanh z, by Levinson's recursion."""
         result = np.empty_like(np.asarray(z))
         for part, span in cls._factors():
             result[:, span] = _sign(part) * rational.at_coordinates(np.asarray(z)[:, span])
@@ -152,7 +153,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def scan(cls, samples: int, rate: float) -> Matrix:
-        """Partial autocorrelations up to 1 − 1/N at the first lag of φ, to ±0.987 elsewhere, ±0.964 of θ and Θ."""
+        """Limit partial autocorrelations to 1 − 1/N at the first lag of φ, ±0.987 elsewhere, and ±0.964 for θ and Θ."""
         ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
         for part, span in cls._factors():
             ends[span] = (-_MANY, _MANY) if _sign(part) > 0 else (-2.0, 2.0)
@@ -164,12 +165,12 @@ class Lagged(Ordered, abstract=True, listed=False):
     # --- theory ---------------------------------------------------------------------------------------
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(k), which follows r(k) = Σ φ_i r(k − i) beyond the reach of θ."""
+        """Compute r(k); it satisfies r(k) = Σ φ_i r(k − i) for lags beyond the degree of θ."""
         as_rate(rate)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=False)
 
     def generalised_covariance(self, lags: ArrayLike, rate: float) -> Vector:
-        """r(m) − r(0) where the process wanders, so that no constant drowns it, else r(m)."""
+        """Compute r(m) − r(0) for a process with slow variation, to avoid cancellation, and r(m) otherwise."""
         as_rate(rate)
         r0, r1 = self._autocovariance(np.arange(2), from_zero=False)
         return self._autocovariance(np.abs(as_lags(lags)), from_zero=bool(r1 > 0.5 * r0))
@@ -194,7 +195,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return density
 
     def state_space(self, rate: float) -> StateSpace:
-        """States Z_t, Z_{t−1}, … of the autoregression Z alone, X_t = θ(B) Θ(B^s) Z_t, in its stationary state."""
+        """Return states Z_t, Z_{t−1}, … of the autoregression Z, X_t = θ(B) Θ(B^s) Z_t, with a stationary start."""
         as_rate(rate)
         p, _, seasonal_p, _, period = self.full_orders()
         phi, theta, _, _ = self._recursion()
@@ -210,7 +211,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
+        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n)."""
         as_rate(rate)
         n, count = as_paths(n, paths)
         phi, theta, predictors, deviations = self._recursion()
@@ -219,7 +220,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return np.ascontiguousarray(draws[:, theta.size :]).reshape(shape_of_paths(n, paths))
 
     def correlation_time(self, rate: float) -> float | None:
-        """−1/(f ln |λ|) in s of the largest root λ, 0 of a moving average; None where a coefficient has no value."""
+        """Return −1/(f ln |λ|) in s for the largest root λ; 0 for a moving average; None if a value is missing."""
         slowest = 0.0
         for part, _ in self._factors():
             if _sign(part) < 0:
@@ -233,7 +234,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return slowest / as_rate(rate)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Full φ and θ, predictors by fewer values than φ has coefficients, and their standard errors at σ² = 1."""
+        """Return the full φ and θ, the predictors of lower order than φ, and their standard errors at σ² = 1."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))
@@ -249,7 +250,7 @@ class Lagged(Ordered, abstract=True, listed=False):
 
 
 def _sign(part: Coefficients) -> float:
-    """1 for polynomials 1 − φ₁B − …, −1 for 1 + θ₁B + …"""
+    """Return 1 for polynomials 1 − φ₁B − …, and −1 for 1 + θ₁B + …"""
     return -1.0 if part in (THETA, SEASONAL_THETA) else 1.0
 
 

@@ -93,13 +93,13 @@ class MAT(Process):
     def _variance_under(self, filter: WaveletFilter, levels: NDArray[np.int64], rate: float) -> Vector:
         sums = smooth_autocovariance.sums(filter, int(levels[-1]))
         at = matern(sums.places * (self.value("beta") / rate), self.value("nu"))
-        # The sum over the correlation, or that over its complement: where less cancels.
+        # Use the sum over the correlation or over its complement, whichever has less cancellation.
         values, sizes = sums.variance(np.stack([at.correlation, -at.lost]), levels)
         return np.asarray(self.scale * np.maximum(np.where(sizes[0] < sizes[1], values[0], values[1]), 0.0))
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """β itself; of ν up to a quarter, as a slow process changes by orders of magnitude within one."""
+        """Return β itself, and at most 0.25 for ν, because a slow process changes by orders of magnitude."""
         return np.minimum(super().room(nonlinear), [math.inf, 0.25])
 
     @classmethod
@@ -150,15 +150,15 @@ class MAT(Process):
     def simulate(
         self, n: int, rate: float, rng: np.random.Generator | int, paths: int | None = None
     ) -> NDArray[np.float64]:
-        """Gaussian sample paths, stationary from the start: (n,), or (paths, n).
+        """Simulate Gaussian sample paths with a stationary start: (n,), or (paths, n).
 
-        Exact: short ones by a root of their covariance matrix, others from a circle of samples so long that the
-        autocovariance has died away before its far side, or of twice the length where it is convex (ν ≤ ½).
+        The simulation is exact. Short paths use a root of the covariance matrix; longer paths use circulant embedding.
+        The embedding extends until the autocovariance is negligible, or to twice the length if it is convex (ν ≤ ½).
 
         Raises
         ------
         MissingTheoryError
-            If the circle would have more than 2^25 samples.
+            If the embedding needs more than 2^25 samples.
         """
         n, count = as_paths(n, paths)
         rate, generator, size = as_rate(rate), as_rng(rng), math.sqrt(self.scale)
@@ -170,11 +170,11 @@ class MAT(Process):
         return np.asarray(draws.reshape(shape_of_paths(n, paths)))
 
     def correlation_time(self, rate: float) -> float | None:
-        """Where the autocovariance is down to σ²/e, in s; None where β or ν has no value."""
+        """Return the lag (s) at which the autocovariance is σ²/e; None if β or ν has no value."""
         beta, nu = self.values["beta"], self.values["nu"]
         if beta is None or nu is None:
             return None
-        # Newton's steps in ln x, or halves where they leave the ends.
+        # Newton steps in ln x, or bisection if a step leaves the bracket.
         low, log, high = -700.0, 0.0, 5.0
         for _ in range(100):
             at = matern(np.array([math.exp(log)]), nu)
@@ -202,14 +202,14 @@ class MAT(Process):
         return np.asarray(self.scale * found.reshape(k.shape))
 
     def _root(self, n: int, rate: float) -> Matrix:
-        """R with RᵀR the correlations of n samples."""
+        """Return R such that RᵀR is the correlation matrix of n samples."""
         t = np.arange(n, dtype=np.float64)
         known = matern(t * (self.value("beta") / rate), self.value("nu")).correlation
         values, vectors = np.linalg.eigh(known[np.abs(np.subtract.outer(np.arange(n), np.arange(n)))])
         return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
     def _amplitudes(self, n: int, rate: float) -> Vector:
-        """Roots of the eigenvalues of the circle of correlations."""
+        """Return the square roots of the eigenvalues of the circulant correlation matrix."""
         beta, nu, half = self.value("beta"), self.value("nu"), circulant_embedding.half_period(n)
         if nu > 0.5:
             far = np.arange(8.0, 400.0, dtype=np.float64)

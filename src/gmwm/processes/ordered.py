@@ -1,7 +1,7 @@
-"""Processes whose number of parameters is part of the name: AR(2) is a class of its own.
+"""Processes with orders, such as AR(2): the number of parameters depends on the orders.
 
-An ordered process is an abstract class; the classes of its orders are made when they are first asked for, and kept.
-They are processes like any other, but not in the registry, which would have no end.
+An ordered process is an abstract class. The class of given orders is created at its first use and cached. It behaves
+like any other process but is not in the registry, because the number of such classes is unlimited.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from gmwm.processes.base import Process, registry
 from gmwm.processes.parameter import Fixed, Parameter, Value
 
 ordered_classes: dict[str, type[Ordered]] = {}
-"""Every ordered process by name, in the order in which they are shown."""
+"""Every ordered process by name, in display order."""
 
 MOST_LAGS = 60
-"""Lags that a process may reach back over at most."""
+"""Largest lag that a process can use."""
 
 
 def every_class() -> dict[str, type[Process]]:
-    """Every registered process and a few orders of each ordered process, by name: what laws are tested on."""
+    """Return every registered process, and a few orders of each ordered process, by name, for tests."""
     examples = (ordered.of(*orders) for ordered in ordered_classes.values() for orders in ordered.examples)
     return {**registry, **{process.name: process for process in examples}}
 
 
 def find_class(name: str) -> type[Process] | None:
-    """The class of this name, registered or of an ordered process, "ARMA(2,1)"; None if there is none.
+    """Find a registered process or the class of an ordered process, such as "ARMA(2,1)"; None if unknown.
 
     >>> find_class("WN").title
     'White noise'
@@ -47,16 +47,16 @@ def find_class(name: str) -> type[Process] | None:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The coefficients of one polynomial, numbered from 1: phi1, phi2, …
+    """Coefficients of one polynomial, numbered from 1: phi1, phi2, …
 
     Parameters
     ----------
     name, symbol : str
-        Of one of them without its number: "phi", "φ".
+        Name and symbol of a coefficient without its number: "phi", "φ".
     order : str
-        What their number is called: "p".
+        Name of the order, which is the number of coefficients: "p".
     description : str
-        What one of them is.
+        Description of one coefficient.
     """
 
     name: str
@@ -65,10 +65,10 @@ class Coefficients:
     description: str
 
     def parameters(self, count: int) -> tuple[Parameter, ...]:
-        """Those of a polynomial of this order."""
+        """Return the parameters of a polynomial with `count` coefficients."""
         digits = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
         return tuple(
-            # No polynomial with all its zeros on one side of the unit circle has a larger one.
+            # No polynomial with all zeros on one side of the unit circle has a larger coefficient.
             Parameter(
                 f"{self.name}{i}",
                 f"{self.symbol}{str(i).translate(digits)}",
@@ -81,20 +81,20 @@ class Coefficients:
 
 
 class Ordered(Process, abstract=True):
-    """A process with orders. A subclass gives its polynomials and the theory, for any orders.
+    """Process with orders. A subclass defines the polynomials and the theory for any orders.
 
-    Written with orders, `AR(2)`, to be estimated, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`; or by coefficients,
-    `AR(phi=[1.4, -0.6], sigma2=1.0)`. Each gives an instance of the class of its orders, `AR.of(2)`.
+    Create an instance from its orders, `AR(2)`, to estimate all parameters, or `AR(2, phi1=1.4, sigma2=fixed(1.0))`.
+    Alternatively, give the coefficients: `AR(phi=[1.4, -0.6], sigma2=1.0)`. All three are instances of `AR.of(2)`.
     """
 
     polynomials: ClassVar[tuple[Coefficients, ...]]
-    """Its polynomials, in the order in which their orders are written."""
+    """The polynomials, in the order of the arguments."""
     period_name: ClassVar[str | None] = None
-    """What the period is called, which is written last among the orders; None for a process without one."""
+    """Name of the period, which is the last order; None for a process without a period."""
     scale_of: ClassVar[Parameter]
-    """The scale parameter, the last one."""
+    """The scale parameter, which is the last parameter."""
     examples: ClassVar[tuple[tuple[int, ...], ...]]
-    """Orders on which the laws are tested."""
+    """Orders for the tests."""
     order_class: ClassVar[type[Ordered]]
     """The class without orders."""
     orders: ClassVar[tuple[int, ...]]
@@ -111,23 +111,23 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def order_names(cls) -> tuple[str, ...]:
-        """What the orders are called, as they are written: ("p", "q")."""
+        """Return the names of the orders in the order of the arguments: ("p", "q")."""
         names = tuple(polynomial.order for polynomial in cls.polynomials)
         return names if cls.period_name is None else (*names, cls.period_name)
 
     @classmethod
     def written(cls) -> str:
-        """How the process is written: "ARMA(p, q)"."""
+        """Return the notation of the process: "ARMA(p, q)"."""
         return f"{cls.order_class.name}({', '.join(cls.order_names())})"
 
     @classmethod
     def of(cls, *orders: int) -> type[Self]:
-        """The class of these orders.
+        """Return the class of these orders.
 
         Raises
         ------
         ModelError
-            If there is none: orders that are missing, negative, all zero, or too large.
+            If orders are missing, negative, all zero, or too large.
         """
         ordered = cls.order_class
         key = ordered._checked_orders(orders)
@@ -161,13 +161,13 @@ class Ordered(Process, abstract=True):
 
     @classmethod
     def lags(cls, orders: tuple[int, ...]) -> int:
-        """How many samples a process of these orders reaches back."""
+        """Return the largest lag of a process of these orders."""
         return max(orders)
 
     @classmethod
     @abstractmethod
     def check_orders(cls, orders: tuple[int, ...]) -> None:
-        """ModelError if there is no process of these orders, naming the way out."""
+        """Raise ModelError, with advice, if no process has these orders."""
 
     @classmethod
     def _new(cls, orders: tuple[int, ...]) -> type[Any]:
@@ -192,7 +192,7 @@ class Ordered(Process, abstract=True):
     # --- instances ------------------------------------------------------------------------------------
 
     def __new__(cls, *orders: int, **values: Any) -> Self:
-        """An instance of the class of these orders, or of as many coefficients as there are."""
+        """Create an instance of the class with these orders, or with the number of coefficients given."""
         if cls.order_class is cls:
             found = cls.of(*cls._orders_of(orders, values))
         else:
@@ -224,7 +224,7 @@ class Ordered(Process, abstract=True):
         try:
             super().__post_init__()
         except ModelError:
-            # All coefficients together have the better words, if they are numbers.
+            # The check of all coefficients together gives a better message if they are numbers.
             numbers = [value for value in self.values.values() if value is not None]
             if all(isinstance(value, float | Real) and math.isfinite(value) for value in numbers):
                 self.check_values()
@@ -233,11 +233,11 @@ class Ordered(Process, abstract=True):
 
     @abstractmethod
     def check_values(self) -> None:
-        """ModelError where the coefficients together are none of such a process, naming the way out."""
+        """Raise ModelError, with advice, if the coefficients together are invalid for the process."""
 
     @classmethod
     def _orders_of(cls, orders: tuple[int, ...], values: Mapping[str, Any]) -> tuple[int, ...]:
-        """Orders as they are given, or as there are coefficients."""
+        """Return the given orders, or derive them from the number of coefficients."""
         given = list(orders)
         if cls.period_name is not None and cls.period_name in values:
             if len(given) >= len(cls.order_names()):
@@ -271,7 +271,7 @@ class Ordered(Process, abstract=True):
         return f"{self.order_class.name}({', '.join([*orders, *given])})" if given else self.name
 
     def coefficients(self, name: str) -> list[float | None]:
-        """Values of the coefficients called `name` and a number, held or not; None where they are to be estimated."""
+        """Return the values of all coefficients `name`, fixed or not; None for coefficients without a value."""
         values = self.values
         return [values[p.name] for p in self.nonlinear_parameters() if p.name.rstrip("0123456789") == name]
 

@@ -1,4 +1,4 @@
-"""Polynomials 1 − a₁z − … − a_n z^n, as rows of a: whether they are stationary, and coordinates of those that are."""
+"""Polynomials 1 − a₁z − … − a_n z^n, as rows of a: stationarity, coordinates, roots and squared modulus."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import HAAR, WaveletFilter
 
 _GRID = 256
-"""Places on the half circle at which the size of a polynomial is looked at, beside the angles of its roots."""
+"""Points on the half circle at which the modulus is evaluated, in addition to the angles of the roots."""
 
 
 def coordinates(rows: Matrix) -> Matrix:
-    """artanh of the partial autocorrelations (rows, n), by Durbin's and Levinson's recursion backwards.
+    """Compute artanh of the partial autocorrelations (rows, n) by the backward Durbin-Levinson recursion.
 
-    NaN where a partial autocorrelation is not below 1 in size: then and only then is there a zero with |z| ≤ 1.
+    NaN if the modulus of a partial autocorrelation is at least 1, which is equivalent to a zero with |z| ≤ 1.
 
     >>> coordinates(np.array([[0.5], [1.0]])).round(4).tolist()
     [[0.5493], [nan]]
@@ -31,7 +31,7 @@ def coordinates(rows: Matrix) -> Matrix:
 
 
 def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
-    """The rows a with these coordinates; analytic, so that z may be complex."""
+    """Return the rows a with these coordinates; the function is analytic, so z can be complex."""
     partial = np.tanh(z)
     rows = np.empty_like(partial)
     for n in range(partial.shape[1]):
@@ -42,12 +42,12 @@ def at_coordinates(z: NDArray[Any]) -> NDArray[Any]:
 
 
 def roots(a: Vector) -> NDArray[np.complex128]:
-    """Roots λ of λ^n = a₁λ^(n−1) + … + a_n (n,), within the unit circle where a is stationary."""
+    """Compute the roots λ of λ^n = a₁λ^(n−1) + … + a_n (n,); all |λ| < 1 if a is stationary."""
     return np.asarray(np.roots(np.concatenate(([1.0], -np.asarray(a)))), dtype=np.complex128)
 
 
 def clearance(rows: Matrix) -> Vector:
-    """Half the least size of each polynomial on |z| = 1 (rows,); 0 where it is not stationary."""
+    """Compute half the minimum modulus of each polynomial on |z| = 1 (rows,); 0 if it is not stationary."""
     rows = np.asarray(rows, dtype=np.float64)
     inside = np.all(np.isfinite(coordinates(rows)), axis=1)
     result = np.zeros(len(rows))
@@ -63,10 +63,10 @@ def clearance(rows: Matrix) -> Vector:
 
 
 def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """|1 − Σ a_i z^i|² at z = exp(−2πi·cycles), the last axis of `rows` being that of the coefficients.
+    """Compute |1 − Σ a_i z^i|² at z = exp(−2πi·cycles); the last axis of `rows` holds the coefficients.
 
-    Written about the nearer of z = 1 and z = −1, 1 − Σ a_i c^i + Σ a_i (c^i − z^i), so that zeros next to these keep
-    their digits where they matter.
+    With c the nearer of 1 and −1, it is computed as 1 − Σ a_i c^i + Σ a_i (c^i − z^i), which is accurate for zeros
+    near c.
     """
     turned = np.asarray(cycles, dtype=np.float64)
     turned = turned - np.round(turned)
@@ -84,7 +84,7 @@ def squared_size(rows: NDArray[np.float64], cycles: NDArray[np.float64]) -> NDAr
 
 
 def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
-    """1 − Σ a_i c^i with the error of each sum added at the end: right to the last digits, though it may be tiny."""
+    """Compute 1 − Σ a_i c^i by compensated summation, which is accurate even if the result is tiny."""
     total, error = np.ones(rows.shape[:-1]), np.zeros(rows.shape[:-1])
     for i in range(rows.shape[-1]):
         term = -rows[..., i] * c ** (i + 1)
@@ -97,7 +97,7 @@ def _at_one(rows: NDArray[np.float64], c: float) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=64)
 def odd_lags(filter: WaveletFilter) -> Vector:
-    """Autocorrelations of the scaling filter at lags 1, 3, 5, …: all that an orthonormal filter has; none of Haar's."""
+    """Return the scaling filter's autocorrelations at lags 1, 3, 5, …; those at even lags > 0 are zero."""
     if filter is HAAR:
         return freeze(np.empty(0))
     both = np.correlate(filter.scaling, filter.scaling, "full")

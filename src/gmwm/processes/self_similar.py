@@ -1,13 +1,13 @@
-"""Noise without a scale of its own: running sums whose covariance is a power of the lag.
+"""Self-similar noise: running sums whose covariance is a power of the lag.
 
 The mean of a continuous-time noise of spectrum |f|^(−α) over each sampling interval has a running sum of generalised
 covariance
 
     K(m) = ½ ν_1² κ q(m),   q(m) = m² (|m|^ε − 1)/ε,   κ = ε/(2^ε − 1),   ε = α − 1 between −2 and 2,
 
-up to a + b m², with ν_1² its Haar wavelet variance at the first level; where ε is 0, q(m) = m² ln|m| and κ = 1/ln 2. A
-lag that is h times as long multiplies K by h^(ε+2), so everything here follows from q alone. Second differences of it
-are closed forms near 0 and series in 1/m² beyond: nothing cancels, at any lag and however small ε is.
+up to a + b m², with ν_1² its Haar wavelet variance at the first level. For ε = 0, q(m) = m² ln|m| and κ = 1/ln 2. A lag
+that is h times as long multiplies K by h^(ε+2), so q determines all results here. Second differences of q use closed
+forms near 0 and series in 1/m² at longer lags, which avoids cancellation at any lag and for any ε.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from gmwm.filters import WaveletFilter
 from gmwm.processes.filtered import without_zero
 
 Numbers = NDArray[Any]
-"""Real, or complex where a derivative is taken by a complex step."""
+"""Real, or complex for complex-step derivatives."""
 
 _NEAR = 4.0
-"""Lags, in steps of the difference, from which its series is as exact as its definition."""
+"""Lag, in steps of the difference, beyond which the series is as accurate as the definition."""
 _TERMS = 15
 """Terms of the series in (step/lag)² ≤ 1/16."""
 _REACH = 4
-"""Lags that are carried number by number, in lengths of the filter."""
+"""Number of lags that are stored individually, in filter lengths."""
 
 
 def over_exponent(epsilon: Numbers, x: Numbers) -> Numbers:
-    """(e^(εx) − 1)/ε, which is x where ε is 0."""
+    """Compute (e^(εx) − 1)/ε, which is x for ε = 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(epsilon == 0, x, np.expm1(epsilon * x) / epsilon))
 
@@ -53,18 +53,18 @@ def sum_covariance(lags: Vector, epsilon: float) -> Vector:
 
 
 def falling(epsilon: Numbers, terms: int) -> list[Numbers]:
-    """C(2 + ε, 2k)/ε, k = 2, 3, …: no quotient is taken, ε is one of the factors."""
+    """Compute C(2 + ε, 2k)/ε, k = 2, 3, …, without a division: ε is one of the factors and is omitted."""
     found, product = [], (2 + epsilon) * (1 + epsilon) / 2
     for k in range(2, terms + 2):
         product = product * (epsilon - (2 * k - 3)) / ((2 * k - 1) * 2 * k)
-        if k > 2:  # the factor ε itself is the one that is left out
+        if k > 2:  # omit the factor ε
             product = product * (epsilon - (2 * k - 4))
         found.append(product)
     return found
 
 
 def bend(lags: Vector, epsilon: float) -> Vector:
-    """q(m+1) − 2q(m) + q(m−1) of real lags, exact to rounding."""
+    """Compute q(m+1) − 2q(m) + q(m−1) at real lags, accurate to rounding."""
     t = np.abs(np.asarray(lags, dtype=np.float64))
     out = np.empty_like(t)
     near = t < _NEAR
@@ -86,7 +86,7 @@ def _tail(t: Vector, epsilon: float) -> Vector:
 
 
 def power_bend(lags: Vector, epsilon: float) -> Vector:
-    """|m+1|^p − 2|m|^p + |m−1|^p, p = 2 + ε, with all its digits where it is next to nothing."""
+    """Compute |m+1|^p − 2|m|^p + |m−1|^p, p = 2 + ε, with full relative accuracy for small results."""
     t = np.abs(np.asarray(lags, dtype=np.float64))
     p = 2.0 + epsilon
     out = np.empty_like(t)
@@ -99,7 +99,7 @@ def power_bend(lags: Vector, epsilon: float) -> Vector:
 
 
 def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
-    """Second difference by 1, then by `step` ≥ 1, of q at real lags: the nine terms of a wavelet covariance."""
+    """Compute the second difference by 1, then by `step` ≥ 1, of q at real lags: the wavelet covariance terms."""
     t, r = np.abs(np.asarray(lags, dtype=np.float64)), np.asarray(step, dtype=np.float64)
     out = np.empty_like(t)
     near = t < _NEAR * (1 + r)
@@ -120,7 +120,7 @@ def second_bend(step: Vector, lags: Vector, epsilon: float) -> Vector:
 
 
 def spectrum(frequencies: Vector, epsilon: float) -> Vector:
-    """Density per cycle a sample of the sampled noise with ν_1² = 1, at |f| ≤ ½ in cycles a sample.
+    """Compute the spectral density of the sampled noise with ν_1² = 1, at |f| ≤ ½ in cycles per sample.
 
     C (sin(πf)/π)² Σ_k |f + k|^(−α−2), C = Γ(3+ε) sin(πε/2) (2π)^(−α)/(2^ε − 1); the sum is two Hurwitz zeta functions.
     """
@@ -139,7 +139,7 @@ def spectrum(frequencies: Vector, epsilon: float) -> Vector:
 
 
 def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
-    """2^((j−1)ε) (n, J): the product is split so that no digit of it is rounded away."""
+    """Compute 2^((j−1)ε) (n, J) with a split exponent to avoid rounding errors."""
     coarse = np.round(np.real(epsilon) * 2.0**20) / 2.0**20
     steps = (levels - 1).astype(np.float64)
     rest = np.exp(math.log(2.0) * np.outer(epsilon - coarse, steps))
@@ -147,9 +147,9 @@ def powers_of_two(epsilon: Numbers, levels: NDArray[np.int64]) -> Numbers:
 
 
 def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.int64]) -> Numbers:
-    """ν_j² (n, J) under any wavelet filter where the Haar wavelet variance of the first level is 1.
+    """Compute ν_j² (n, J) under any wavelet filter for a Haar wavelet variance of 1 at the first level.
 
-    Where the spectrum vanishes at f = 0 (ε < −1) it is that of the running sum under the differenced filter.
+    If the spectrum vanishes at f = 0 (ε < −1), it is computed from the running sum and the differenced filter.
     """
     eps = np.asarray(epsilon)
     out = np.empty((eps.size, int(levels[-1])), dtype=eps.dtype)
@@ -176,11 +176,11 @@ def filtered_shape(epsilon: Numbers, filter: WaveletFilter, levels: NDArray[np.i
 
 
 def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, count: int, *, summed: bool) -> Numbers:
-    """Σ_n d(n) c_j(n) (n, J) of levels 1 … J, divided by 2^(j−1)ε; c_1 is `near` at lags up to R, and beyond by `tail`.
+    """Compute Σ_n d(n) c_j(n) (n, J) over 2^(j−1)ε at levels 1 … J; c_1 is `near` at lags up to R, then `tail`.
 
-    Carried from level to level is the covariance under the smoothing filter, up to a constant: number by number at
-    short lags, and beyond as a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s), which that filter takes to one of the same form by
-    the even moments of its autocorrelation. All of it is divided by 2^ε at each level, so that nothing grows.
+    The recursion over levels propagates the covariance under the smoothing filter, up to a constant. Short lags are
+    stored individually. Longer lags have the form a_0 (k^ε − 1)/ε + Σ_s a_s k^(ε−2s). The filter preserves this form;
+    its even autocorrelation moments give the new coefficients. Each level divides by 2^ε to keep the values bounded.
     """
     length, reach = filter.length, _REACH * filter.length
     detail, step, moments = _tables(filter, reach, summed)
@@ -199,7 +199,7 @@ def _carried(eps: Numbers, near: Numbers, tail: Numbers, filter: WaveletFilter, 
 
 
 def _bend_rows(eps: Numbers, reach: int) -> Numbers:
-    """Second difference of q, row by row of exponents, at lags 0 … `reach`."""
+    """Compute the second difference of q at lags 0 … `reach`, one row per exponent."""
     m = np.arange(reach + 1.0)
     log = np.log(np.maximum(np.arange(_NEAR + 1), 1.0))
     q = np.arange(_NEAR + 1) ** 2 * over_exponent(eps, log)
@@ -212,9 +212,9 @@ def _bend_rows(eps: Numbers, reach: int) -> Numbers:
 
 
 def _passages(eps: Numbers, moments: Vector) -> Numbers:
-    """How the smoothing filter takes a_s to a_t, t ≥ s (n, S, S): 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)).
+    """Return the maps of the smoothing filter from a_s to a_t, t ≥ s (n, S, S): 4^(−t) C(ε − 2s, 2(t − s)) μ_(2(t−s)).
 
-    Of a_0, which stands before (k^ε − 1)/ε, C(ε, 2t)/ε.
+    For a_0, the factor of (k^ε − 1)/ε, the binomial is C(ε, 2t)/ε.
     """
     out = np.zeros((len(eps), _TERMS, _TERMS), dtype=eps.dtype)
     for s in range(_TERMS):
@@ -231,9 +231,9 @@ def _passages(eps: Numbers, moments: Vector) -> Numbers:
 
 @lru_cache(maxsize=64)
 def _tables(filter: WaveletFilter, reach: int, summed: bool) -> tuple[Vector, Matrix, Vector]:
-    """Autocorrelation of the wavelet filter at lags ≥ 0, the step between levels, even moments of the smoothing one.
+    """Return the wavelet filter's autocorrelation at lags ≥ 0, the level step and the smoothing filter's even moments.
 
-    Where the process is carried as its running sum, of (1 − z) h(z) and, times 2, of g(z)/(1 + z).
+    If `summed`, the filters are those for the running sum: (1 − z) h(z) and, times 2, g(z)/(1 + z).
     """
     smooth, detail = filter.scaling / math.sqrt(2.0), filter.wavelet / math.sqrt(2.0)
     if summed:

@@ -85,7 +85,7 @@ class SIN(Process):
     # --- theory -----------------------------------------------------------------------------------------
 
     def line(self, rate: float) -> tuple[float, float]:
-        """P, and f₀Δt or its alias."""
+        """Return P, and f₀Δt or its alias."""
         return self.scale, float(_folded(np.array([self.value("frequency")]), rate)[0]) / rate
 
     def autocovariance(self, lags: ArrayLike, rate: float) -> Vector:
@@ -149,10 +149,10 @@ class SIN(Process):
         )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """At half the rate and its odd multiples the samples are ±A sin U, at multiples of the rate all are A sin U."""
+        """Report frequencies at multiples of half the rate, where the samples are ±A sin U or all equal A sin U."""
         frequency, half = self.value("frequency"), 0.5 * as_rate(rate)
         turn = round(frequency / half)
-        # From half a turn on over the record, all phases have their turn.
+        # If the phase changes by at least half a turn over the record, the remark does not apply.
         if self.scale == 0 or turn == 0 or abs(frequency - turn * half) * samples >= half:
             return ()
         if turn % 2 == 0:
@@ -161,7 +161,7 @@ class SIN(Process):
         return (Remark.of("line-at-half-rate", term=term, **found),)
 
     def _turns(self, lags: NDArray[np.int64], rate: float) -> Vector:
-        """f₀kΔt less whole turns, to the last digits of f₀ however long the lag."""
+        """Compute f₀kΔt modulo 1 at the full precision of f₀ for any lag."""
         below = _folded(np.array(self.value("frequency")), rate)
         # Products of a lag below 2^29 with the first 24 digits are exact.
         first = below.astype(np.float32).astype(np.float64)
@@ -172,7 +172,7 @@ class SIN(Process):
 
 
 def _folded(frequency: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
-    """Frequencies (Hz) less whole multiples of the rate, within ±rate/2; without rounding."""
+    """Reduce frequencies (Hz) by multiples of the rate to ±rate/2, without rounding."""
     rest = np.fmod(frequency, rate)
     return np.asarray(np.where(np.abs(rest) > 0.5 * rate, rest - np.copysign(rate, rest), rest))
 
@@ -185,15 +185,15 @@ def _gain(frequency: Vector, levels: NDArray[np.int64], rate: float, filter: Wav
 
 
 def _haar_gain(frequency: Matrix, half: Vector, rate: float) -> tuple[Matrix, Matrix]:
-    """sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt, b = πfΔt; a turn of rounding in a would be all of it."""
+    """Compute sin⁴ a / (h² sin² b) and its derivative by f, a = πhfΔt, b = πfΔt; a is reduced exactly first."""
     below = _folded(frequency, rate)
     a, b = np.pi * (_folded(below * half, rate) / rate), np.pi * (below / rate)
-    # A frequency that is a multiple of the rate is a constant, which no wavelet filter sees.
+    # A frequency that is a multiple of the rate is a constant, to which every wavelet filter has zero gain.
     still = b == 0
     sine_b = np.where(still, 1.0, np.sin(b))
     ratio = np.where(still, 0.0, np.sin(a) / (half * sine_b))
     gain = ratio**2 * np.sin(a) ** 2
-    # 2h sin a cos a − sin² a cot b; a ≤ hb, so that nothing cancels while both are small.
+    # 2h sin a cos a − sin² a cot b; a ≤ hb avoids cancellation for small a and b.
     turn = 2.0 * half * np.sin(a) * np.cos(a) - np.sin(a) ** 2 * (np.cos(b) / sine_b)
     return np.asarray(gain), np.asarray(2.0 * np.pi / rate * ratio**2 * turn)
 
@@ -208,7 +208,7 @@ def _any_gain(
     slopes = np.empty_like(gains)
     for j in range(gains.shape[1]):
         here, factor = _folded(np.ldexp(below, j), rate), np.ldexp(1.0 / rate, j)
-        # Near half the rate the cosine is as small as the distance from there, which is exact.
+        # Near half the rate the cosine is proportional to the distance from half the rate, which is exact.
         cosine, sine = np.sin(np.pi * (0.5 * rate - np.abs(here)) / rate), np.sin(np.pi * here / rate)
         value, change = _scaling_gain(cosine, sine, filter)
         last, turn = _scaling_gain(sine, cosine, filter)
@@ -221,8 +221,8 @@ def _any_gain(
 def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
     """(4 cos² πφ)^p R(φ), and its derivative by φ, from cos πφ and sin πφ, where g(z) has p zeros at half the rate.
 
-    They are taken on paper, so that no digit is lost near them. Filters of 2p taps all have Daubechies' R, a polynomial
-    in sin² πφ; of others it is |Q|², g(z) = (1 + z)^p Q(z).
+    The zeros are factored out analytically to keep full accuracy near them. All filters with 2p taps have Daubechies'
+    R, a polynomial in sin² πφ. For other filters R is |Q|², g(z) = (1 + z)^p Q(z).
     """
     p, power, slope = filter.vanishing_moments, 4.0 * cosine**2, -8.0 * np.pi * cosine * sine
     if filter.length == 2 * p:
@@ -238,7 +238,7 @@ def _scaling_gain(cosine: Vector, sine: Vector, filter: WaveletFilter) -> tuple[
 
 @lru_cache(maxsize=64)
 def _without_zeros(filter: WaveletFilter) -> Vector:
-    """Q(z) of g(z) = (1 + z)^p Q(z); there is no remainder."""
+    """Return Q(z) of g(z) = (1 + z)^p Q(z); the division is exact."""
     rest = filtered.without_zero(filter)
     for _ in range(filter.vanishing_moments - 1):
         sign = (-1.0) ** np.arange(rest.size)

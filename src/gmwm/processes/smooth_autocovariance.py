@@ -1,11 +1,10 @@
-"""Wavelet variances of autocovariances that are smooth functions of the lag, under any filter, at any level.
+"""Wavelet variances from autocovariances that are smooth functions of the lag, for any filter and level.
 
-The scaling coefficients of level i have the autocovariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), r_g that of the
-smoothing filter, and ν_j² = Σ_n r_h(n) A_{j−1}(n). Lags up to some lengths of the filter are carried one by one.
-Beyond, A_i is a smooth function of the lag, which a polynomial follows in every octave of lags: it is carried as its
-values at Chebyshev points, and a step of the recursion is a small matrix for each octave. All is linear in A_0: the
-steps, taken backwards once for a filter, make of each ν_j² a sum over some twenty lags a level, however many the filter
-reaches over.
+The scaling coefficients of level i have the autocovariance A_i(m) = Σ_n r_g(n) A_{i−1}(2m − n), where r_g is the
+autocorrelation of the smoothing filter, and ν_j² = Σ_n r_h(n) A_{j−1}(n). Lags up to a few filter lengths are stored
+individually. At longer lags, A_i is interpolated by a polynomial in every octave of lags. It is stored as values at
+Chebyshev points, and a step of the recursion is a small matrix for each octave. All steps are linear in A_0. One
+adjoint recursion per filter expresses each ν_j² as a sum over about twenty lags per level.
 """
 
 from __future__ import annotations
@@ -22,13 +21,13 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import WaveletFilter
 
 NODES = 20
-"""Chebyshev points in an octave: lags [a, 2a] are three halves from a branch point at 0, so that 5.8^−20 is lost."""
+"""Chebyshev points per octave. The branch point at 0 is 1.5 a from the centre of [a, 2a]: the error is 5.8^−20."""
 _SPILL = 8
-"""In octaves from this one on the filter reaches so little into the next that the polynomial is continued."""
+"""First octave in which the filter overlaps the next octave so little that the polynomial is extrapolated."""
 _SHORT = 64
-"""Lags that are summed one by one."""
+"""Number of lags that are summed individually."""
 _TOGETHER = 2**14
-"""Lags that are interpolated at once: the cache holds them."""
+"""Number of lags that are interpolated at once, so that they fit in the cache."""
 
 Levels = NDArray[np.int64]
 
@@ -40,7 +39,7 @@ class Sums:
     Attributes
     ----------
     places : (P,) array
-        Lags, in samples; not all whole.
+        Lags in samples, not necessarily integers.
     weights : (J, P) array
     """
 
@@ -48,14 +47,14 @@ class Sums:
     weights: Matrix
 
     def variance(self, known: Matrix, levels: Levels) -> tuple[Matrix, Matrix]:
-        """ν² (n, J) of n autocovariances at `places` (n, P), and the sums of the sizes of the terms."""
+        """Compute ν² (n, J) from n autocovariances at `places` (n, P), and the sums of the absolute terms."""
         weights = self.weights[levels - 1]
         return np.asarray(known @ weights.T), np.asarray(np.abs(known) @ np.abs(weights).T)
 
 
 @lru_cache(maxsize=64)
 def sums(filter: WaveletFilter, level: int) -> Sums:
-    """Those of levels 1 … `level` of a filter."""
+    """Return the sums for levels 1 … `level` of a filter."""
     reach, octaves = _reach(filter), level + _SPILL
     near_step, far_step = _near_step(filter, reach), _far_step(filter, reach, octaves)
     detail = np.correlate(filter.wavelet, filter.wavelet, "full")[filter.length - 1 :] / 2.0
@@ -75,13 +74,13 @@ def sums(filter: WaveletFilter, level: int) -> Sums:
 
 
 def _reach(filter: WaveletFilter) -> int:
-    """Lags that are carried one by one."""
+    """Return the number of lags that are stored individually."""
     return max(64, 1 << (4 * filter.length - 1).bit_length())
 
 
 @lru_cache(maxsize=64)
 def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
-    """Lags 0 … T from those and the first two octaves, (T + 1, T + 1 + 2 NODES)."""
+    """Return the step to lags 0 … T from these lags and the first two octaves, (T + 1, T + 1 + 2 NODES)."""
     lags = np.arange(2 * reach + filter.length)
     takes = np.eye(lags.size, reach + 1 + 2 * NODES)
     for octave, here in enumerate(((lags > reach) & (lags <= 2 * reach), lags > 2 * reach)):
@@ -96,12 +95,12 @@ def _near_step(filter: WaveletFilter, reach: int) -> Matrix:
 
 @lru_cache(maxsize=64)
 def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.float64]:
-    """Points of each octave from those of itself and the next two, (octaves, NODES, 3 NODES)."""
+    """Return the step to each octave from the same and the next two octaves, (octaves, NODES, 3 NODES)."""
     smooth = np.correlate(filter.scaling, filter.scaling, "full") / 2.0
     n = np.arange(1 - filter.length, filter.length)
     table = np.zeros((octaves, NODES, 3 * NODES))
     for p in range(octaves):
-        # In units of where the octave starts.
+        # In units of the start of the octave.
         lags = 2.0 * (1.5 + 0.5 * _points())[:, None] - np.ldexp(n / reach, -p)
         octave = np.clip(np.floor(np.log2(lags)).astype(np.int64), 0, 2) if p < _SPILL else np.ones(lags.shape, int)
         rows = _polynomials(np.ldexp(lags, -octave).ravel()).reshape(NODES, n.size, NODES) * smooth[:, None]
@@ -114,14 +113,14 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
 
 
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Σ_{k = 1 … m} f(k) and Σ k f(k), (functions, ends) each, of functions that are smooth in each octave of lags.
+    """Compute Σ_{k = 1 … m} f(k) and Σ k f(k), (functions, ends) each, for functions smooth in each octave.
 
-    Octave by octave, the last one up to m, by Gauss rules for sums over whole numbers.
+    Each octave, the last one up to m, is summed by a Gauss rule for sums over integers.
 
     Parameters
     ----------
     known : function of lags (n,)
-        Values (functions, n); lags need not be whole.
+        Returns values (functions, n); lags need not be integers.
     ends : (ends,) int array
         m ≥ 0.
     """
@@ -141,7 +140,7 @@ def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> 
 def _pieces(
     known: Callable[[Vector], Matrix], starts: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Sums of f(k) and k f(k) over `counts` whole numbers after each of `starts`, (2, functions, pieces)."""
+    """Compute the sums of f(k) and k f(k) over the `counts` integers after each of `starts`, (2, functions, pieces)."""
     nodes, weights = _rules(counts.astype(np.float64))
     lags = starts[:, None] + 0.5 * (counts[:, None] + 1.0) + nodes
     values = known(lags.ravel())
@@ -150,10 +149,10 @@ def _pieces(
 
 
 def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
-    """Gauss rules for sums over so many whole numbers: nodes from their middle, and weights, (n, NODES) each.
+    """Compute Gauss rules for sums over `counts` integers: nodes about the centre, and weights, (n, NODES) each.
 
-    Of the Jacobi matrices with b_i = i² (M² − i²)/(4(4i² − 1)); where M is less than the nodes, b_M = 0 leaves out
-    those that are too many.
+    The rules follow from the Jacobi matrices with b_i = i² (M² − i²)/(4(4i² − 1)). If M is less than the number of
+    nodes, b_M = 0 removes the surplus nodes.
     """
     i = np.arange(1.0, NODES)
     b = np.maximum(i**2 * (counts[:, None] ** 2 - i**2) / (4.0 * (4.0 * i**2 - 1.0)), 0.0)
@@ -167,7 +166,7 @@ def _rules(counts: Vector) -> tuple[Matrix, Matrix]:
 
 
 def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
-    """Values at whole lags ≥ 0, from those at 0 … T and at the points of the octaves after (`spread_places`)."""
+    """Interpolate values at integer lags ≥ 0 from values at 0 … T and the points of the octaves (`spread_places`)."""
     out, coefficients = np.empty(lags.size), known[reach + 1 :].reshape(-1, NODES) @ _coefficients().T
     for start in range(0, lags.size, _TOGETHER):
         part, found = lags[start : start + _TOGETHER], out[start : start + _TOGETHER]
@@ -180,7 +179,7 @@ def spread(known: Vector, lags: NDArray[np.int64], reach: int) -> Vector:
 
 
 def spread_places(reach: int, octaves: int) -> Vector:
-    """Lags 0 … T, and the points of so many octaves from there."""
+    """Return lags 0 … T and the points of the next `octaves` octaves."""
     starts = np.ldexp(float(reach), np.arange(octaves))
     return np.concatenate([np.arange(reach + 1.0), (starts[:, None] * (1.5 + 0.5 * _points())).ravel()])
 
@@ -191,11 +190,11 @@ def _points() -> Vector:
 
 @lru_cache(maxsize=1)
 def _coefficients() -> Matrix:
-    """From values at the points to coefficients of the Chebyshev polynomials."""
+    """Return the map from values at the points to Chebyshev coefficients."""
     table = chebyshev.chebvander(_points(), NODES - 1).T
     return np.asarray(table * np.where(np.arange(NODES) > 0, 2.0, 1.0)[:, None] / NODES)
 
 
 def _polynomials(x: Vector) -> Matrix:
-    """What takes values at the points of an octave [1, 2] to those at x."""
+    """Return the map from values at the points of an octave [1, 2] to values at x."""
     return np.asarray(chebyshev.chebvander(2.0 * x - 3.0, NODES - 1) @ _coefficients())

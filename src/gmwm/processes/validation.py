@@ -1,4 +1,4 @@
-"""Checks of what is handed to a process: lags, frequencies, path counts, random generators."""
+"""Validation of process arguments: lags, frequencies, path counts and random generators."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gmwm.errors import OptionError
 
 
 def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
-    """Integer lags in samples, of any sign and shape."""
+    """Return integer lags in samples, of any sign and shape."""
     array = np.asarray(lags)
     if array.dtype.kind not in "iu":
         raise OptionError(
@@ -23,7 +23,7 @@ def as_lags(lags: ArrayLike) -> NDArray[np.int64]:
 
 
 def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
-    """Sizes of clusters of samples, whole numbers from 1."""
+    """Return cluster sizes in samples, integers of at least 1."""
     array = np.asarray(clusters)
     if array.dtype.kind not in "iu" or np.any(array < 1):
         raise OptionError(
@@ -36,9 +36,9 @@ def as_clusters(clusters: ArrayLike) -> NDArray[np.int64]:
 
 
 def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
-    """Frequencies in Hz, within ±rate/2."""
+    """Return frequencies in Hz, within ±rate/2."""
     f = np.asarray(frequencies, dtype=np.float64)
-    # A grid that ends at the Nyquist frequency may miss it by a rounding.
+    # The end of a grid up to the Nyquist frequency can exceed it by a rounding error.
     if not np.all(np.abs(f) <= 0.5 * rate * (1 + 1e-12)):
         raise OptionError(
             argument="frequencies",
@@ -49,16 +49,16 @@ def as_frequencies(frequencies: ArrayLike, rate: float) -> Vector:
 
 
 def as_rng(rng: object) -> np.random.Generator:
-    """A NumPy Generator: `rng` itself, or one made from an integer or a SeedSequence."""
+    """Return a NumPy Generator: `rng` itself, or one created from an integer or a SeedSequence."""
     if isinstance(rng, np.random.Generator):
         return rng
     return np.random.default_rng(rng if isinstance(rng, np.random.SeedSequence) else as_seed(rng))
 
 
 def as_seed(rng: object) -> int:
-    """The integer seed of all draws: `rng` itself, or one drawn from a NumPy Generator.
+    """Return the integer seed of all draws: `rng` itself, or a seed drawn from a NumPy Generator.
 
-    Work that is split over threads and processes needs a seed rather than a Generator, and results record it.
+    Parallel work needs a seed instead of a Generator, and results record the seed.
 
     >>> as_seed(3), as_seed(np.random.default_rng(1)) == as_seed(np.random.default_rng(1))
     (3, True)
@@ -71,7 +71,7 @@ def as_seed(rng: object) -> int:
 
 
 def as_paths(n: object, paths: object) -> tuple[int, int]:
-    """Number of samples and number of paths (1 for None)."""
+    """Return the number of samples and the number of paths (1 for None)."""
     for name, value in (("n", n), ("paths", 1 if paths is None else paths)):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
             raise OptionError(argument=name, expected="a positive integer", got=value)
@@ -79,5 +79,5 @@ def as_paths(n: object, paths: object) -> tuple[int, int]:
 
 
 def shape_of_paths(n: int, paths: int | None) -> tuple[int, ...]:
-    """(n,) for one unnamed path, (paths, n) otherwise."""
+    """Return (n,) if `paths` is None, and (paths, n) otherwise."""
     return (n,) if paths is None else (paths, n)

@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from gmwm.plots.view import UnitSystem
 
 OCTAVE = 1.9
-"""Least ratio of neighbouring averaging times from which a slope is read."""
+"""Smallest ratio of neighbouring averaging times between which a slope is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class AllanRegression(Summarised):
-    """Coefficients read from the slopes of an Allan deviation, with the lines they were read from.
+    """Noise coefficients from the slopes of an Allan deviation, with the fitted lines.
 
     Attributes
     ----------
     allan : ClusterVariance
         The curve.
     lines : tuple of SlopeLine
-        What was found, by slope.
+        The fitted lines, one for each term found.
     missing : mapping of term to text
-        Why the others were not.
+        Reason why each of the other terms was not found.
     """
 
     allan: ClusterVariance
@@ -50,7 +50,7 @@ class AllanRegression(Summarised):
 
     @property
     def coefficients(self) -> dict[str, float]:
-        """Term to coefficient, in the unit of the data and seconds; what was not found is not in it."""
+        """Map each term found to its coefficient, in the unit of the data and seconds."""
         return {line.term: line.coefficient for line in self.lines}
 
     def __getitem__(self, term: str) -> SlopeLine:
@@ -64,7 +64,7 @@ class AllanRegression(Summarised):
         raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers, lists and texts, ready for JSON."""
+        """Return all fields as plain numbers, lists and strings for JSON."""
         unit = self.allan.unit
         lines = [
             {**asdict(line), "slope": line.slope, "name": line.name, "unit": coefficient_unit(line.term, unit)[0],
@@ -75,13 +75,13 @@ class AllanRegression(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
-        """The result whose `to_dict` gave `values`."""
+        """Restore a result from the output of `to_dict`."""
         names = ("term", "coefficient", "first", "last", "points", "bound")
         lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
         return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, missing=dict(values["missing"]))
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
-        """A table in `units`, "si" or "datasheet": coefficient, unit, and the averaging times it was read from."""
+        """Format a table in `units`, "si" or "datasheet": coefficient, unit and averaging times of the fit."""
         of = f" of {self.allan.axis}" if self.allan.axis else ""
         title = self.allan.title[0].lower() + self.allan.title[1:]
         rows = [f"Slopes of the {title}{of}: {self.allan.samples} samples at {self.allan.rate:g} Hz"]
@@ -151,42 +151,40 @@ def avlr(
     """Noise coefficients by regression on the slopes of the Allan deviation: the classical method, as a baseline.
 
     Each term has its line in the logarithmic plot of σ over τ: √3 Q/τ, N/√τ, 0.664 B, K √(τ/3), R τ/√2. A term is
-    fitted to the longest range on which the curve itself has about this slope, as the mean of log σ − slope · log τ;
-    B is read at the minimum. So Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
+    fitted to the longest range on which the curve has about this slope, as the mean of log σ − slope · log τ.
+    B is read at the minimum. Q is the height of its line at τ = √3 s, N at 1 s, K at 3 s, R at √2 s.
 
-    The method is inconsistent: on any range all other terms add to the curve, and no amount of data removes what
-    they add; a Gauss-Markov process bends the curve into slopes that stand for no term at all. Use `gmwm.fit` for
-    estimates that converge to the truth. In its parameters, with the rate f: WN σ² = N² f, RW γ² = K²/f, drift
-    ω = R/f, quantization noise Q² f².
+    The estimator is inconsistent: on any range all other terms add to the curve, and more data do not remove this
+    bias. A Gauss-Markov process produces slopes that belong to none of the terms. Use `gmwm.fit` for consistent
+    estimates. Its parameters at the rate f are: WN σ² = N² f, RW γ² = K²/f, drift ω = R/f, quantization noise Q² f².
 
     Parameters
     ----------
     x : ClusterVariance, Signal, or (N,) array
-        An Allan or total deviation, or what to measure it from at octaves. Clusters that lie closer are thinned to
-        octaves.
+        An Allan or total deviation, or the data from which to compute one at octaves. Clusters closer than an octave
+        are thinned to octaves.
     rate : float
-        Samples per second (Hz) of an array.
+        Sampling rate (Hz), for an array.
     terms : sequence
         Which terms to look for.
     ranges : mapping of term to (first, last), optional
-        Averaging times (s) on which to fit a term, whatever the slope there.
+        Averaging times (s) on which to fit a term regardless of the slope there.
     tolerance : float
-        How far the slope from one value to the next may be from the term's.
+        Largest difference between the local slope of the curve and the slope of the term.
     least_freedom : float
         Values with fewer degrees of freedom are not used.
 
     Returns
     -------
     AllanRegression
-        Lines, coefficients, and why the other terms are missing.
+        Lines, coefficients, and the reason why each other term is missing.
 
     Raises
     ------
     DataError
         If the signal cannot be measured.
     OptionError
-        If an option is not one of those it may be, or the curve is a modified or a Hadamard deviation, whose lines
-        have other factors.
+        If an option is invalid, or the curve is a modified or a Hadamard deviation, whose lines have other factors.
 
     References
     ----------
@@ -240,12 +238,12 @@ def avlr(
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
-    """Whether a term alone would lift the curve above its upper limit by half somewhere: then it is not there."""
+    """Return whether the term alone would exceed the upper limit of the curve by half at some averaging time."""
     return bool(np.any(line.deviation(allan.tau) > 1.5 * allan.upper_deviation))
 
 
 def _octaves(tau: Vector, usable: NDArray[np.bool_]) -> list[int]:
-    """Indices of the usable values, at least about an octave apart: slopes of closer ones are noise."""
+    """Return indices of usable values at least about an octave apart: slopes between closer values are too noisy."""
     kept: list[int] = []
     for k in np.flatnonzero(usable).tolist():
         if not kept or tau[k] >= OCTAVE * tau[kept[-1]]:
@@ -266,7 +264,7 @@ def _inside(term: Term, bounds: tuple[float, float], tau: Vector) -> NDArray[np.
 
 
 def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, tolerance: float) -> NDArray[np.bool_]:
-    """The longest run of values between neighbours of which the curve has about this slope; empty if there is none."""
+    """Find the longest run of values in which the curve has about this slope; empty if there is none."""
     chosen = np.zeros(log_tau.size, dtype=bool)
     near = np.abs(np.diff(log_deviation) / np.diff(log_tau) - slope) <= tolerance
     length, start = 0.0, None

@@ -1,4 +1,4 @@
-"""The wavelet variances of all axes of a recording: a mapping that draws and prints all of them."""
+"""Wavelet variances of all axes of a recording: a mapping with plots and a summary table."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         object.__setattr__(self, "curves", MappingProxyType(dict(self.curves)))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A mapping proxy cannot be pickled: a copy is built anew from a plain dict.
+        # A mapping proxy cannot be pickled, so the copy is rebuilt from a plain dict.
         return partial(WaveletVariances, curves=dict(self.curves)), ()
 
     def __getitem__(self, axis: str) -> WaveletVariance:
@@ -67,7 +67,7 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         return axis in self.curves
 
     def get(self, axis: str, default: Any = None) -> Any:
-        """The wavelet variance of an axis, or `default` if there is none."""
+        """Return the wavelet variance of an axis, or `default` if there is none."""
         return self.curves.get(axis, default)
 
     def plot(
@@ -107,11 +107,11 @@ class WaveletVariances(Summarised, Mapping[str, WaveletVariance]):
         return plot_imu(self, split=split, view=view, units=units, path=path)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields of each axis as plain numbers, lists and texts, by axis."""
+        """Return the fields of each axis as plain numbers, lists and strings, by axis."""
         return {axis: wv.to_dict() for axis, wv in self.curves.items()}
 
     def summary(self) -> str:
-        """A table for each sensor: the variance of each axis at every scale."""
+        """Format a table for each sensor: the variance of each axis at every scale."""
         first = next(iter(self.curves.values()))
         name = first.filter.capitalize() if first.filter == "haar" else first.filter.upper()
         robust = f", robust with efficiency {first.efficiency:g}" if first.robust else ""

@@ -1,4 +1,4 @@
-"""Tukey's biweight as M-estimator of scale: its constants for any efficiency, and its root near a start."""
+"""Tukey's biweight M-estimator of scale: constants for any efficiency, and the root near a starting value."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from gmwm._arrays import Vector
 from gmwm.errors import OptionError
 
 EFFICIENCY = 0.6
-"""Of a robust estimate, where none is asked for."""
+"""Default efficiency of a robust estimate."""
 LEAST_EFFICIENCY, LARGEST_EFFICIENCY = 0.3, 0.99
 NORMAL_QUARTILE = 0.6744897501960817
 """Φ⁻¹(3/4): the median of |r| under N(0, 1), so that MAD / 0.67449 estimates σ."""
 REACH = math.log(20.0)
-"""A root further than this from the start, in log σ², is not its own."""
+"""Largest accepted distance of a root from the starting value, in log σ²."""
 
 Number = TypeVar("Number", float, Vector)
 
 Criterion = Callable[[float], tuple[float, float]]
-"""From log σ² to the mean of ρ(W / σ) − a and its slope along log σ²."""
+"""Function of log σ² that returns the mean of ρ(W / σ) − a and its derivative by log σ²."""
 
 
 @dataclass(frozen=True)
 class Biweight:
-    """ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, else 0; σ solves mean ρ(W/σ) = a, the mean of ρ under N(0, 1).
+    """Biweight ρ(r) = r² (1 − r²/c²)⁴ for |r| ≤ c, else 0; σ solves mean ρ(W/σ) = a = E ρ(r) under N(0, 1).
 
     Attributes
     ----------
@@ -43,20 +43,21 @@ class Biweight:
     a: float
 
     def criterion(self, cubed: Number, fourth: Number, count: Number) -> tuple[Number, Number]:
-        """mean ρ − a and its slope along log σ², from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1 − v."""
+        """Compute mean ρ − a and its derivative by log σ² from Σ v q³ and Σ v q⁴, v = min(r²/c², 1), q = 1 − v."""
         square = self.c**2
         return square * fourth / count - self.a, square * (4 * cubed - 5 * fourth) / count
 
     @property
     def least_share(self) -> float:
-        """Share of the coefficients that must not be zero for a root to exist: a / max ρ."""
+        """Smallest share of nonzero coefficients for which a root exists: a / max ρ."""
         return self.a / (self.c**2 * 4**4 / 5**5)
 
 
 def biweight(efficiency: float) -> Biweight:
-    """The biweight of a given efficiency under uncorrelated Gaussian coefficients.
+    """Return the biweight with the given efficiency for uncorrelated Gaussian coefficients.
 
-    For the M-estimator of σ, e = (E r ρ′(r))² / (2 Var ρ(r)), here on its branch c > 2.6 where e rises with c.
+    The efficiency of the M-estimator of σ is e = (E r ρ′(r))² / (2 Var ρ(r)). On the branch c > 2.6 used here, e
+    increases with c.
 
     Raises
     ------
@@ -102,7 +103,7 @@ def _biweight(efficiency: float) -> Biweight:
 
 
 def _moments(c: float) -> tuple[float, float]:
-    """a(c) and the efficiency e(c), by Gauss quadrature: polynomials times a density, smooth up to c."""
+    """Compute a(c) and the efficiency e(c) by Gauss quadrature; the integrands are smooth up to c."""
     nodes, weights = _legendre()
     r = c * (1 + nodes) / 2
     # Twice the density of N(0, 1), for both signs of r.
@@ -121,10 +122,10 @@ def _legendre() -> tuple[Vector, Vector]:
 
 
 def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
-    """The root that Newton's method in log σ² reaches from 0, and the number of evaluations.
+    """Find the root that Newton's method in log σ² reaches from 0; return it and the number of evaluations.
 
-    None where the criterion stops falling on the way, or the way leads out of reach: even clean data have a
-    spurious root at 0.07 σ², at which the criterion rises.
+    The root is None if the criterion stops falling or an iterate leaves the accepted range. This excludes the
+    spurious root at 0.07 σ², where the criterion rises; even clean data have it.
     """
     place = 0.0
     for count in range(1, 41):
@@ -142,7 +143,7 @@ def newton(criterion: Criterion, tolerance: float) -> tuple[float | None, int]:
 
 @dataclass(frozen=True)
 class Scan:
-    """What a criterion is like within reach: the root that 0 leads to, its peaks, and how often it was asked."""
+    """Scan of a criterion over the accepted range: the root, the local maxima and the number of evaluations."""
 
     root: float | None
     peaks: tuple[tuple[float, float], ...]
@@ -150,10 +151,11 @@ class Scan:
 
 
 def scan(criterion: Criterion, tolerance: float) -> Scan:
-    """The falling root to which 0 leads within reach, and all local maxima, as place and value.
+    """Find the falling root that belongs to the starting value 0, and all local maxima as position and value.
 
-    A positive criterion says that σ² is too small, a negative one that it is too large: the first falling root that
-    way is the one to which σ² ← σ² mean ρ / a would go. Where there is none, the nearest on the other side.
+    A positive criterion means that σ² is too small, a negative one that it is too large. The root is the first falling
+    root in this direction, to which σ² ← σ² mean ρ / a would converge. If there is none, it is the nearest root on the
+    other side.
     """
     grid = np.linspace(-REACH, REACH, 61)
     values = np.array([criterion(float(place))[0] for place in grid])
@@ -170,7 +172,7 @@ def scan(criterion: Criterion, tolerance: float) -> Scan:
 
 
 def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[float | None, int]:
-    """The falling root next to a local maximum that lies near `peak`, if it is positive; and the evaluations."""
+    """Find the falling root next to the local maximum near `peak`, if that is positive, and count the evaluations."""
     low, high = peak - 0.2, peak + 0.2
     value, place, count = -1.0, peak, 0
     while value <= 0:
@@ -191,7 +193,7 @@ def root_beyond(criterion: Criterion, peak: float, tolerance: float) -> tuple[fl
 
 
 def _between(criterion: Criterion, low: float, high: float, tolerance: float) -> tuple[float, int]:
-    """The root between a positive and a negative value, by Newton's method kept between them."""
+    """Find the root between a positive and a negative value by Newton's method, constrained to the interval."""
     place, count = (low + high) / 2, 0
     for count in range(1, 101):  # noqa: B007
         value, slope = criterion(place)

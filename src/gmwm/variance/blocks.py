@@ -1,7 +1,7 @@
-"""Block sums of a segment of samples, from which the coefficients of large scales come: 64 steps to a scale.
+"""Block sums of a segment of samples for the coefficients of large scales, with 64 blocks per scale.
 
-Block k of a step s holds the samples k s … (k + 1) s − 1, counted from the beginning of the whole record: so that two
-segments, one after the other, cut the same blocks as the two together.
+Block k of a step s holds the samples k s … (k + 1) s − 1, counted from the beginning of the whole record. Therefore two
+consecutive segments have the same blocks as their union.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from gmwm.variance.coefficients import haar_resolution
 from gmwm.variance.statistics_protocol import LevelStatistic, StatisticsCollector
 
 STEPS = 64
-"""Of a scale: its coefficients are taken at every τ/64-th sample."""
+"""Blocks per scale τ: coefficients are computed at every τ/64-th sample."""
 _KEPT = STEPS - 1
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """One step's blocks in a segment of samples, and the sum of squares of their coefficients.
+    """Blocks of one step in a segment of samples, with the sum of squares of their coefficients.
 
     Attributes
     ----------
     step : int
         Samples in a block, τ/64.
     first, last : int
-        Number of the first complete block, and one beyond the last; last < first where no multiple of the step lies
-        inside the segment or at its ends.
+        Index of the first complete block, and one past the last; last < first if no multiple of the step lies inside
+        the segment or at its ends.
     before, after : float
-        Sum of the samples before the first block, and after the last; of all samples where no multiple is inside.
+        Sum of the samples before the first block and after the last; the sum of all samples if no multiple is inside.
     heads, tails : arrays
         The first and the last 63 blocks.
     squares, count : float, int
-        Σ (sum of 32 blocks − sum of the 32 before)², and over how many places.
+        Σ (sum of 32 blocks − sum of the 32 before)², and the number of terms.
     total, moment : float
-        Σ b_k and Σ (k − first) b_k of all complete blocks.
+        Σ b_k and Σ (k − first) b_k over all complete blocks.
     part, resolution : LevelStatistic or None, float
-        What else is kept of the coefficients W, and up to which size they are rounding.
+        Further statistics of the coefficients W, and the largest |W| that can be a rounding error.
     """
 
     step: int
@@ -58,18 +58,18 @@ class Blocks:
 
     @property
     def open(self) -> bool:
-        """Whether no multiple of the step lies inside."""
+        """Whether the segment contains no multiple of the step."""
         return self.last < self.first
 
     def followed_by(self, later: Blocks, collector: StatisticsCollector | None = None) -> Blocks:
-        """The blocks of this segment and the one that follows it, together."""
+        """Combine the blocks of this segment and the segment that directly follows it."""
         if later.open:
             if self.open:
                 return replace(self, before=self.before + later.before)
             return replace(self, after=self.after + later.before)
         if self.open:
             return replace(later, before=self.before + later.before)
-        # Where the cut is no multiple itself, the rest before it and the rest after it are a block.
+        # If the boundary is not a multiple of the step, the remainders before and after it form one block.
         middle = [] if self.last == later.first else [self.after + later.before]
         joint = np.concatenate([self.tails, middle, later.heads])
         squares, count, part, resolution = measured(joint, self.step, collector)
@@ -101,7 +101,7 @@ class Blocks:
 
     @property
     def rise(self) -> float | None:
-        """Rise of the blocks' means in a sample, by least squares; None of less than two blocks."""
+        """Estimate the rise per sample from the block means by least squares; None for fewer than two blocks."""
         n = self.last - self.first
         if n < 2:
             return None
@@ -109,7 +109,7 @@ class Blocks:
         return about / (n * (n * n - 1.0) / 12.0) / self.step**2
 
     def numbers(self) -> list[float]:
-        """All of it but the blocks themselves, to be stored."""
+        """Return all fields except the blocks, for storage."""
         return [
             self.first, self.last, self.before, self.after, self.squares, self.count, self.total, self.moment,
             self.heads.size,
@@ -117,7 +117,7 @@ class Blocks:
 
     @classmethod
     def restored(cls, step: int, numbers: list[float], heads: Vector, tails: Vector) -> Blocks:
-        """What was stored."""
+        """Restore the blocks from the stored values."""
         first, last, before, after, squares, count, total, moment, _ = numbers
         return cls(
             step=step,
@@ -134,7 +134,7 @@ class Blocks:
         )
 
     def raised(self, offset: float, start: int, stop: int) -> Blocks:
-        """The same of a segment from `start` to `stop` whose samples are larger by `offset`."""
+        """Return the blocks of the segment from `start` to `stop` with `offset` added to every sample."""
         if self.open:
             return replace(self, before=self.before + offset * (stop - start))
         s, n = self.step, self.last - self.first
@@ -152,7 +152,7 @@ class Blocks:
 def measured(
     blocks: Vector, step: int, collector: StatisticsCollector | None
 ) -> tuple[float, int, LevelStatistic | None, float]:
-    """Σ (sum of 32 blocks − sum of the 32 before)² over all places, how many there are; what else, and resolution."""
+    """Compute Σ (sum of 32 blocks − sum of the 32 before)², the number of terms, the statistics and the resolution."""
     count = blocks.size - STEPS + 1
     if count < 1:
         return 0.0, 0, _empty(collector, step), 0.0
@@ -162,7 +162,7 @@ def measured(
     if collector is None:
         return float(w @ w), count, None, 0.0
     level = _level(step)
-    # As of a running sum of single samples, of which only each step's last value is there.
+    # The same as for a running sum of single samples of which only the last value of each step is available.
     resolution = haar_resolution(float(np.abs(sums).max()), level)
     return float(w @ w), count, collector.values(np.ldexp(w, -level), level), resolution
 
@@ -178,7 +178,7 @@ def _empty(collector: StatisticsCollector | None, step: int) -> LevelStatistic |
 def blocks_of(
     values: Vector, start: int, steps: list[int], collector: StatisticsCollector | None = None
 ) -> list[Blocks]:
-    """The blocks of a segment of samples from `start` on, of each step; each is a power of two times the first."""
+    """Build the blocks of a segment that begins at `start`, for each step: powers of two times the first step."""
     base, stop = steps[0], start + values.size
     first, last = -(-start // base), stop // base
     if first > last:
@@ -186,7 +186,7 @@ def blocks_of(
         return [Blocks(step, -(-start // step), stop // step, total, part=_empty(collector, step)) for step in steps]
     begin, end = first * base - start, last * base - start
     inside = values[begin:end].reshape(-1, base).sum(axis=1)
-    # Sum of all samples before each multiple of the first step.
+    # Sum of all samples before each multiple of the first step:
     sums = float(values[:begin].sum()) + np.concatenate([[0.0], np.cumsum(inside)])
     total = float(sums[-1]) + float(values[end:].sum())
     return [
@@ -203,7 +203,7 @@ def blocks_of(
 
 
 def _of(step: int, start: int, stop: int, marks: Vector, total: float, collector: StatisticsCollector | None) -> Blocks:
-    """The blocks between `marks`, the sums of all samples before each multiple of the step."""
+    """Build the blocks from `marks`, the sums of all samples before each multiple of the step."""
     first, last = -(-start // step), stop // step
     if first > last:
         return Blocks(step, first, last, total, part=_empty(collector, step))

@@ -1,4 +1,4 @@
-"""The result of the Allan family: a variance for each cluster size, with limits and the noise that rules there."""
+"""Result of an Allan-family estimator: variance, confidence limits and dominant noise at each cluster size."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class ClusterVariance(Summarised):
     Attributes
     ----------
     family : "allan", "hadamard" or "total"
-        Which variance.
+        Family of the variance.
     kind : "overlapping", "nonoverlapping" or "modified"
-        How the clusters lie in the record.
+        Arrangement of the clusters in the record.
     clusters : (J,) int array
         Cluster sizes n (samples), ascending.
     variance, lower, upper : (J,) arrays, in unit²
@@ -52,21 +52,21 @@ class ClusterVariance(Summarised):
     counts : (J,) int array
         Number of squared differences behind each estimate.
     degrees_of_freedom : (J,) array
-        Equivalent degrees of freedom under the noise identified.
+        Equivalent degrees of freedom under the identified noise.
     noise : tuple of J str
-        The noise that rules at each cluster size, such as "white FM"; `noise_terms` has the inertial words.
+        The dominant noise at each cluster size, such as "white FM"; `noise_terms` gives the inertial terms.
     rate : float
         Samples per second (Hz).
     samples : int
-        How many values were given: N of the rate, N + 1 of the phase of a record of N intervals.
+        Number of input values: N rate values, or N + 1 phase values, for a record of N intervals.
     unit : str
-        Of the rate and so of the deviation.
+        Unit of the rate, and therefore of the deviation.
     axis : str
-        Of the signal.
+        Axis of the signal.
     confidence : float
-        Of the limits.
+        Confidence level of the limits.
     data : "rate" or "phase"
-        What the values were.
+        Kind of the input values.
     """
 
     family: Family
@@ -98,22 +98,22 @@ class ClusterVariance(Summarised):
 
     @property
     def deviation(self) -> Vector:
-        """Root of the variance (unit)."""
+        """Square root of the variance (unit)."""
         return np.sqrt(self.variance)
 
     @property
     def lower_deviation(self) -> Vector:
-        """Root of the lower limit (unit)."""
+        """Square root of the lower limit (unit)."""
         return np.sqrt(self.lower)
 
     @property
     def upper_deviation(self) -> Vector:
-        """Root of the upper limit (unit)."""
+        """Square root of the upper limit (unit)."""
         return np.sqrt(self.upper)
 
     @property
     def noise_terms(self) -> tuple[str, ...]:
-        """The inertial word for the noise that rules at each cluster size; "" where there is none."""
+        """Inertial-sensor term for the dominant noise at each cluster size; "" if there is none."""
         return tuple(noise_type(name).term for name in self.noise)
 
     @property
@@ -122,7 +122,7 @@ class ClusterVariance(Summarised):
         return f"{_TITLES[self.family, self.kind]} deviation"
 
     def to_dict(self) -> dict[str, Any]:
-        """All fields, and τ and the deviations, as plain numbers, lists and texts, ready for JSON."""
+        """Return all fields, τ and the deviations as plain numbers, lists and strings for JSON."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name in ("tau", "deviation", "lower_deviation", "upper_deviation", "noise_terms"):
             values[name] = getattr(self, name)
@@ -130,7 +130,7 @@ class ClusterVariance(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
-        """The result whose `to_dict` gave `values`."""
+        """Restore a result from the output of `to_dict`."""
         known = {field.name: values[field.name] for field in fields(cls)}
         for name in ("clusters", "counts"):
             known[name] = np.asarray(known[name], dtype=np.int64)
@@ -139,7 +139,7 @@ class ClusterVariance(Summarised):
         return cls(**(known | {"noise": tuple(known["noise"])}))
 
     def summary(self) -> str:
-        """A table: averaging time, deviation with limits, degrees of freedom and noise at every cluster size."""
+        """Format a table: averaging time, deviation with limits, degrees of freedom and noise at every cluster size."""
         unit = f" ({self.unit})" if self.unit else ""
         of = f" of {self.axis}" if self.axis else ""
         lines = [

@@ -1,4 +1,4 @@
-"""Where wavelet coefficients come from: a running sum, an array for each level, or several of these. All read alike."""
+"""Sources of wavelet coefficients with a common interface: a running sum, arrays by level, or several segments."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from gmwm._arrays import Vector
 
 
 class Coefficients(Protocol):
-    """The coefficients of all levels, in whatever form they are kept."""
+    """Interface to the coefficients of all levels, independent of how they are stored."""
 
     counts: NDArray[np.int64]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Σ v q³, Σ v q⁴ and the number of coefficients of each level with a limit (cσ)² > 0; `every` reads a part."""
+        """Return Σ v q³, Σ v q⁴ and the count of each level with a limit (cσ)² > 0; `every` reads only a part."""
 
     def sample(self, k: int, size: int) -> Vector:
-        """|W| at `size` places of level k + 1, spread evenly; all of them if there are no more."""
+        """Return |W| at `size` evenly spread places of level k + 1, or all values if there are no more."""
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """How many |W| are at most `low`, and those from there up to `high`."""
+        """Return the number of |W| ≤ `low`, and the values between `low` and `high`."""
 
     def median(self, k: int) -> float:
-        """The median of |W|."""
+        """Return the median of |W|."""
 
     def resolution(self, k: int) -> float:
-        """The size up to which a coefficient is rounding, not signal."""
+        """Return the largest |W| that can be a rounding error."""
 
 
 SAMPLE = 2048
-"""Coefficients of a level on which its root, and its median, is first looked for."""
+"""Size of the sample of a level on which the first search for the root and the median runs."""
 
 
 def selected_median(source: Coefficients, k: int) -> float:
-    """The exact median of |W|: of all coefficients, only those near that of a sample are kept and sorted."""
+    """Compute the exact median of |W|; only the coefficients near the sample median are stored and sorted."""
     count = int(source.counts[k])
     sample = np.sort(source.sample(k, SAMPLE))
     if sample.size < count:
@@ -55,12 +55,12 @@ def selected_median(source: Coefficients, k: int) -> float:
 
 
 def haar_resolution(peak: float, level: int) -> float:
-    """|W| up to which a coefficient of `level` is rounding of a running sum whose largest value is `peak`."""
+    """Return the bound on |W| at `level` due to rounding of a running sum whose largest value is `peak`."""
     return float(np.finfo(float).eps * peak * (4 + 2 ** (level / 2)) / 2**level)
 
 
 class HaarCoefficients:
-    """Those of the Haar MODWT, read from one running sum of the signal."""
+    """Haar MODWT coefficients, computed from one running sum of the signal."""
 
     def __init__(self, x: Vector, levels: int) -> None:
         self.sum = _core.running_sum(x)
@@ -68,28 +68,28 @@ class HaarCoefficients:
         self._peak = max(float(self.sum.max()), -float(self.sum.min()))
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """From the kernel, all levels in one pass."""
+        """Compute the sums of all levels in one pass of the kernel."""
         return _core.haar_biweight_sums(self.sum, limits, every)
 
     def sample(self, k: int, size: int) -> Vector:
-        """From the kernel."""
+        """Compute the values with the kernel."""
         return _core.haar_sample(self.sum, k + 1, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """From the kernel."""
+        """Compute the values with the kernel."""
         return _core.haar_between(self.sum, k + 1, low, high)
 
     def median(self, k: int) -> float:
-        """By selection."""
+        """Select the exact median."""
         return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
-        """What rounding of the running sum makes of a coefficient that is zero."""
+        """Return the rounding error of a zero coefficient, due to the running sum."""
         return haar_resolution(self._peak, k + 1)
 
 
 class PlainCoefficients:
-    """An array for each level."""
+    """Coefficients stored as one array per level."""
 
     def __init__(self, levels: Sequence[Vector], resolutions: Sequence[float]) -> None:
         self.levels = levels
@@ -97,7 +97,7 @@ class PlainCoefficients:
         self._resolutions = resolutions
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Level by level."""
+        """Compute the sums level by level."""
         sums = np.zeros((3, len(self.levels)))
         for k, limit in enumerate(limits.tolist()):
             if limit > 0:
@@ -106,7 +106,7 @@ class PlainCoefficients:
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """One place in each of equal cells, where in it goes by the golden section: no period is taken for a size."""
+        """Take one value from each of `size` equal cells, at golden-ratio offsets to avoid aliasing of periodic W."""
         w = self.levels[k]
         if size >= w.size:
             return np.abs(w)
@@ -115,21 +115,21 @@ class PlainCoefficients:
         return np.abs(w[np.minimum(places, w.size - 1)])
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """By comparison."""
+        """Count and select the values by comparison."""
         size = np.abs(self.levels[k])
         return int(np.count_nonzero(size <= low)), size[(size > low) & (size <= high)]
 
     def median(self, k: int) -> float:
-        """By selection."""
+        """Select the exact median."""
         return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
-        """As given."""
+        """Return the stored resolution."""
         return self._resolutions[k]
 
 
 class PooledCoefficients:
-    """Those of several segments together, each with as many levels as it has."""
+    """Coefficients of several segments together; segments can have different numbers of levels."""
 
     def __init__(self, sources: Sequence[Coefficients]) -> None:
         self.sources = sources
@@ -141,7 +141,7 @@ class PooledCoefficients:
         return [source for source in self.sources if len(source.counts) > k]
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Added up."""
+        """Add up the sums of the segments."""
         total = np.zeros((3, limits.size))
         for source in self.sources:
             reach = len(source.counts)
@@ -150,23 +150,23 @@ class PooledCoefficients:
         return total[0], total[1], total[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """Of each segment its share."""
+        """Sample each segment in proportion to its number of coefficients."""
         sources, count = self._reaching(k), int(self.counts[k])
         ends = np.cumsum([0, *(int(source.counts[k]) for source in sources)])
-        # Rounded at the ends, not each by itself: so they add up, and many short segments are not all left out.
+        # Round the cumulative counts, not each share: the shares add up, and short segments are not all omitted.
         shares = np.diff(ends if size >= count else ends * size // count).tolist()
         parts = [source.sample(k, share) for source, share in zip(sources, shares, strict=True) if share]
         return np.concatenate(parts)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """Of all segments."""
+        """Combine the counts and values of all segments."""
         found = [source.between(k, low, high) for source in self._reaching(k)]
         return sum(below for below, _ in found), np.concatenate([kept for _, kept in found])
 
     def median(self, k: int) -> float:
-        """By selection."""
+        """Select the exact median."""
         return selected_median(self, k)
 
     def resolution(self, k: int) -> float:
-        """That of the coarsest segment."""
+        """Return the largest resolution of the segments."""
         return max(source.resolution(k) for source in self._reaching(k))

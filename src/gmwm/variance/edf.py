@@ -1,4 +1,4 @@
-"""Equivalent degrees of freedom of variances of finite differences, and the chi-square limits they give."""
+"""Equivalent degrees of freedom of variances of finite differences, for chi-square confidence limits."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 
 MOST_TERMS = 240
-"""Terms of the sum over lags; where there are more lags, as many nodes stand for them."""
+"""Largest number of terms of the sum over lags; a longer sum is replaced by this many quadrature nodes."""
 LARGEST_FINITE = 100
-"""n (d + 1) up to which the differences are those of samples; beyond, those of a continuous record. One call of
-the covariance has but one of the two."""
+"""Largest n (d + 1) for which the sampled process is used; beyond it, the continuous process is used. Each call of
+the covariance uses one of the two."""
 CHUNK = 2048
-"""Cluster sizes taken together, which bounds the memory."""
+"""Number of cluster sizes processed together, to bound the memory."""
 
 
 def degrees_of_freedom(
@@ -27,14 +27,14 @@ def degrees_of_freedom(
     overlapping: bool,
     modified: bool = False,
 ) -> Vector:
-    """Equivalent degrees of freedom 2 E(V)²/Var(V) of a variance V of d-th differences of the phase, at least 1.
+    """Compute the equivalent degrees of freedom 2 E(V)²/Var(V) of a variance V of d-th phase differences, at least 1.
 
-    With s_z(t) the covariance of two d-th differences t clusters apart, S estimates a cluster, M in all and
-    J = min(M, (d + 1) S): 1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
-    More than 240 terms are replaced by so many nodes on the same interval, of which the sum is then the
-    trapezoidal rule; Greenhall and Riley use tabulated limits of the same integrals there. In small clusters white
-    and random walk FM are those of samples, the noises that the rest of the package means by these names, where
-    theirs are those of a phase that is averaged over a sample.
+    Let s_z(t) be the covariance of two d-th differences t clusters apart, S the number of estimates per cluster, M
+    their total number and J = min(M, (d + 1) S). Then
+    1/edf = [s_z(0)² + (1 − J/M) s_z(J/S)² + 2 Σ_{0<j<J} (1 − j/M) s_z(j/S)²] / (M s_z(0)²).
+    A sum of more than 240 terms is replaced by the trapezoidal rule with 240 nodes on the same interval; Greenhall
+    and Riley use tabulated limits of the same integrals instead. For small clusters, white and random walk FM are
+    discrete-time processes, as in the rest of the package; Greenhall and Riley average the phase over a sample.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ def degrees_of_freedom(
     array([666.2, 146.1])
     """
     result = np.empty(clusters.size)
-    # Averaging over a cluster of one sample is none.
+    # Averaging over a cluster of one sample has no effect.
     averaged = (clusters > 1) & modified
-    # White FM is the same sampled or continuous, and makes no second group.
+    # White FM is the same for sampled and continuous processes, so it needs no second group.
     endless = ~averaged & (clusters * (order + 1) > LARGEST_FINITE) & (exponents != 0)
     kinds = {*zip(exponents.tolist(), averaged.tolist(), endless.tolist(), strict=True)}
     for alpha, mean, without_end in kinds:
@@ -86,7 +86,7 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
     if alpha == 2 and not modified:
         return _white_phase(estimates, clusters, d)
 
-    # Nodes 0 … terms of the sum, `density` of them a cluster.
+    # Nodes 0 … terms of the sum, with `density` nodes per cluster.
     terms = np.minimum(estimates, (d + 1) * stride)
     coarse = terms > MOST_TERMS
     density = np.where(coarse, MOST_TERMS / np.minimum(clusters, d + 1), stride)
@@ -94,7 +94,7 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
     total = clusters * density
     finite = np.ones(m.size) if modified else np.where(m * (d + 1) <= LARGEST_FINITE, m, np.inf)
     if alpha == 1 and not modified:
-        # Flicker PM depends on the sampling at any n: by ln n, through the variance at lag 0 alone.
+        # Flicker PM depends on the sampling at any n, by ln n, but only through the variance at lag 0.
         finite = np.where(coarse, density, m)
         at_zero = _covariance(
             np.zeros((m.size, 1)), np.asarray(m, dtype=np.float64)[:, None], alpha=alpha, d=d, modified=modified
@@ -114,7 +114,7 @@ def _of_one_noise(alpha: int, m: NDArray[np.int64], points: int, d: int, overlap
 
 
 def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
-    """White PM: differences are correlated at whole clusters only, by ratios of binomial coefficients."""
+    """Compute edf for white PM: differences are correlated only at lags of whole clusters, by binomial ratios."""
     square = np.ones(estimates.size)
     for k in range(1, d + 1):
         rho = comb(2 * d, d - k) / comb(2 * d, d)
@@ -123,7 +123,7 @@ def _white_phase(estimates: Vector, clusters: Vector, d: int) -> Vector:
 
 
 def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: bool) -> Vector:
-    """s_z(t) up to a factor: the 2d-th difference, a cluster apart, of what the first averaging leaves."""
+    """Compute s_z(t) up to a factor: the 2d-th difference of s_x at steps of one cluster."""
     result = np.zeros(np.broadcast_shapes(t.shape, filter_factor.shape))
     for k in range(-d, d + 1):
         result += (-1) ** k * comb(2 * d, d + k) * _averaged(t + k, filter_factor, alpha, modified)
@@ -131,9 +131,9 @@ def _covariance(t: Vector, filter_factor: Vector, alpha: int, d: int, modified: 
 
 
 def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> Vector:
-    """s_x(t): F² times minus the second difference of s_w at lag 1/F; for F → ∞ it is s_w for α + 2.
+    """Compute s_x(t): −F² times the second difference of s_w at lag 1/F; for F → ∞ it is s_w for α + 2.
 
-    The running sums of white and of random walk samples have |t| and |t|³ − |t|/n² up to a factor, exactly.
+    For running sums of white and random walk samples it is exactly |t| and |t|³ − |t|/n² up to a factor.
     """
     endless = np.isinf(filter_factor)
     f = np.where(endless, 1.0, filter_factor)
@@ -149,7 +149,7 @@ def _averaged(t: Vector, filter_factor: Vector, alpha: int, modified: bool) -> V
 
 
 def _kernel(t: Vector, alpha: int) -> Vector:
-    """s_w(t): the generalised autocovariance of noise of exponent α, |t|^(3−α) with a logarithm for even powers."""
+    """Compute s_w(t), the generalised autocovariance for exponent α: |t|^(3−α), with a logarithm for even powers."""
     size = np.abs(t)
     power = size
     for _ in range(2 - alpha):
@@ -160,9 +160,9 @@ def _kernel(t: Vector, alpha: int) -> Vector:
 
 
 def _flicker_phase(u: Vector, f: Vector) -> Vector:
-    """s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u| at lag 1.
+    """Compute s_x for α = 1 at t = u/F: 2 ln F minus the second difference of u² ln|u| at lag 1.
 
-    Far from 0 the difference is taken from its series, 2 ln|u| + 3 − 1/(6u²), so that no digits cancel.
+    Far from 0 the difference is computed from its series, 2 ln|u| + 3 − 1/(6u²), which avoids cancellation.
     """
     far = np.abs(u) > 1000
     near = np.where(far, 0.0, u)

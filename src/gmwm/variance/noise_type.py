@@ -1,4 +1,4 @@
-"""Which power-law noise rules a record at a cluster size: the lag 1 autocorrelation method and its stand-ins."""
+"""Identification of the dominant power-law noise at a cluster size: lag 1 autocorrelation, B1 and R(n)."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from gmwm.variance.phase import inner_product
 
 @dataclass(frozen=True)
 class NoiseType:
-    """One type of noise in the words of two fields.
+    """Type of power-law noise, with its names in time keeping and in inertial sensing.
 
     Parameters
     ----------
     name : str
-        The word of time keeping, where PM is noise of the phase and FM of its rate.
+        Name in time keeping; PM is noise of the phase and FM is noise of its rate.
     exponent : int
         α of the spectral density h f^α of the rate.
     slope : float
-        Slope of the Allan (from α = −3: Hadamard) deviation over the averaging time, both logarithmic.
+        Slope of the Allan deviation (Hadamard deviation for α ≤ −3) over the averaging time on logarithmic axes.
     term : str
-        The word for it in inertial sensors; "" where they have none.
+        Name in inertial sensing; "" if there is none.
     """
 
     name: str
@@ -44,37 +44,37 @@ NOISE_TYPES = (
     NoiseType("flicker walk FM", -3, 1.0),
     NoiseType("random run FM", -4, 1.5),
 )
-"""The noises, from the bluest to the reddest."""
+"""The noise types in descending order of α."""
 DRIFT = NoiseType("drift", -2, 1.0, "rate ramp")
-"""No noise: a linear change of the rate. Its limits are those of the reddest noise an Allan variance bears."""
+"""A linear change of the rate. It uses the confidence limits of the smallest α valid for an Allan variance."""
 UNDETERMINED = NoiseType("undetermined", 0, -0.5)
-"""What a record without any variation has; its limits are those of white FM."""
+"""The type of a constant record; it uses the confidence limits of white FM."""
 
 AUTOCORRELATION = {
     2: {2: -0.6667, 0: -0.5, -1: -0.2169, -2: 0.25},
     3: {2: -0.75, 0: -0.6667, -1: -0.5348, -2: -0.3333, -3: -0.0354, -4: 0.3939},
 }
-"""Lag 1 autocorrelation of the d-th differences of the phase, d to α to value, for clusters of many samples."""
+"""Lag 1 autocorrelation of the d-th phase differences for large clusters, by d and then by α."""
 
 _BY_EXPONENT = {noise.exponent: noise for noise in NOISE_TYPES}
 _BY_NAME = {noise.name: noise for noise in (*NOISE_TYPES, DRIFT, UNDETERMINED)}
 
 LEAST_AUTOCORRELATION = 30
-"""Values of the decimated phase from which on the lag 1 autocorrelation decides (Riley and Greenhall)."""
+"""Fewest values of the decimated phase for the lag 1 autocorrelation method (Riley and Greenhall)."""
 LEAST_RATIO = 10
-"""Cluster means from which on the ratio B1 decides; below, the type of the next smaller cluster stands."""
+"""Fewest cluster means for the ratio B1; with fewer, the type of the next smaller cluster is used."""
 LEAST_DRIFT = 16
-"""Clusters in the record from which on a ramp can be told from a random walk."""
+"""Fewest clusters in the record for which a ramp can be distinguished from a random walk."""
 LEAST_PHASE_RATIO = 8
-"""Cluster size from which on the modified Allan variance tells white from flicker PM."""
+"""Smallest cluster size at which the modified Allan variance distinguishes white from flicker PM."""
 LEAST_FREQUENCY_RATIO = 64
-"""Cluster size from which on that ratio tells white FM from flicker PM as well."""
+"""Smallest cluster size at which this ratio also distinguishes white FM from flicker PM."""
 MOST_VALUES = 1024
 MOST_DIFFERENCES = 3
 
 
 def noise_type(name: str) -> NoiseType:
-    """The noise type with this name.
+    """Return the noise type with this name.
 
     >>> noise_type("white FM").term
     'angle or velocity random walk'
@@ -90,29 +90,34 @@ def noise_types(
     reddest: int,
     modified_ratio: Callable[[int], float],
 ) -> tuple[NoiseType, ...]:
-    """The noise that rules at each cluster size.
+    """Identify the dominant noise at each cluster size.
 
-    The phase is taken at every n-th sample, or of very many values 1024 in the middle. With 30 such values or more,
-    the lag 1 autocorrelation r₁ of their d-th differences tells: δ = r₁/(1 + r₁), d is raised until δ < 1/4, and
-    α = 2 − 2d − round(2δ); from d = 2 and n = 2 on, where cluster means are smoother than the fractional noise behind
-    that rule, α is the one whose own r₁ is nearest. With 10 cluster means or more it is B1, their variance over their
-    Allan variance. PM noise of n >= 8 is told white from flicker by the ratio of the modified to the plain Allan
-    variance, which from n = 64 on also rules it out. With fewer means the type of the next smaller cluster stands.
-    Where more than half of an Allan variance is due to the mean linear rise of the rate, it is drift.
+    The phase is decimated to every n-th sample; of a long phase, the 1024 values in the middle are used. The method
+    depends on the number of values:
+
+    - At least 30 values: the lag 1 autocorrelation r₁ of their d-th differences. With δ = r₁/(1 + r₁), d increases
+      until δ < 1/4, and α = 2 − 2d − round(2δ). For d ≥ 2 and n ≥ 2, cluster means are smoother than the fractional
+      noise of this rule, so the α with the nearest theoretical r₁ is used.
+    - At least 10 cluster means: B1, the ratio of their variance to their Allan variance.
+    - Fewer means: the type of the next smaller cluster.
+
+    For n ≥ 8, the ratio of the modified to the plain Allan variance distinguishes white from flicker PM; for n ≥ 64
+    it can also reject PM. If the mean linear rise of the rate causes more than half of an Allan variance, the type
+    is drift.
 
     Parameters
     ----------
     phase : (N + 1,) array
-        The phase, a line removed.
+        The phase with a line removed.
     clusters : (n,) int array
         Cluster sizes, ascending.
     variance : (n,) array
-        What was measured at these cluster sizes.
+        Estimated variance at these cluster sizes.
     reddest : int
-        The smallest exponent α for which the variance exists: −2 for Allan's, −4 for Hadamard's, which knows no
+        The smallest exponent α for which the variance exists: −2 for Allan, −4 for Hadamard, which is insensitive to
         drift.
     modified_ratio : callable
-        From a cluster size to the ratio of the modified to the plain Allan variance.
+        Function of the cluster size that returns the ratio of the modified to the plain Allan variance.
 
     References
     ----------
@@ -139,14 +144,14 @@ def noise_types(
 
 
 def _middle(phase: Vector) -> Vector:
-    """The phase, or of a long one the samples in its middle: the error of r₁ is about 0.03."""
+    """Return the phase, or the middle 1024 samples of a long phase, which estimate r₁ to about 0.03."""
     first = max(phase.size - MOST_VALUES, 0) // 2
     return np.ascontiguousarray(phase[first : first + MOST_VALUES])
 
 
 def _drift_variance(phase: Vector, n: int) -> float:
-    """The Allan variance of the mean linear rise: half its squared change of the rate from cluster to cluster."""
-    # Phases at every n-th sample: the mean of their second differences telescopes to their ends.
+    """Compute the Allan variance of the mean linear rise: half the squared change of the rate between clusters."""
+    # The mean of the second differences at every n-th sample telescopes to the differences at both ends.
     last = (phase.size - 1) // n * n
     change = (phase[last] - phase[last - n] - phase[n] + phase[0]) / (last // n - 1)
     return float(change / n) ** 2 / 2
@@ -173,7 +178,7 @@ def _by_autocorrelation(phase: Vector, n: int, reddest: int) -> NoiseType | None
 
 
 def b1_ratio(means: int, mu: int) -> float:
-    """B1(N, μ): expected ratio of the variance of N cluster means to their Allan variance τ^μ, without dead time.
+    """Compute B1(N, μ), the expected ratio of the variance of N cluster means to their Allan variance τ^μ.
 
     >>> b1_ratio(10, -1), b1_ratio(10, 1)
     (1.0, 5.0)
@@ -190,7 +195,7 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
     if not allan > 0:
         return None
     ratio = float(rates.var(ddof=1)) / allan
-    # Between two types, the geometric mean of their ratios is the border. Exponents −μ − 1, from PM noise up.
+    # The threshold between two types is the geometric mean of their ratios. Exponents −μ − 1, starting from PM noise.
     mu = -2
     while mu < 2 and ratio > math.sqrt(b1_ratio(rates.size, mu) * b1_ratio(rates.size, mu + 1)):
         mu += 1
@@ -198,7 +203,7 @@ def _by_ratio(phase: Vector, reddest: int) -> NoiseType | None:
 
 
 def _by_modified_ratio(ratio: float, n: int) -> NoiseType:
-    """By R(n), modified over plain Allan variance: 1/n in white PM, 3.37/(1.04 + 3 ln n) in flicker PM, 1/2 in FM."""
+    """Classify by R(n), modified over plain Allan variance: white PM 1/n, flicker PM 3.37/(1.04 + 3 ln n), FM 1/2."""
     white, flicker, frequency = 1 / n, 3.37 / (1.04 + 3 * math.log(n)), 0.5
     if n >= LEAST_FREQUENCY_RATIO and ratio > math.sqrt(flicker * frequency):
         return _BY_EXPONENT[0]

@@ -13,26 +13,26 @@ from gmwm.variance.segment_state import SegmentState
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 EXACT = 14
-"""Levels of which every coefficient is taken, by default."""
+"""Default number of levels at which every coefficient is used."""
 LEAST_EXACT = 6
-"""Where a scale has 64 samples, every τ/64-th coefficient is every one."""
+"""Smallest number of exact levels: at a scale of 64 samples, every τ/64-th coefficient is every coefficient."""
 DEEPEST = 44
-"""Levels that can be kept: 2^44 samples are 500 years at 1 kHz."""
+"""Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
 FOLD = 1 << 18
-"""Samples that are gathered before they are worked on."""
+"""Number of samples that are buffered before processing."""
 
 
 class SegmentedAccumulator:
-    """Sums of the coefficients of a record that comes in chunks; the result does not depend on how it is cut.
+    """Sums over the coefficients of a record that arrives in chunks. The result does not depend on the chunk sizes.
 
     Parameters
     ----------
     levels : int
-        Number of levels J, at the most.
+        Largest number of levels J.
     exact : int
-        Levels of which every coefficient is taken.
+        Number of levels at which every coefficient is used.
     start : int
-        Number of the first sample in the record.
+        Index of the first sample in the record.
     collector : StatisticsCollector or None
         Collects further statistics of the coefficients, besides their squares.
     """
@@ -41,7 +41,7 @@ class SegmentedAccumulator:
         self.exact = whole(exact, "exact", LEAST_EXACT, 24)
         self.levels = whole(levels, "levels", 1, DEEPEST)
         self.start = whole(start, "start", 0, 1 << 62)
-        # The first segment, if a gap has closed it; the sums of those between; and the open one.
+        # The first segment, if a gap closed it; the sums of the segments in between; the open segment.
         self._first: SegmentState | None = None
         self._squares, self._counts = np.zeros(self.levels), np.zeros(self.levels, dtype=np.int64)
         self._collector = collector
@@ -53,12 +53,12 @@ class SegmentedAccumulator:
         self._size = 0
 
     def __len__(self) -> int:
-        """Samples so far."""
+        """Return the number of samples so far."""
         return sum(self.lengths)
 
     @property
     def stop(self) -> int:
-        """Number in the record of the sample to come; those that are missing in a gap do not count."""
+        """Index in the record of the next sample; samples missing in gaps are not counted."""
         return self.start + len(self)
 
     @property
@@ -69,12 +69,12 @@ class SegmentedAccumulator:
         return (*first, *self._lengths, *((going,) if going else ()))
 
     def update(self, chunk: ArrayLike) -> None:
-        """Take the samples (n,) that follow, one or many.
+        """Add the next samples (n,), one or more.
 
         Raises
         ------
         DataError
-            If a value is NaN or infinite; the samples before stay as they are, and none of the chunk is taken.
+            If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
         """
         x = as_vector(chunk, "chunk", at_least=0)
         if self._size + x.size > FOLD:
@@ -88,7 +88,7 @@ class SegmentedAccumulator:
             self._size += x.size
 
     def gap(self) -> None:
-        """Samples are missing here: those that follow begin a segment of their own."""
+        """Mark a gap: samples are missing here, and the next sample begins a new segment."""
         self._fold()
         if self._last is None:
             return
@@ -101,7 +101,7 @@ class SegmentedAccumulator:
     # --- inside ---------------------------------------------------------------------------------------
 
     def _require_following(self, following: object, *alike: str) -> None:
-        """Raise if another part does not follow this one, or differs in what is to be alike."""
+        """Raise unless another part directly follows this one and agrees in the attributes `alike`."""
         if not isinstance(following, type(self)):
             raise OptionError(argument="following", expected=f"a {type(self).__name__}", got=following)
         for name in alike:
@@ -122,14 +122,14 @@ class SegmentedAccumulator:
             )
 
     def _take_state(self, other: Self) -> None:
-        """Begin with the state of another; what a segment holds is never changed, so both may have it."""
+        """Copy the state of another accumulator; segments are immutable, so both can share them."""
         other._fold()
         self._first, self._last, self._rises = other._first, other._last, other._rises
         self._squares, self._counts = other._squares.copy(), other._counts.copy()
         self._lengths, self._statistics = list(other._lengths), other._statistics
 
     def _append(self, following: Self) -> None:
-        """Take over a part that follows."""
+        """Append a part that directly follows."""
         following._fold()
         for part, ended in ((following._first, True), (following._last, False)):
             if part is not None:
@@ -144,11 +144,11 @@ class SegmentedAccumulator:
                 self._rises += following._rises
 
     def _open(self) -> list[SegmentState]:
-        """The segments that others may continue."""
+        """Return the segments that can still be continued."""
         return [part for part in (self._first, self._last) if part is not None]
 
     def _sums(self) -> tuple[Vector, NDArray[np.int64]]:
-        """Σ W² and the number of coefficients of all levels (J,)."""
+        """Return Σ W² and the number of coefficients of all levels (J,)."""
         squares, counts = self._squares.copy(), self._counts.copy()
         for part in self._open():
             own = part.sums(self.levels)
@@ -156,7 +156,7 @@ class SegmentedAccumulator:
         return squares, counts
 
     def _all_statistics(self) -> Any:
-        """What was taken of the coefficients of all segments."""
+        """Return the collected statistics of all segments."""
         statistics = self._statistics
         for part in self._open():
             assert statistics is not None
@@ -165,13 +165,13 @@ class SegmentedAccumulator:
         return statistics
 
     def _fold(self) -> None:
-        """Work on the samples that wait."""
+        """Process the buffered samples."""
         if self._size:
             x, self._size = self._waiting[: self._size], 0
             self._grow(x)
 
     def _grow(self, x: Vector) -> None:
-        """Take samples into the segment that goes on."""
+        """Add samples to the open segment."""
         for k in range(0, x.size, 4 * FOLD):
             part = x[k : k + 4 * FOLD]
             if self._last is None:
@@ -182,7 +182,7 @@ class SegmentedAccumulator:
                 self._last = self._last.grown(part, self._collector)
 
     def _close(self, segment: SegmentState) -> None:
-        """Keep the sums of a segment that has an end."""
+        """Add the sums of a closed segment."""
         squares, counts = segment.sums(self.levels)
         self._squares += squares
         self._counts += counts
@@ -193,12 +193,12 @@ class SegmentedAccumulator:
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:
-    """A whole number within its range.
+    """Return `value` as an integer if it is within its range.
 
     Raises
     ------
     OptionError
-        If it is not.
+        If it is not an integer from `least` to `most`.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
         raise OptionError(argument=name, expected=f"a whole number from {least} to {most}", got=value)

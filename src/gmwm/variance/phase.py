@@ -1,4 +1,4 @@
-"""What every variance of clusters starts from: the phase of a signal, the cluster sizes, and the loop over them."""
+"""Input of every cluster variance: the phase of a signal, the cluster sizes, and the loop over them."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from gmwm.units import find_unit
 Clusters: TypeAlias = Literal["octave", "decade", "all"]
 """1, 2, 4, 8 …; 1, 2, 4, 10, 20, 40, 100 …; every size."""
 Data: TypeAlias = Literal["rate", "phase"]
-"""Samples of the rate (an IMU's), or of its integral."""
+"""Kind of the samples: the rate (as from an IMU), or its integral, the phase."""
 Progress: TypeAlias = Callable[[int, int], object]
-"""Called with the cluster sizes done and all of them, first with 0 done."""
+"""Progress callback: called with the number of finished cluster sizes and their total, first with 0."""
 
 
 TOO_LARGE = "the signal is too large: its squares and sums overflow double precision"
@@ -30,20 +30,22 @@ SCALE_DOWN = "Pass the signal in a larger unit."
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """The phase of a record, in the unit of its rate times one sample: the rate of n samples is a difference over n.
+    """Phase of a record, in the unit of its rate times one sample.
+
+    The mean rate over n samples is the phase difference divided by n.
 
     Parameters
     ----------
     values : (intervals + 1,) array
-        The phase, a line removed.
+        The phase with a line removed.
     rate : float
         Samples per second (Hz).
     samples : int
-        How many values were given.
+        Number of input values.
     unit, axis : str
-        Of the rate.
+        Unit of the rate, and axis of the signal.
     octaves : (j,) array, optional
-        Sums of squared second differences at 1, 2, 4, … samples, where they were measured in the same pass.
+        Sums of squared second differences at 1, 2, 4, … samples, if computed in the same pass.
     """
 
     values: Vector
@@ -62,7 +64,7 @@ class Phase:
 def phase_of(
     x: Signal | ArrayLike, rate: float | None, data: Data, *, straighten: bool = False, octaves: bool = False
 ) -> Phase:
-    """The phase of a signal: the running sum of its rate without its mean, or the data themselves without a line.
+    """Compute the phase of a signal: the running sum of the centred rate, or phase data with a line removed.
 
     Parameters
     ----------
@@ -73,9 +75,9 @@ def phase_of(
     data : "rate" or "phase"
         What `x` holds.
     straighten : bool
-        Remove a line from the rate too, where third differences will do so anyway; it would cost digits.
+        Also remove a line from the rate. Third differences remove it anyway; removing it first reduces rounding errors.
     octaves : bool
-        Measure the second differences at octaves in the same pass over a rate: half the time of a second one.
+        Compute the second differences of a rate at octaves in the same pass; this takes half the time of a second pass.
 
     Raises
     ------
@@ -121,7 +123,7 @@ def contradicting_rate(rate: float, known: float, owner: str) -> OptionError:
 
 
 def _rate_unit(unit: str) -> str:
-    """The unit of the rate of a phase."""
+    """Return the unit of the rate for a unit of the phase."""
     if not unit:
         return ""
     known = find_unit(f"{unit}/s")
@@ -129,12 +131,12 @@ def _rate_unit(unit: str) -> str:
 
 
 def _without_line(phase: Vector) -> Vector:
-    """The phase without the line through its first and last value; the first is 0."""
+    """Remove the line through the first and last value of the phase; the first value becomes 0."""
     return np.asarray(phase - np.arange(phase.size) * (phase[-1] / (phase.size - 1)))
 
 
 def _without_slope(values: Vector) -> Vector:
-    """The rate without its mean and its least-squares slope; a constant becomes exactly zero."""
+    """Remove the mean and the least-squares slope of the rate; a constant becomes exactly zero."""
     n = values.size
     centred = values - _core.mean(values)
     time = np.arange(n, dtype=np.float64)
@@ -146,16 +148,16 @@ def _without_slope(values: Vector) -> Vector:
 
 
 def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | None = None) -> NDArray[np.int64]:
-    """The cluster sizes that a user asks for, ascending.
+    """Return the requested cluster sizes in ascending order.
 
     Parameters
     ----------
     clusters : "octave", "decade", "all", or (n,) array of integers
-        Which, in samples.
+        Requested sizes, in samples.
     largest : int
-        The largest for which the variance exists.
+        Largest size for which the variance exists.
     usual : int, optional
-        The largest of those chosen by name, if smaller.
+        Largest size for a choice by name, if smaller than `largest`.
 
     >>> cluster_sizes("decade", 300)
     array([  1,   2,   4,  10,  20,  40, 100, 200])
@@ -191,7 +193,7 @@ def cluster_sizes(clusters: Clusters | ArrayLike, largest: int, usual: int | Non
 def mean_squares(
     kernel: Callable[[int], float], clusters: NDArray[np.int64], counts: NDArray[np.int64], progress: Progress | None
 ) -> Vector:
-    """The kernel's sum of squares over its number of terms, cluster by cluster; Ctrl-C stops between two of them."""
+    """Divide the kernel's sum of squares by its number of terms per cluster size; Ctrl-C stops between two sizes."""
     sums = np.empty(clusters.size)
     for k, n in enumerate(clusters.tolist()):
         if progress is not None:
@@ -205,5 +207,5 @@ def mean_squares(
 
 
 def inner_product(a: Vector, b: Vector) -> float:
-    """Σ a_i b_i in this thread: those of a BLAS wait for each other, and on a busy machine take ten times as long."""
+    """Compute Σ a_i b_i in this thread: BLAS threads wait for each other, ten times as long on a busy machine."""
     return float(np.einsum("i,i->", a, b))

@@ -1,7 +1,8 @@
-"""The robust wavelet variance: at each level, the M-estimate of scale of the coefficients.
+"""Robust wavelet variance: the M-estimate of scale of the coefficients at each level.
 
-Each level is solved on a sample of its coefficients first: from their median, Newton's method leads next to the
-root. Then all levels together take two or three passes over everything, each one read of the running sum.
+Each level is first solved on a sample of its coefficients: Newton's method, started at their median, finds an
+approximate root. Two or three passes over all coefficients of all levels then refine the roots. Each pass reads the
+running sum once.
 """
 
 from __future__ import annotations
@@ -21,21 +22,21 @@ from gmwm.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweigh
 from gmwm.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
 
 PART = 8
-"""A level of which one tile in so many tells more than the sample takes a step on these before the passes."""
+"""Tile stride of the intermediate step. A level takes this step if these tiles hold more data than its sample."""
 PASSES = 8
-"""Passes over everything before a level counts as stuck; levels that behave need two or three."""
+"""Largest number of passes before a level is treated as not converged; two or three are typical."""
 TOLERANCE = 1e-11
-"""Of log σ², predicted."""
+"""Tolerance for the predicted error of log σ²."""
 FEW = 2
-"""So few coefficients know no outlier: their variance is the mean of their squares."""
+"""Up to this many coefficients no outlier can be identified: the variance is the mean of the squares."""
 
 Outcome: TypeAlias = Literal["root", "mad", "mean", "zero"]
-"""How a level ended: at a root; without one, at (MAD / 0.67449)²; too few coefficients; most of them zero."""
+"""Outcome of a level: a root; (MAD / 0.67449)² without a root; too few coefficients; mostly zero coefficients."""
 
 
 @dataclass
 class _Level:
-    """What is known of one level so far; log σ² counts from log `start`."""
+    """Current state of the search at one level; log σ² is relative to log `start`."""
 
     start: float = 0.0
     place: float = 0.0
@@ -53,16 +54,16 @@ class _Level:
 
 @dataclass(frozen=True)
 class RobustVariances:
-    """Robust variances of several levels, and how each was found.
+    """Robust variances of several levels, with diagnostics of the search.
 
     Attributes
     ----------
     variance : (J,) array, in the square of the coefficients' unit
     diagnostics : mapping
         For each level: "outcome" ("root"; "mad" where no root exists; "mean" of the squares of one or two
-        coefficients; "zero" where most coefficients are zero and no root exists, or all are), "start" (where the
-        search began: (MAD / 0.67449)², or from a higher quantile where the MAD is 0), "iterations" on a sample of
-        the coefficients, "passes" over all of them, and "zeros", the share of coefficients that are zero.
+        coefficients; "zero" if all coefficients are zero, or most are and no root exists), "start" (the starting
+        value: (MAD / 0.67449)², or from a higher quantile if the MAD is 0), "iterations" on a sample of the
+        coefficients, "passes" over all of them, and "zeros", the share of coefficients that are zero.
     """
 
     variance: Vector
@@ -70,7 +71,7 @@ class RobustVariances:
 
 
 def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVariances:
-    """The M-estimate of σ² of every level: mean ρ(W/σ) = a, at the falling root next to (MAD / 0.67449)².
+    """Compute the M-estimate of σ² at every level: the falling root of mean ρ(W/σ) = a nearest (MAD / 0.67449)².
 
     Raises
     ------
@@ -79,9 +80,9 @@ def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVar
 
     Notes
     -----
-    MAD is the median of |W|: it is 0 where more than half of the coefficients are, which the signal of a coarse
-    quantizer does at fine levels (standard deviation up to half the least significant bit). Then the search
-    begins at the median of those that are not zero, and where no root is found the variance is 0.
+    MAD is the median of |W|. It is 0 if more than half of the coefficients are zero. This happens at fine levels of
+    a coarsely quantized signal (standard deviation up to half the least significant bit). In this case the search
+    starts at the median of the nonzero coefficients. If it finds no root, the variance is 0.
     """
     tuning = biweight(efficiency)
     levels = [_first(source, k, tuning) for k in range(len(source.counts))]
@@ -97,29 +98,29 @@ def robust_variances(source: Coefficients, efficiency: float = 0.6) -> RobustVar
 
 
 def haar_robust_variances(x: Vector, levels: int, efficiency: float = 0.6) -> RobustVariances:
-    """Robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
+    """Compute robust Haar MODWT variances of a finite signal at levels 1 … `levels`."""
     return robust_variances(HaarCoefficients(x, levels), efficiency)
 
 
 def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolution: float = 0.0) -> float:
-    """The robust variance of an array of coefficients of mean zero: Tukey's biweight M-estimate of scale, squared.
+    """Compute the robust variance of zero-mean coefficients: the square of Tukey's biweight M-estimate of scale.
 
-    σ solves mean ρ(W/σ) = a, ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and else 0, with c of the wanted efficiency and
-    a = E ρ(r) under N(0, 1).
+    σ solves mean ρ(W/σ) = a, with ρ(r) = r²(1 − r²/c²)⁴ for |r| ≤ c and 0 otherwise. The requested efficiency
+    determines c, and a = E ρ(r) under N(0, 1).
 
     Parameters
     ----------
     coefficients : (M,) array
-        W, at least one.
+        Coefficients W, at least one.
     efficiency : float
-        Under Gaussian coefficients, from 0.3 to 0.99.
+        Efficiency for Gaussian coefficients, from 0.3 to 0.99.
     resolution : float
-        |W| up to which a coefficient is zero but for rounding.
+        Coefficients with |W| up to this value are treated as zero (rounding error).
 
     Raises
     ------
     DataError
-        If the coefficients are not finite numbers, or there is none.
+        If a coefficient is not finite, or the array is empty.
     OptionError
         If `efficiency` is not from 0.3 to 0.99.
 
@@ -133,13 +134,13 @@ def robust_variance(coefficients: ArrayLike, efficiency: float = 0.6, *, resolut
 
 
 def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
-    """A level on a sample of its coefficients: solved if that is all of them, else with a root to polish."""
+    """Search a level on a sample of its coefficients; the result is final if the sample holds all of them."""
     sample = source.sample(k, SAMPLE)
     count, resolution = int(source.counts[k]), source.resolution(k)
     complete = sample.size == count
     level = _Level(zeros=float(np.count_nonzero(sample <= resolution)) / sample.size)
     if not complete and level.zeros > 0.4:
-        # Near one half, and where the sample may have missed the few that are not zero, all are counted.
+        # Near one half, or if the sample may have missed the few nonzero coefficients, count all of them.
         level.zeros = source.between(k, resolution, resolution)[0] / count
     if level.zeros == 1:
         level.outcome = "zero"
@@ -151,14 +152,14 @@ def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
 
 
 def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
-    """A root on the sample, from the MAD by Newton's method, else by a scan around it."""
+    """Find a root on the sample by Newton's method from the MAD, or else by a scan around it."""
     middle = float(np.median(sample))
-    # The sample may have too many zeros where all coefficients have just not.
+    # The sample may have too many zeros for a root although the complete set has just few enough.
     if _mad_is_zero(level) or middle <= resolution:
         rest = sample[sample > resolution]
         if rest.size == 0:
             return
-        # The median of the rest is the quantile (1 + share of zeros) / 2 of |W|.
+        # The median of the nonzero coefficients is the quantile (1 + share of zeros) / 2 of |W|.
         start = float(np.median(rest)) / NormalDist().inv_cdf((3 + level.zeros) / 4)
     else:
         start = middle / NORMAL_QUARTILE
@@ -172,7 +173,7 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
         found = scan(criterion, tolerance)
         root, level.iterations = found.root, level.iterations + found.evaluations
         if root is None and not complete:
-            # The mean of ρ over a sample is known to 4 % of a: all coefficients may reach a where that nearly does.
+            # The sample determines the mean of ρ to 4 % of a, so all coefficients may have a root if it nearly has one.
             near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
@@ -204,12 +205,12 @@ def _on_all(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> Cr
 
 
 def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) -> None:
-    """Newton's method on all coefficients of all levels that have a root on their sample, pass by pass."""
+    """Refine the sample roots of all levels by Newton's method on all coefficients, pass by pass."""
     active = np.array([level.rooted and level.outcome is None for level in levels])
     start = np.array([level.start for level in levels])
     place = np.array([level.place for level in levels])
     before: tuple[Vector, Vector, Vector] | None = None
-    # Neighbours up to 2^j apart tell the same.
+    # Coefficients up to 2^j apart are strongly correlated.
     fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
     for number in range(-int(fine.any()), PASSES):
         if not active.any():
@@ -237,16 +238,17 @@ def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) ->
 def _interpolated(
     before: tuple[Vector, Vector, Vector], here: tuple[Vector, Vector, Vector], step: Vector
 ) -> tuple[Vector, Vector]:
-    """The step to where the cubic through both last points, with their slopes, has its root; its predicted error.
+    """Return the step to the root of the cubic through the last two points and slopes, and its predicted error.
 
-    The cubic is log σ² as a function of the criterion. Its error goes with both distances squared, Newton's with
-    the smaller one alone. Where the criterion did not shrink to a tenth, the step is Newton's.
+    The cubic is log σ² as a function of the criterion. Its error is proportional to the product of both squared
+    distances; the error of Newton's step is proportional to the smaller squared distance only. If the criterion did
+    not shrink to a tenth, the Newton step is used.
     """
     (x0, y0, d0), (x1, y1, d1) = before, here
     usable = (np.abs(y1) < 0.1 * np.abs(y0)) & (d0 < 0) & (d1 < 0)
     span = np.where(usable, y1 - y0, 1.0)
     m0, m1 = (span / np.where(usable, d, 1.0) for d in (d0, d1))
-    # From here on in units of the span: the root lies at u = -y1 / span beyond the later point.
+    # The following is in units of the span: the root lies at u = -y1 / span beyond the later point.
     u = -y1 / span
     rise = x1 - x0
     cubic = u * m1 + u**2 * (m0 + 2 * m1 - 3 * rise) + u**3 * (m0 + m1 - 2 * rise)
@@ -256,7 +258,7 @@ def _interpolated(
 
 
 def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
-    """A level without a root on its sample, or from which the passes strayed: a scan of all, else what is left."""
+    """Settle a level without a sample root or with diverged passes: scan all coefficients, or else use the MAD or 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

@@ -1,9 +1,10 @@
-"""The robust wavelet variance of a record that comes twice: what the first pass knows nearly, the second one exactly.
+"""Exact robust wavelet variance from two passes over a record.
 
-From its sketches the first pass knows σ² to 1e-4 or better. The sums of the equation over all coefficients at just
-that σ² say by how much value and slope of the criterion are off there; the difference being small and smooth, a
-straight line says it for the way that is left, whose square is 1e-8. The median of a level without a root is counted
-out within the sketch's bin. Levels of few coefficients are kept as they are.
+The sketches of the first pass determine σ² to 1e-4 or better. The second pass computes the exact sums over all
+coefficients at this σ². They give the errors of the value and the slope of the sketched criterion. These errors are
+small and smooth, so a linear correction is accurate to the square of the remaining distance, 1e-8. For a level without
+a root, the second pass finds the exact median inside the bin of the sketch. Levels with few coefficients are stored
+completely.
 """
 
 from __future__ import annotations
@@ -30,18 +31,19 @@ if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator
 
 OTHERS = 0.05
-"""By how much, relatively, the second pass moves no variance of the same samples: 1e-4 is usual."""
+"""Largest relative change of a variance in a second pass over the same samples; 1e-4 is typical."""
 NEAR = 0.02
-"""Of log σ²: how far from where the sums were taken they are followed in a straight line."""
+"""Largest distance in log σ² from the position of the exact sums for which the linear correction is used."""
 DOUBT = 0.01
-"""Of a: a criterion that comes so near to 0 without a root, or falls so slowly at one, may be of the other kind."""
+"""Threshold, relative to a. A criterion this close to 0, or with a slope this small at its root, is ambiguous:
+the exact coefficients may have a root where the sketch has none, or the reverse."""
 
 
 class SecondPass(SegmentedAccumulator):
-    """A record again, of which the first pass knows the sketches: its robust variance, of all coefficients exactly.
+    """Second pass over a record: the exact robust variance, given the sketches of the first pass.
 
-    It is made by `WaveletAccumulator.second_pass`, and takes the same samples with the same gaps, cut in any way. Parts
-    may be taken apart and merged in order: `part` makes one that begins anywhere.
+    `WaveletAccumulator.second_pass` creates it. It takes the same samples with the same gaps, in chunks of any size.
+    Parts can be processed separately and merged in order: `part` creates a second pass that begins at any sample.
     """
 
     def __init__(
@@ -53,18 +55,18 @@ class SecondPass(SegmentedAccumulator):
         self._rise = 0.0
 
     def part(self, start: int) -> SecondPass:
-        """An empty one for the part of the record that begins with sample `start`."""
+        """Create an empty second pass for the part of the record that begins with sample `start`."""
         return SecondPass(
             self._seen, self._request, winsorised=self._winsorised, start=start, efficiency=self.efficiency
         )
 
     def merge(self, following: SecondPass) -> SecondPass:
-        """A new one of this part and the one that follows it at once.
+        """Merge this part with the part that directly follows it.
 
         Raises
         ------
         OptionError
-            If the other does not begin where this one ends, or is not a second pass over the same record.
+            If `following` does not begin where this part ends, or is not a second pass over the same record.
         """
         self._require_following(following, "exact", "levels", "efficiency")
         for name in ("limits", "low", "high", "kept"):
@@ -82,22 +84,22 @@ class SecondPass(SegmentedAccumulator):
         return joint
 
     def result(self, confidence: float = 0.95) -> WaveletVariance:
-        """The robust wavelet variance of the whole record.
+        """Compute the robust wavelet variance of the whole record.
 
-        Levels up to `exact` are those of `wavelet_variance(…, robust=True)`, to some 1e-10; further ones those of the
-        coefficients taken. A level with more than 2^17 coefficients in the bin of its median, where nothing but the
-        median is left, is known to 1e-7. `diagnostics["robust"]` says besides what it says there by how much a level
-        "moved" in the second pass, relatively.
+        Levels up to `exact` agree with `wavelet_variance(…, robust=True)` to about 1e-10. Higher levels are computed
+        from every τ/64-th coefficient. If a level has no root and more than 2^17 coefficients in the bin of its median,
+        it is accurate to 1e-7. `diagnostics["robust"]` also contains "moved", the relative change of each level in the
+        second pass.
 
         Parameters
         ----------
         confidence : float
-            Level of the limits.
+            Confidence level of the limits.
 
         Raises
         ------
         DataError
-            If the samples were not those of the first pass: of another number, between other gaps, or of another size.
+            If the samples differ from those of the first pass in number, gaps or values.
         """
         self._fold()
         if self.start != self._seen.start or self.lengths != self._seen.lengths:
@@ -112,7 +114,7 @@ class SecondPass(SegmentedAccumulator):
         before = robust_variances(sketched, self.efficiency).variance
         moved = [abs(v / b - 1.0) if b > 0 else 0.0 for v, b in zip(exact.variance, before, strict=True)]
         rooted = (outcome == "root" for outcome in exact.diagnostics["outcome"])
-        # The counts of the first pass are good to some 1e-4, so that these are not the samples that were counted.
+        # The first pass is accurate to about 1e-4, so a larger change means that the samples differ.
         if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
             raise DataError(
                 f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
@@ -138,7 +140,7 @@ def _extent(record: SegmentedAccumulator) -> str:
 
 
 def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency: float) -> SumRequest:
-    """The sums that the second pass needs, chosen by the sketches of the first."""
+    """Choose the sums to collect in the second pass from the sketches of the first pass."""
     tuning, levels = biweight(efficiency), len(sketched.counts)
     limits, low, high = np.zeros((3, levels))
     kept = sketched.counts <= SAMPLE
@@ -157,7 +159,7 @@ def sum_request(sketched: SketchCoefficients, found: RobustVariances, efficiency
 
 
 def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Biweight) -> Criterion:
-    """The criterion of one level, log σ² counted from log `origin`."""
+    """Return the criterion of one level as a function of log σ² relative to log `origin`."""
     limits = np.zeros(len(sketched.counts))
 
     def criterion(place: float) -> tuple[float, float]:
@@ -169,7 +171,7 @@ def criterion_of(sketched: SketchCoefficients, k: int, origin: float, tuning: Bi
 
 
 def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | None:
-    """σ² at which the criterion of a level without a root comes nearest to one, if it comes near at all."""
+    """Return σ² at the maximum of the criterion of a level without a root, or None if it is far from 0."""
     sample = sketched.sample(k, SAMPLE)
     rest = sample[sample > sketched.resolution(k)]
     origin = float(np.median(rest)) ** 2 if rest.size else 0.0
@@ -187,7 +189,7 @@ def _nearest(sketched: SketchCoefficients, k: int, tuning: Biweight) -> float | 
 
 
 class Corrected:
-    """Coefficients known by their sketches, and better by what a second pass found: the source of a robust variance."""
+    """Sketched coefficients corrected by the sums of a second pass, as a source of a robust variance."""
 
     def __init__(self, sketched: SketchCoefficients, request: SumRequest, found: tuple[LevelSums, ...]) -> None:
         self.counts = sketched.counts
@@ -198,7 +200,7 @@ class Corrected:
         self._fourth = np.where(used, [level.fourth for level in found], 0.0) - fourth
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Those of the sketches and how much these are off, in a straight line along log σ²; `every` one is read."""
+        """Return the sums of the sketches plus a correction linear in log σ²; `every` is ignored."""
         cubed, fourth, count = self._sketched.sums(limits)
         for k in np.flatnonzero(limits > 0).tolist():
             if self._request.kept[k]:
@@ -213,15 +215,15 @@ class Corrected:
         return cubed, fourth, count
 
     def sample(self, k: int, size: int) -> Vector:
-        """All, where they are kept, else by the sketch."""
+        """Return all stored |W|, or quantiles of the sketch if they are not stored."""
         return self._found[k].sizes if self._request.kept[k] else self._sketched.sample(k, size)
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """By the sketch."""
+        """Count and sample the values with the sketch."""
         return self._sketched.between(k, low, high)
 
     def median(self, k: int) -> float:
-        """That of the sizes, or of those in the bracket by their ranks."""
+        """Compute the median of the stored |W|, or from the counts in the bracket."""
         level, count = self._found[k], int(self.counts[k])
         if self._request.kept[k]:
             return float(np.median(level.sizes))
@@ -229,5 +231,5 @@ class Corrected:
         return self._sketched.median(k) if middle is None else float(middle.mean())
 
     def resolution(self, k: int) -> float:
-        """As known."""
+        """Return the resolution from the first pass."""
         return self._sketched.resolution(k)

@@ -1,4 +1,4 @@
-"""Sums that a second pass collects: those of the biweight near the robust variance, and counts around the median."""
+"""Sums of a second pass: biweight sums near the robust variance, and counts around the median."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gmwm import _core
 from gmwm._arrays import Vector
 
 FINEST = 8
-"""Bits of a number that a cell leaves out at the least: cells of 2^-44 of its size."""
+"""Smallest number of low-order bits that a cell omits: cells are at least 2^-44 wide, relative to the value."""
 MOST = 1 << 17
-"""Cells of a level, at the most."""
+"""Largest number of cells of a level."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +26,9 @@ class MedianCells:
     Attributes
     ----------
     shift : int
-        Bits that a cell leaves out.
+        Number of low-order bits that a cell omits.
     cells, counts : (n,) arrays
-        Leading bits in rising order, and how many sizes have them.
+        Leading bits in ascending order, and the number of |W| in each cell.
     """
 
     shift: int = FINEST
@@ -37,11 +37,11 @@ class MedianCells:
 
     @classmethod
     def of(cls, sizes: Vector) -> MedianCells:
-        """The counts of an array of nonnegative numbers."""
+        """Count an array of nonnegative numbers."""
         return cls(FINEST, *np.unique(sizes.view(np.int64) >> FINEST, return_counts=True))._few()
 
     def merge(self, other: MedianCells) -> MedianCells:
-        """The counts of both."""
+        """Add the counts of two sets."""
         if not other.cells.size:
             return self
         shift = max(self.shift, other.shift)
@@ -55,14 +55,14 @@ class MedianCells:
         return MedianCells(shift, cells, np.insert(counts, places[~known], two.counts[~known]))._few()
 
     def _few(self) -> MedianCells:
-        """In cells so wide that there are not too many."""
+        """Widen the cells until their number is within the limit."""
         made = self
         while made.cells.size > MOST:
             made = made._shifted(made.shift + 1)
         return made
 
     def _shifted(self, shift: int) -> MedianCells:
-        """In cells that leave out so many bits."""
+        """Return the counts in cells that omit `shift` bits."""
         if shift == self.shift or not self.cells.size:
             return MedianCells(shift, self.cells, self.counts)
         cells = self.cells >> (shift - self.shift)
@@ -70,7 +70,7 @@ class MedianCells:
         return MedianCells(shift, cells[firsts], np.add.reduceat(self.counts, firsts))
 
     def at(self, ranks: NDArray[np.int64]) -> Vector | None:
-        """The sizes of these ranks, from 0 in rising order; None where there are not so many."""
+        """Return the |W| of these ranks, counted from 0 in ascending order; None if a rank is out of range."""
         ends = np.cumsum(self.counts)
         if not self.cells.size or ranks.min() < 0 or ranks.max() >= ends[-1]:
             return None
@@ -82,18 +82,18 @@ class MedianCells:
 
 @dataclass(frozen=True, eq=False)
 class LevelSums:
-    """Sums and counts of some coefficients of one level.
+    """Sums and counts over a set of coefficients of one level.
 
     Attributes
     ----------
     cubed, fourth : float
         Σ v q³ and Σ v q⁴ at the level's limit.
     below : int
-        How many |W| lie below the level's bracket.
+        Number of |W| below the bracket of the level.
     inside : MedianCells
-        Counts of those that lie in it.
+        Counts of |W| in the bracket.
     sizes : (n,) array
-        All |W|, of a level with few coefficients.
+        All |W|, for a level with few coefficients.
     """
 
     cubed: float = 0.0
@@ -103,7 +103,7 @@ class LevelSums:
     sizes: Vector = field(default_factory=lambda: np.empty(0))
 
     def merge(self, other: LevelSums) -> LevelSums:
-        """The sums of the coefficients of both."""
+        """Add the sums of two sets of coefficients."""
         sizes = np.concatenate([self.sizes, other.sizes]) if other.sizes.size else self.sizes
         return LevelSums(
             self.cubed + other.cubed,
@@ -116,12 +116,12 @@ class LevelSums:
 
 @dataclass(frozen=True, eq=False)
 class SecondPassSums:
-    """The sums of all levels."""
+    """Sums of all levels."""
 
     levels: tuple[LevelSums, ...] = ()
 
     def merge(self, other: SecondPassSums) -> SecondPassSums:
-        """The sums of the coefficients of both, level by level."""
+        """Add the sums of two sets of coefficients level by level."""
         return SecondPassSums(
             tuple(a.merge(b) for a, b in zip_longest(self.levels, other.levels, fillvalue=LevelSums()))
         )
@@ -129,16 +129,16 @@ class SecondPassSums:
 
 @dataclass(frozen=True, eq=False)
 class SumRequest:
-    """Which sums of each level's coefficients the second pass collects: a `StatisticsCollector`.
+    """Specification of the sums that the second pass collects at each level: a `StatisticsCollector`.
 
     Attributes
     ----------
     limits : (J,) array
-        (cσ)² at which the sums are taken; 0 where none are.
+        (cσ)² at which the sums are computed; 0 for levels without sums.
     low, high : (J,) arrays
-        The bracket of the median; high is 0 where there is none.
+        The bracket of the median; `high` is 0 for levels without a bracket.
     kept : (J,) array of bool
-        Whether all |W| are kept.
+        Whether all |W| are stored.
     """
 
     limits: Vector
@@ -148,7 +148,7 @@ class SumRequest:
     squares = False
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> SecondPassSums:
-        """The sums of all levels, in one pass."""
+        """Compute the sums of all levels in one pass."""
         reach = min(levels, (running_sum.size - 1).bit_length() - 1, self.limits.size)
         if reach < 1:
             return SecondPassSums()
@@ -157,13 +157,13 @@ class SumRequest:
             cubed, fourth, _ = _core.haar_biweight_sums(running_sum, self.limits[:reach].copy(), 1, begin)
         found = []
         for k in range(reach):
-            # Of a coefficient of level j that ends at `begin` the first sample lies 2^j − 1 before.
+            # A coefficient of level j that ends at `begin` starts 2^j − 1 samples earlier.
             part = running_sum[max(begin + 1 - (2 << k), 0) :]
             found.append(LevelSums(float(cubed[k]), float(fourth[k]), *self._sizes(part, k)))
         return SecondPassSums(tuple(found))
 
     def across(self, running_sum: Vector, level: int) -> SecondPassSums:
-        """The sums of one level."""
+        """Compute the sums of one level."""
         k = level - 1
         if k >= self.limits.size:
             return SecondPassSums()
@@ -176,7 +176,7 @@ class SumRequest:
         return self.at(level, LevelSums(cubed, fourth, *self._sizes(running_sum, k)))
 
     def values(self, coefficients: Vector, level: int) -> LevelSums:
-        """The sums of an array of coefficients."""
+        """Compute the sums of an array of coefficients."""
         k = level - 1
         if k >= self.limits.size or not coefficients.size:
             return LevelSums()
@@ -189,15 +189,15 @@ class SumRequest:
         return LevelSums(cubed, fourth, below=below, inside=inside, sizes=sizes if self.kept[k] else np.empty(0))
 
     def at(self, level: int, part: LevelSums, resolution: float = 0.0) -> SecondPassSums:
-        """The sums of one level alone; the resolution is known from the first pass."""
+        """Wrap the sums of one level; the resolution comes from the first pass."""
         return SecondPassSums((*(LevelSums() for _ in range(level - 1)), part))
 
     def empty(self) -> SecondPassSums:
-        """The sums of no coefficients."""
+        """Return the sums of an empty set."""
         return SecondPassSums()
 
     def _sizes(self, running_sum: Vector, k: int) -> tuple[int, MedianCells, Vector]:
-        """The number of coefficients below the bracket, the counts in it, and all |W| where they are kept."""
+        """Return the number of |W| below the bracket, the counts in it, and all |W| if they are stored."""
         below, inside, sizes = 0, MedianCells(), np.empty(0)
         if running_sum.size > 2 << k:
             if self.high[k] > 0:

@@ -1,4 +1,4 @@
-"""Samples in a row, as far as the wavelet variance of a record needs them once they are gone."""
+"""State of a segment of consecutive samples, from which the wavelet variance of a record is computed."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 @dataclass(frozen=True, eq=False)
 class SegmentState:
-    """All that is kept of samples in a row.
+    """State that is kept for a segment of consecutive samples.
 
-    Values are less the first of them, so that an offset costs no digits.
+    The first sample is subtracted from all values, so a large offset causes no rounding errors.
 
     Attributes
     ----------
     exact : int
-        Levels of which every coefficient is taken.
+        Levels at which every coefficient is used.
     start, count : int
-        Number of the first sample in the record, and how many there are.
+        Index of the first sample in the record, and number of samples.
     reference : float
         The first sample.
     head, tail : arrays
         The first and the last 2^exact − 1 samples.
     squares : (exact,) array
-        Σ W² of each of these levels.
+        Σ W² at each of these levels.
     blocks : tuple of Blocks
-        Those of the further levels, one at least.
+        Block sums for the higher levels, at least one.
     statistics : Statistics or None
-        What else is kept of the coefficients of the first levels.
+        Further statistics of the coefficients of the first levels.
     """
 
     exact: int
@@ -52,12 +52,12 @@ class SegmentState:
 
     @property
     def stop(self) -> int:
-        """Number of the sample to come."""
+        """Index of the next sample."""
         return self.start + self.count
 
     @classmethod
     def of(cls, x: Vector, start: int, exact: int, levels: int, collector: StatisticsCollector | None = None) -> Self:
-        """That of some samples, at least one."""
+        """Build the state of at least one sample."""
         reference, reach = float(x[0]), (1 << exact) - 1
         values = x - reference
         steps = [(1 << level) // STEPS for level in range(exact + 1, max(levels, exact + 1) + 1)]
@@ -75,7 +75,7 @@ class SegmentState:
         )
 
     def grown(self, x: Vector, collector: StatisticsCollector | None = None) -> SegmentState:
-        """These samples and those that follow."""
+        """Return the state of this segment extended by the samples `x`."""
         values, reach = x - self.reference, (1 << self.exact) - 1
         joint = np.concatenate([self.tail, values])
         head = self.head if self.head.size == reach else np.concatenate([self.head, values])[:reach]
@@ -94,12 +94,12 @@ class SegmentState:
         )
 
     def followed_by(self, later: SegmentState, collector: StatisticsCollector | None = None) -> SegmentState:
-        """These samples and a segment that follows them."""
+        """Return the state of this segment and the segment that directly follows it."""
         offset, reach = later.reference - self.reference, (1 << self.exact) - 1
         head, tail = later.head + offset, later.tail + offset
         squares, statistics = self.squares + later.squares, _merged(self.statistics, later.statistics)
         for level in range(1, self.exact + 1):
-            # Of 2^j − 1 samples on either side every coefficient reaches over the cut.
+            # Every coefficient of the 2^j − 1 samples on either side extends across the boundary.
             width = (1 << level) - 1
             around = np.concatenate([self.tail[-width:], head[:width]])
             if around.size > width:
@@ -124,7 +124,7 @@ class SegmentState:
         )
 
     def sums(self, levels: int) -> tuple[Vector, NDArray[np.int64]]:
-        """Σ W² and the number of coefficients of levels 1 … J (J,), those that are taken."""
+        """Return Σ W² and the number of coefficients used, for levels 1 … J (J,)."""
         squares, counts = np.zeros(levels), np.zeros(levels, dtype=np.int64)
         exact = min(levels, self.exact)
         squares[:exact] = self.squares[:exact]
@@ -134,7 +134,7 @@ class SegmentState:
         return squares, counts
 
     def all_statistics(self, collector: StatisticsCollector) -> Any:
-        """What was taken of all levels, by the same way of taking it."""
+        """Return the collected statistics of all levels."""
         joint = self.statistics
         for level, blocks in enumerate(self.blocks, start=self.exact + 1):
             if blocks.count:
@@ -143,7 +143,7 @@ class SegmentState:
 
     @property
     def rise(self) -> float:
-        """Mean rise in a sample, by least squares over blocks; where there are none yet, between the two halves."""
+        """Estimate the mean rise per sample by least squares over blocks, or between both halves without blocks."""
         rise = self.blocks[0].rise
         if rise is not None:
             return rise
@@ -154,7 +154,7 @@ class SegmentState:
         return (second - first) / (self.count / 2)
 
     def arrays(self, prefix: str) -> dict[str, Any]:
-        """All of it as numbers and arrays, their names begun with `prefix`."""
+        """Return the state as numbers and arrays, with names that start with `prefix`."""
         return {
             f"{prefix}start": self.start,
             f"{prefix}count": self.count,
@@ -176,7 +176,7 @@ class SegmentState:
 
     @classmethod
     def restored(cls, prefix: str, exact: int, values: Mapping[str, Any]) -> Self | None:
-        """What `arrays` gave; None if there is none."""
+        """Restore the state from the output of `arrays`; None if there is no such state."""
         if f"{prefix}count" not in values:
             return None
         blocks, at = [], 0
@@ -212,7 +212,7 @@ class SegmentState:
 def _measured(
     values: Vector, levels: int, begin: int, collector: StatisticsCollector | None
 ) -> tuple[Vector, Statistics | None]:
-    """Σ W² (levels,), if wanted, and what else is taken of the coefficients that end at sample `begin` or after."""
+    """Compute Σ W² (levels,), if requested, and the statistics of coefficients that end at sample `begin` or later."""
     out, total = np.zeros(levels), _core.running_sum(values)
     reach = min(levels, values.size.bit_length() - 1)
     if reach > 0 and (collector is None or collector.squares):

@@ -1,10 +1,11 @@
-"""Counts of |W| in bins: what a robust variance needs of coefficients that are not kept, in any order and grouping.
+"""Sketches: histograms of |W| from which a robust variance is computed without storing the coefficients.
 
-Bins are the same for every signal: an octave is cut in 128, so that a bin is 0.4 to 0.8 % wide. Each knows how many |W|
-fell in and their mean, to 2^-31. Of a sum over all coefficients of a smooth function only the second order of a bin's
-width is lost. Measured, a robust variance at a root is that of the coefficients themselves to 1e-7 for smooth
-distributions, to 3e-5 for those of a quantizer (1e-4 at an efficiency of 0.3). Where there is no root it is the median,
-which lies within half a bin: mostly 1e-3 of the variance, 8e-3 at the worst.
+A sketch does not depend on the order or grouping of the coefficients. The bins are the same for every signal: each
+octave has 128 bins, so a bin is 0.4 to 0.8 % wide. A bin stores the number of |W| and their mean to 2^-31. A sum of a
+smooth function over all coefficients has an error of second order in the bin width. The measured relative error of a
+robust variance at a root is 1e-7 for smooth distributions and 3e-5 for quantized data (1e-4 at an efficiency of 0.3).
+Without a root, the variance follows from the median, which is accurate to half a bin: the error of the variance is
+typically 1e-3 and at most 8e-3.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from gmwm.variance.coefficients import haar_resolution
 Counts = NDArray[np.int64]
 
 OCTAVE = 128
-"""Bins of an octave."""
+"""Bins per octave."""
 UNIT = 2.0**-24
-"""In which the sums over a bin are kept, of its width."""
+"""Resolution of the sums over a bin, relative to the bin width."""
 BEYOND = 2047 * OCTAVE
-"""The bin of what is infinite; bin 0 is that of zero, and of what is less than 2^-1029."""
+"""Index of the bin of infinite values; bin 0 holds zero and values below 2^-1029."""
 
 
 def _nothing() -> Counts:
@@ -36,19 +37,19 @@ def _nothing() -> Counts:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """How many |W| of one level lie in each bin, and their sum over it; all whole numbers.
+    """Number and sum of the |W| of one level in each bin, as integers.
 
-    Memory is 2 kB for each octave from the smallest to the largest |W|, about 30 of them: 60 kB. Numbers hold for up
-    to 5·10^11 coefficients in one bin.
+    A sketch needs 2 kB of memory per octave between the smallest and the largest |W|: about 30 octaves, or 60 kB. A
+    bin can hold up to 5·10^11 coefficients without overflow.
 
     Attributes
     ----------
     zeros, beyond : int
-        How many are zero (less than 2^-1029), and how many infinite.
+        Number of zero values (less than 2^-1029) and of infinite values.
     first : int
         Number of the first octave; octave e holds 2^(e − 1023) ≤ |W| < 2^(e − 1022).
     counts, sums : (128 m,) arrays
-        Of the bins of m octaves: how many, and the sum of (|W| − bin's beginning) / bin's width, in 2^-24.
+        For the bins of m octaves: the number of values, and the sum of (|W| − lower edge) / bin width, in 2^-24.
 
     Examples
     --------
@@ -66,25 +67,26 @@ class Sketch:
 
     @classmethod
     def of(cls, values: ArrayLike) -> Sketch:
-        """That of an array of coefficients (M,), none or many."""
+        """Build the sketch of an array of coefficients (M,), which can be empty."""
         return cls(*_core.sketch_values(as_vector(values, "values", at_least=0, finite=False)))
 
     @classmethod
     def of_haar(cls, running_sum: Vector, level: int, begin: int, end: int) -> Sketch:
-        """That of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1.
+        """Build the sketch of the Haar coefficients W_{j,t} of one level, begin ≤ t < end and t ≥ 2^j − 1.
 
-        `running_sum` is that of all samples (`_core.running_sum`); where none has so many, the sketch is empty.
+        `running_sum` is the running sum of all samples (`_core.running_sum`). If there are too few samples for the
+        level, the sketch is empty.
         """
         if running_sum.size <= 1 << level:
             return cls()
         return cls(*_core.haar_sketch(running_sum, level, begin, end))
 
     def __len__(self) -> int:
-        """Coefficients so far."""
+        """Return the number of coefficients."""
         return self.zeros + self.beyond + int(self.counts.sum())
 
     def merge(self, other: Sketch) -> Sketch:
-        """That of the coefficients of both."""
+        """Merge the sketches of two sets of coefficients."""
         zeros, beyond = self.zeros + other.zeros, self.beyond + other.beyond
         if not self.counts.size or not other.counts.size:
             kept = self if self.counts.size else other
@@ -99,7 +101,7 @@ class Sketch:
         return Sketch(zeros, beyond, first=first, counts=counts, sums=sums)
 
     def to_array(self) -> Counts:
-        """All of it as rows (bin, count, sum) of the bins that are not empty, in rising order: to be stored."""
+        """Return the nonempty bins as rows (bin, count, sum) in ascending order, for storage."""
         used = np.flatnonzero(self.counts)
         rows = np.column_stack([used + self.first * OCTAVE, self.counts[used], self.sums[used]])
         ends = np.array([[0, self.zeros, 0], [BEYOND, self.beyond, 0]], dtype=np.int64)
@@ -108,12 +110,12 @@ class Sketch:
 
     @classmethod
     def from_array(cls, rows: ArrayLike) -> Sketch:
-        """The sketch whose `to_array` gave `rows`.
+        """Restore a sketch from the output of `to_array`.
 
         Raises
         ------
         ReadError
-            If they are not those of a sketch.
+            If the rows do not describe a sketch.
         """
         array = np.asarray(rows)
         if array.size == 0:
@@ -141,14 +143,14 @@ class Sketch:
 
 @dataclass(frozen=True, eq=False)
 class Sketches:
-    """Those of all levels of a record, and up to which |W| a coefficient of each is rounding.
+    """Sketches of all levels of a record, with the rounding error of the coefficients of each level.
 
     Attributes
     ----------
     levels : tuple of Sketch
-        Of levels 1 … J.
+        Sketches of levels 1 … J.
     resolutions : (J,) array
-        The largest of the parts.
+        Largest |W| that can be a rounding error: the maximum over all merged parts.
     """
 
     levels: tuple[Sketch, ...] = ()
@@ -156,7 +158,7 @@ class Sketches:
 
     @classmethod
     def of_haar(cls, running_sum: Vector, levels: int, begin: int) -> Sketches:
-        """Those of the Haar coefficients of levels 1 … `levels` that end at sample `begin` or after."""
+        """Build the sketches of the Haar coefficients of levels 1 … `levels` that end at sample `begin` or later."""
         peak, end = float(np.abs(running_sum).max()), running_sum.size - 1
         numbers = range(1, min(levels, max(end, 1).bit_length() - 1) + 1)
         return cls(
@@ -166,11 +168,11 @@ class Sketches:
 
     @classmethod
     def at(cls, level: int, sketch: Sketch, resolution: float) -> Sketches:
-        """With that of one level, nothing at those below it."""
+        """Wrap the sketch of one level; the lower levels are empty."""
         return cls((*(Sketch() for _ in range(level - 1)), sketch), np.append(np.zeros(level - 1), resolution))
 
     def merge(self, other: Sketches) -> Sketches:
-        """Those of the coefficients of both, level by level."""
+        """Merge the sketches level by level."""
         resolutions = np.zeros(max(len(self.levels), len(other.levels)))
         for part in (self, other):
             own = resolutions[: len(part.levels)]
@@ -179,18 +181,18 @@ class Sketches:
         return Sketches(tuple(a.merge(b) for a, b in pairs), resolutions)
 
     def to_arrays(self) -> tuple[Counts, Vector]:
-        """All of it to be stored: rows (level, bin, count, sum), and the resolutions."""
+        """Return rows (level, bin, count, sum) and the resolutions, for storage."""
         rows = [np.insert(sketch.to_array(), 0, level, axis=1) for level, sketch in enumerate(self.levels, start=1)]
         return np.concatenate([np.empty((0, 4), dtype=np.int64), *rows]), self.resolutions
 
     @classmethod
     def from_arrays(cls, rows: ArrayLike, resolutions: ArrayLike) -> Sketches:
-        """Those whose `to_arrays` gave these.
+        """Restore sketches from the output of `to_arrays`.
 
         Raises
         ------
         ReadError
-            If they are not those of sketches.
+            If the arrays do not describe sketches.
         """
         table, sizes = np.asarray(rows), np.asarray(resolutions, dtype=np.float64)
         if table.size == 0:
@@ -202,29 +204,29 @@ class Sketches:
 
 
 class SketchCollector:
-    """Sketches of coefficients while their samples are there."""
+    """Collector that builds sketches of the coefficients while the samples are available."""
 
     squares = True
 
     def haar(self, running_sum: Vector, levels: int, begin: int) -> Sketches:
-        """Of all levels."""
+        """Build the sketches of all levels."""
         return Sketches.of_haar(running_sum, levels, begin)
 
     def across(self, running_sum: Vector, level: int) -> Sketches:
-        """Of one level."""
+        """Build the sketches of one level."""
         resolution = haar_resolution(float(np.abs(running_sum).max()), level)
         return Sketches.at(level, Sketch.of_haar(running_sum, level, 0, running_sum.size - 1), resolution)
 
     def values(self, coefficients: Vector, level: int) -> Sketch:
-        """Of an array; the level is all the same."""
+        """Build the sketch of an array of coefficients; it does not depend on the level."""
         return Sketch.of(coefficients) if coefficients.size else Sketch()
 
     def at(self, level: int, part: Sketch, resolution: float) -> Sketches:
-        """With that of one level."""
+        """Wrap the sketch of one level."""
         return Sketches.at(level, part, resolution)
 
     def empty(self) -> Sketches:
-        """Of no coefficients."""
+        """Return empty sketches."""
         return Sketches()
 
 

@@ -1,4 +1,4 @@
-"""Coefficients that are known by their sketches, as the source of a robust variance."""
+"""Sketched coefficients as a source of a robust variance."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from gmwm._arrays import Vector
 from gmwm.variance.sketch import BEYOND, OCTAVE, UNIT, Counts, Sketch, Sketches
 
 ALONE = 8
-"""So many times the coefficients of both neighbours in a bin are one value, not part of a smooth distribution."""
+"""Ratio of counts to both neighbouring bins above which the values of a bin are treated as one repeated value."""
 _BELOW_BIN = 52 - OCTAVE.bit_length() + 1
-"""Bits of a number's mantissa below those that tell its bin."""
+"""Number of low-order mantissa bits below those that identify the bin."""
 
 
 class SketchCoefficients:
-    """Coefficients known by their sketches, one a level: the source of a robust variance.
+    """Coefficients described by one sketch per level, as a source of a robust variance.
 
-    Those of a bin count as two points about their mean, as far apart as it takes to be right for what lies evenly in
-    the bin; those of a bin whose neighbours are nearly empty count as one value.
+    The coefficients of a bin are represented by two points about their mean. Their distance has the variance of a
+    uniform distribution over the bin. If the neighbours of a bin are nearly empty, its coefficients count as one value.
 
     Examples
     --------
@@ -38,11 +38,11 @@ class SketchCoefficients:
 
     @classmethod
     def of(cls, sketches: Sketches, levels: int) -> SketchCoefficients:
-        """Those of the first `levels` levels."""
+        """Build the source for the first `levels` levels."""
         return cls(sketches.levels[:levels], sketches.resolutions[:levels].tolist())
 
     def sums(self, limits: Vector, every: int = 1) -> tuple[Vector, Vector, Vector]:
-        """Over the bins of each level; they are few, and `every` one is read."""
+        """Sum over the bins of each level. The number of bins is small, so `every` is ignored."""
         sums = np.zeros((3, limits.size))
         for k, limit in enumerate(limits.tolist()):
             if limit > 0:
@@ -50,7 +50,7 @@ class SketchCoefficients:
         return sums[0], sums[1], sums[2]
 
     def sample(self, k: int, size: int) -> Vector:
-        """The quantiles in the middle of `size` equal shares; in rising order."""
+        """Return the mid-quantiles of `size` equal shares in ascending order."""
         count = int(self.counts[k])
         size = min(size, count)
         return self._levels[k].at(
@@ -58,37 +58,37 @@ class SketchCoefficients:
         )
 
     def between(self, k: int, low: float, high: float) -> tuple[int, Vector]:
-        """By the bins' means; as many values in between as there are."""
+        """Count by the means of the bins, and return all values between `low` and `high`."""
         below, above = self._levels[k].below(low), self._levels[k].below(high)
         return below, self._levels[k].at(np.arange(below, above))
 
     def median(self, k: int) -> float:
-        """That of a bin's values where they are one or lie evenly; at the worst half a bin off, 0.4 %."""
+        """Compute the median, assuming uniform or equal values in its bin; the error is at most half a bin, 0.4 %."""
         count = int(self.counts[k])
         return float(self._levels[k].at(np.array([(count - 1) // 2, count // 2])).mean())
 
     def bracket(self, k: int) -> tuple[float, float]:
-        """Two |W| between which the median lies: ends of the bins in which it does, a little wider for rounding."""
+        """Return bounds of the median: the edges of its bins, slightly widened for rounding."""
         count = int(self.counts[k])
         return self._levels[k].edges(np.array([(count - 1) // 2, count // 2]))
 
     def resolution(self, k: int) -> float:
-        """As given."""
+        """Return the stored resolution."""
         return self._resolutions[k]
 
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """The bins of a sketch that are not empty, zero and infinity with them, in rising order.
+    """Nonempty bins of a sketch in ascending order, including zero and infinity.
 
     Attributes
     ----------
     mean, half : arrays
-        Of |W|; and half the interval about the mean on which the values are taken to lie.
+        Mean of |W|, and half the width of the interval about the mean in which the values are assumed to lie.
     ends : array
-        How many values lie in this bin or below.
+        Number of values in this bin and all bins below.
     squares, weights : arrays
-        W² and how many, for sums over all that is neither zero nor infinite.
+        W² and their counts, for sums over all finite nonzero values.
     """
 
     mean: Vector
@@ -103,13 +103,13 @@ class _Bins:
         bins, counts = used + sketch.first * OCTAVE, sketch.counts[used]
         number = counts.astype(np.float64)
         place = sketch.sums[used] * UNIT / number
-        # Numbers less than 2^-1022, in octave 0, have bins as wide as those of octave 1.
+        # Numbers below 2^-1022 are in octave 0; its bins are as wide as those of octave 1.
         width = np.ldexp(1.0 / OCTAVE, np.maximum(bins // OCTAVE, 1) - 1023)
         mean = (bins << _BELOW_BIN).view(np.float64) + width * place
         padded = np.concatenate([[0], sketch.counts, [0]])
         alone = counts > ALONE * (padded[used] + padded[used + 2])
         half = np.where(alone, 0.0, width * np.minimum(place, 1.0 - place))
-        # A third of the largest variance that the mean allows; of what lies evenly in a bin it is just that.
+        # A third of the largest variance possible for this mean; exact for a uniform distribution over the bin.
         variance = place * (1.0 - place) / 3.0 * (number - 1.0) / number
         deviation = np.where(alone, 0.0, width * np.sqrt(variance))
         with np.errstate(over="ignore", under="ignore"):
@@ -123,26 +123,26 @@ class _Bins:
         )
 
     def biweight_sums(self, limit: float) -> tuple[float, float]:
-        """Σ v q³ and Σ v q⁴, v = min(W²/limit, 1), q = 1 − v: what is infinite adds nothing, as zero does."""
+        """Compute Σ v q³ and Σ v q⁴, v = min(W²/limit, 1), q = 1 − v; zero and infinite values contribute 0."""
         v = np.minimum(self.squares, limit) / limit
         q = 1.0 - v
         term = self.weights * v * q**3
         return float(term.sum()), float(term @ q)
 
     def at(self, ranks: Counts) -> Vector:
-        """The values that have `ranks`, from 0, in rising order."""
+        """Return the values of `ranks`, counted from 0 in ascending order."""
         k = np.searchsorted(self.ends, ranks, side="right")
         count = np.diff(self.ends, prepend=0)[k]
         inside = (ranks - (self.ends[k] - count) + 0.5) / count
         return np.asarray(self.mean[k] + (2.0 * inside - 1.0) * self.half[k])
 
     def edges(self, ranks: Counts) -> tuple[float, float]:
-        """Where the bins of the first and the last of `ranks` begin and end, a little wider for rounding."""
+        """Return the lower edge of the first and the upper edge of the last rank's bin, widened for rounding."""
         means = self.mean[np.searchsorted(self.ends, ranks, side="right")]
         first, last = means.view(np.int64) >> _BELOW_BIN
         low, high = (np.array([first, last + 1], dtype=np.int64) << _BELOW_BIN).view(np.float64).tolist()
         return (low * (1 - 1e-9) if first else -1.0), (high * (1 + 1e-9) if last < BEYOND else np.inf)
 
     def below(self, high: float) -> int:
-        """How many values are at most `high`."""
+        """Count the values that are at most `high`."""
         return int(self.ends[np.searchsorted(self.mean, high, side="right") - 1])

@@ -1,7 +1,7 @@
-"""The mean rise of a record of winsorised values, in two passes: outliers have a bounded effect.
+"""Mean rise of a record of winsorised values, in two passes: outliers have a bounded effect.
 
-The first pass keeps a sample of the values, which gives their median and spread. The second pass weights each value,
-as the lengths of the segments are known by then.
+The first pass keeps a sample of the values and estimates their median and spread. The second pass weights each value;
+it needs the lengths of the segments, which the first pass provides.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 
 KEPT = 8192
-"""Values that are kept at the most, half as many at the least."""
+"""Largest number of stored values; thinning keeps at least half as many."""
 FAR = 10.0
-"""Median absolute deviations from the median, at which values are clipped."""
+"""Clipping limit: distance from the median in median absolute deviations."""
 ROW = 256
 _ROW_SUMS = np.column_stack([np.arange(ROW, dtype=np.float64), np.ones(ROW)])
 
@@ -28,9 +28,9 @@ class ThinnedValues:
     Attributes
     ----------
     every : int
-        Samples from one to the next, a power of two.
+        Distance between kept values in samples, a power of two.
     first : int
-        Number in the record of the first of them, a multiple of `every`.
+        Index in the record of the first kept value, a multiple of `every`.
     values : (n,) array
     """
 
@@ -40,20 +40,20 @@ class ThinnedValues:
 
     @classmethod
     def of(cls, x: Vector, start: int) -> ThinnedValues:
-        """The values of a part that begins with sample `start`."""
+        """Return the thinned values of a part that begins with sample `start`."""
         every = 1 << max(0, (x.size // KEPT).bit_length() - 1)
         before = -start % every
         return cls(every, start + before, x[before::every].copy())._thinned(every)
 
     def joined(self, later: ThinnedValues) -> ThinnedValues:
-        """The values of this part and of the one that follows it."""
+        """Combine the values of this part and the part that directly follows it."""
         every = max(self.every, later.every)
         a, b = self._thinned(every), later._thinned(every)
         first = a.first if a.values.size else b.first
         return ThinnedValues(every, first, np.concatenate([a.values, b.values]))._thinned(every)
 
     def _thinned(self, every: int) -> ThinnedValues:
-        """Thinned to every so many samples, and to at most `KEPT` values."""
+        """Thin to every `every`-th sample, and further to at most `KEPT` values."""
         first, values, own = self.first, self.values, self.every
         while own < every or values.size > KEPT:
             odd = first // own % 2
@@ -61,12 +61,12 @@ class ThinnedValues:
         return ThinnedValues(own, first, values)
 
     def winsorised_rise(self, start: int, lengths: tuple[int, ...]) -> WinsorisedRise:
-        """The measurement of the rise of the whole record that these values were drawn from."""
+        """Prepare the estimate of the mean rise of the whole record from which these values were drawn."""
         middle = float(np.median(self.values)) if self.values.size else 0.0
         spread = float(np.median(np.abs(self.values - middle))) if self.values.size else 0.0
         sizes = np.array(lengths, dtype=np.float64)
         edges = start + np.cumsum([0, *lengths])
-        # Least squares in each segment; the segments are weighted by the squares of their lengths, as elsewhere.
+        # Least squares in each segment, weighted by the squares of the segment lengths.
         with np.errstate(divide="ignore", invalid="ignore"):
             weights = np.where(sizes > 1, 12.0 * sizes / (sizes**2 - 1.0), 0.0) / np.sum(sizes[sizes > 1] ** 2)
         return WinsorisedRise(middle, FAR * spread if spread > 0 else np.inf, edges, weights)
@@ -74,16 +74,16 @@ class ThinnedValues:
 
 @dataclass(frozen=True, eq=False)
 class WinsorisedRise:
-    """The mean rise of a record of clipped values, added up in any order.
+    """Mean rise of a record of clipped values; the parts can be added in any order.
 
     Attributes
     ----------
     middle, reach : float
         Values are clipped to middle ± reach.
     edges : (S + 1,) array
-        Numbers of the first sample of each segment, and one beyond the last.
+        Index of the first sample of each segment, and one past the last sample of the record.
     weights : (S,) array
-        Of (t − middle of the segment) x_t.
+        Weights of (t − middle of the segment) x_t.
     """
 
     middle: float
@@ -92,13 +92,13 @@ class WinsorisedRise:
     weights: Vector
 
     def rise(self, x: Vector, start: int) -> float:
-        """What samples of one segment, the first of them of number `start`, add to the mean rise in a sample."""
+        """Return the contribution to the mean rise per sample of samples of one segment that begin at `start`."""
         k = int(np.searchsorted(self.edges, start, side="right")) - 1
         if not 0 <= k < self.weights.size:
-            return 0.0  # more than there were
+            return 0.0  # more samples than in the first pass
         values = x - self.middle
         np.clip(values, -self.reach, self.reach, out=values)
-        # Row by row, for the sums of x and of t x in one reading.
+        # Process row by row to compute the sums of x and of t x in one pass.
         rows = values[: values.size // ROW * ROW].reshape(-1, ROW) @ _ROW_SUMS
         rest = values[rows.shape[0] * ROW :]
         total = float(rows[:, 1].sum()) + float(rest.sum())
