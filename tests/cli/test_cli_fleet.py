@@ -91,7 +91,7 @@ def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tm
     for k in range(12):
         rows = "".join(f"{i / 100},{(i * 7) % 5}\n" for i in range(9))
         (tmp_path / "in" / f"{k:02d}.csv").write_text("time,accel_x [m/s^2]\n" + rows)
-    outcome = gmwm("fleet", tmp_path / "in", "--output", tmp_path / "out", "--workers", 0)
+    outcome = gmwm("fleet", tmp_path / "in", "--axis", "gyro_x", "--output", tmp_path / "out", "--workers", 0)
     assert outcome.code == 2
     assert outcome.err.startswith("error: none of 12 units ")
     assert "00.csv" in outcome.err

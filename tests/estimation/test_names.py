@@ -21,7 +21,7 @@ def test_a_parameter_at_zero_has_a_limit_and_no_error():
     x = gmwm.WN(sigma2=1.0).simulate(2000, RATE, rng=2)
     for fit in (gmwm.fit("WN + RW", x, RATE), gmwm.fit_ml("WN + RW", x, RATE)):
         assert fit.diagnostics.not_supported == ("RW",)
-        words = "RW.gamma2 has no standard error: it is at the end of its domain, zero"
+        words = "RW.gamma2 has no standard error: it is zero, the end of its domain"
         assert said(fit.standard_errors, "RW.gamma2") == f"{words}; its upper limit is in confidence_intervals()"
         assert 0 < fit.confidence_intervals()["RW.gamma2"][1] < 1
         assert "RW.gamma2" not in fit.standard_errors
@@ -32,10 +32,8 @@ def test_a_parameter_at_zero_has_a_limit_and_no_error():
 def test_a_term_at_zero_with_a_free_shape_has_no_limit():
     fit = gmwm.fit("WN + 2*GM", gmwm.WN(sigma2=1.0).simulate(2000, RATE, rng=2), RATE)
     assert "GM[1]" in fit.diagnostics.not_supported
-    assert said(fit.standard_errors, "GM[1].beta").endswith(
-        "is estimated as zero, and the parameter then means nothing"
-    )
-    assert said(fit.standard_errors, "GM[1].sigma2").endswith("the shape being free these data give it no limit")
+    assert said(fit.standard_errors, "GM[1].beta").endswith("is estimated as zero, so the parameter has no meaning")
+    assert said(fit.standard_errors, "GM[1].sigma2").endswith("the data give it no limit while the shape is free")
     assert fit.confidence_intervals()["GM[1].sigma2"] == (0.0, np.inf)
 
 
@@ -53,7 +51,7 @@ def test_a_term_that_acts_as_another_says_so():
     assert fit.diagnostics.acts_as == {"GM": "RW"}
     for name in ("GM.beta", "GM.sigma2"):
         assert said(fit.standard_errors, name).startswith(
-            f"{name} has no standard error: GM acts as RW, and these data"
+            f"{name} has no standard error: GM acts as RW, so the data do not determine"
         )
 
 

@@ -282,7 +282,7 @@ def test_the_order_of_terms_and_missing_samples_at_the_ends_change_nothing():
 def test_a_process_without_a_state_space_is_refused(name):
     process = every_class()[name]
     shape = process.at_coordinates(process.scan(1000, RATE).mean(axis=1)[None, :])[0]
-    model = process.standard(shape)
+    model = Model((process.standard(shape),))
     with raises(MissingTheoryError, name.partition("(")[0], "finite state", advises=["Gauss-Markov"]):
         model.loglikelihood(np.random.default_rng(1).standard_normal(50), RATE)
 

@@ -122,6 +122,7 @@ def test_quantiles_lie_on_a_line():
 
 
 @pytest.mark.filterwarnings("ignore:.*of its correlation times:gmwm.errors.FitWarning")
+@pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
 def test_estimates_take_as_many_degrees_of_freedom_as_they_have_shapes():
     # An autoregression shows at short lags: both of its coefficients, but not its variance.
     model = Model.parse("AR(2, phi1=1.4, phi2=-0.6, sigma2=1.0)")

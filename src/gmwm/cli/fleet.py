@@ -109,27 +109,7 @@ def fleet(
     """
     from gmwm.fleets.engine import calibrate_fleet
 
-    if efficiency is not None and robust == "no":
-        raise OptionError(
-            "--efficiency applies only to the robust wavelet variance",
-            argument="efficiency",
-            got=efficiency,
-            advice="Leave {--efficiency} or {--robust=no} out.",
-        )
-    if workers is not None and scheduler is not None:
-        raise OptionError(
-            "--workers starts processes on this machine, but a scheduler has its own workers",
-            argument="workers",
-            got=workers,
-            advice="Leave {--workers} or {--scheduler} out.",
-        )
-    if folder.is_file():
-        raise OptionError(
-            f"{folder} is a file, not a folder of recordings",
-            argument="folder",
-            got=str(folder),
-            advice="Use {gmwm calibrate} for one recording.",
-        )
+    _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
     asked = CalibrationOptions(
         within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
@@ -157,6 +137,31 @@ def fleet(
         written=done,
         remarks=tuple(_trouble(found)),
     )
+
+
+def _check(folder: Path, *, robust: str, efficiency: float | None, scheduler: str | None, workers: int | None) -> None:
+    """Raise `OptionError` for options that exclude each other, and for a file in place of a folder."""
+    if efficiency is not None and robust == "no":
+        raise OptionError(
+            "--efficiency applies only to the robust wavelet variance",
+            argument="efficiency",
+            got=efficiency,
+            advice="Leave {--efficiency} or {--robust=no} out.",
+        )
+    if workers is not None and scheduler is not None:
+        raise OptionError(
+            "--workers starts processes on this machine, but a scheduler has its own workers",
+            argument="workers",
+            got=workers,
+            advice="Leave {--workers} or {--scheduler} out.",
+        )
+    if folder.is_file():
+        raise OptionError(
+            f"{folder} is a file, not a folder of recordings",
+            argument="folder",
+            got=str(folder),
+            advice="Use {gmwm calibrate} for one recording.",
+        )
 
 
 def _document(found: Fleet) -> dict[str, object]:

@@ -94,10 +94,10 @@ def _upper_limits(noise: Noise, confidence: float) -> Iterator[Remark]:
                     yield Remark.of("upper-limit", name, level=level)
                 else:
                     unit = noise_unit(power, SI_UNIT[sensor.quantity])[0]
-                    yield from _limits_among(name, axes, unit, rule, level)
+                    yield from _limits_among(name, axes, unit, rule=rule, level=level)
 
 
-def _limits_among(name: str, axes: Mapping[str, Number], unit: str, rule: Rule, level: Quantity) -> Iterator[Remark]:
+def _limits_among(name: str, axes: Mapping[str, Number], unit: str, *, rule: Rule, level: Quantity) -> Iterator[Remark]:
     """One remark for each axis of a number that is made of measured values and upper limits."""
     for axis, number in axes.items():
         # An axis without the noise, for example without flicker noise, has the value zero.

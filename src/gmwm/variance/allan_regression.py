@@ -75,7 +75,7 @@ class AllanRegression(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
-        """Restore a result from the output of `to_dict`."""
+        """Restore a result from `values`, the output of `to_dict`."""
         names = ("term", "coefficient", "first", "last", "points", "bound")
         lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
         return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, missing=dict(values["missing"]))

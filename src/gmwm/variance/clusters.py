@@ -130,7 +130,7 @@ class ClusterVariance(Summarised):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> ClusterVariance:
-        """Restore a result from the output of `to_dict`."""
+        """Restore a result from `values`, the output of `to_dict`."""
         known = {field.name: values[field.name] for field in fields(cls)}
         for name in ("clusters", "counts"):
             known[name] = np.asarray(known[name], dtype=np.int64)
