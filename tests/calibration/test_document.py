@@ -125,9 +125,10 @@ def test_a_missing_file_is_named_with_its_folder(tmp_path):
         Calibration.load(tmp_path / "none.json")
 
 
-def test_a_newer_version_says_what_to_do(calibration):
-    content = {**calibration.to_dict(), "version": VERSION + 1, "gmwm": "9.0"}
-    with raises(ReadError, f"version {VERSION + 1}", "gmwm 9.0", f"up to {VERSION}", advises=["gmwm"]):
+@pytest.mark.parametrize(("version", "advice"), [(VERSION + 1, "newer gmwm"), (VERSION - 1, "Calibrate")])
+def test_another_version_says_what_to_do(calibration, version, advice):
+    content = {**calibration.to_dict(), "version": version, "gmwm": "9.0"}
+    with raises(ReadError, f"version {version} ", "gmwm 9.0", f"reads version {VERSION}", advises=[advice]):
         Calibration.from_dict(content)
 
 

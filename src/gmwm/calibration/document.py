@@ -28,7 +28,7 @@ from gmwm.remarks import Remark
 
 FORMAT = "gmwm-calibration"
 VERSION = 2
-"""Version of the document. gmwm reads this version and older ones; a new key alone does not change the version."""
+"""Version of the document. gmwm reads this version only; a new key alone does not change the version."""
 
 T = TypeVar("T")
 
@@ -82,18 +82,19 @@ def calibration(content: Any) -> Calibration:
     Raises
     ------
     ReadError
-        If the document is of another format or of a newer version, or if a part is missing or wrong.
+        If the document is of another format or of another version, or if a part is missing or wrong.
     """
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
         raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"')
     version = content.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
         raise ReadError(f"not a calibration: version must be a whole number from 1; got {version!r}")
-    if version > VERSION:
+    if version != VERSION:
+        newer = version > VERSION
         raise ReadError(
             f"the calibration has version {version} of the format, written by gmwm {content.get('gmwm')}; "
-            f"this gmwm reads versions up to {VERSION}",
-            advice="Install a newer gmwm: `pip install --upgrade gmwm`.",
+            f"this gmwm reads version {VERSION}",
+            advice="Install a newer gmwm: `pip install --upgrade gmwm`." if newer else "Calibrate the recording again.",
         )
     parsed = _numbers(content)
     _require_parts(parsed, _PARTS, "the document")
