@@ -38,7 +38,7 @@ def test_consumers_of_both_sensors_say_which_is_missing(units, tmp_path, format)
     gyro = with_axes(units["quantized"], "gyro_x", "gyro_y", "gyro_z")
     path = tmp_path / "old"
     path.write_text("kept")
-    with pytest.raises(DataError, match=f"^{format} .* no accelerometers, only gyro_x, gyro_y, gyro_z"):
+    with pytest.raises(DataError, match=f"^{format}: .* no accelerometers, only gyro_x, gyro_y, gyro_z"):
         gyro.export(path, format)
     # Whole or not at all.
     assert path.read_text() == "kept"
@@ -75,7 +75,7 @@ def test_units_must_be_known(units):
     assert "unknown" in json.loads(unknown.export(format="json"))["axes"]["gyro_x"]["filter"]["none_because"]
     nameless = gmwm.calibrate({"signal": wv}, "WN")
     for format in ("kalibr", "ros"):
-        with pytest.raises(DataError, match=f"^{format} .* only signal"):
+        with pytest.raises(DataError, match=f"^{format}: .* only signal"):
             nameless.export(format=format)
 
 
