@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -22,6 +23,9 @@ from gmwm.variance.transform import Transform, deepest_level
 
 def covariance(model: Model, design: Design) -> Matrix:
     """V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
+    if design.excess is not None:
+        curve = model.wavelet_variance(design.levels, design.rate, design.filter)
+        return covariance(model, replace(design, excess=None)) + design.excess * np.outer(curve, curve)
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment))
     noise, waves = lines.apart(model, design)
@@ -35,6 +39,9 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 def variances(model: Model, design: Design) -> Vector:
     """The diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
+    if design.excess is not None:
+        curve = model.wavelet_variance(design.levels, design.rate, design.filter)
+        return np.asarray(variances(model, replace(design, excess=None)) + np.diag(design.excess) * curve**2)
     if design.segments:
         return pooled(design, lambda segment: variances(model, segment))
     noise, waves = lines.apart(model, design)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm._arrays import Vector, freeze
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import FEW
@@ -36,6 +36,8 @@ class Design:
         For each level, the distance (samples) between the coefficients that were used; () if all were used.
     pooled : (J,) int array or None
         For one segment among several, the number of coefficients of all segments together.
+    excess : (J, J) array or None
+        Relative covariance of the estimates beyond a Gaussian signal of the model; see `WaveletVariance`.
 
     Examples
     --------
@@ -52,6 +54,7 @@ class Design:
     segments: tuple[int, ...] = ()
     strides: tuple[int, ...] = ()
     pooled: NDArray[np.int64] | None = None
+    excess: Matrix | None = None
 
     def __post_init__(self) -> None:
         # Copy the array, because the caller's array must stay writable.
@@ -69,6 +72,7 @@ class Design:
             efficiency=wv.efficiency,
             segments=wv.segments,
             strides=wv.strides,
+            excess=wv.excess,
         )
 
     @property
@@ -99,7 +103,8 @@ class Design:
     def only(self, which: NDArray[np.bool_]) -> Design:
         """The design with only some of the levels."""
         strides = tuple(np.array(self.strides, dtype=np.int64)[which].tolist()) if self.strides else ()
-        return replace(self, levels=self.levels[which], strides=strides)
+        excess = None if self.excess is None else self.excess[np.ix_(which, which)]
+        return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
         """The design of one segment, with its own levels and the `counts` of all segments; None if it has no level."""
@@ -109,7 +114,7 @@ class Design:
             return None
         return replace(
             self, levels=self.levels[:reach], samples=length, segments=(), strides=self.strides[:reach],
-            pooled=counts[:reach],
+            pooled=counts[:reach], excess=None,
         )  # fmt: skip
 
     @property

@@ -156,7 +156,8 @@ def usable_in(design: Design) -> NDArray[np.bool_]:
 def shortened(wv: WaveletVariance, count: int) -> WaveletVariance:
     """The first `count` levels of a wavelet variance."""
     cut = {name: getattr(wv, name)[:count].copy() for name in ("levels", "variance", "lower", "upper", "counts")}
-    return replace(wv, **cut, strides=wv.strides[:count])
+    excess = None if wv.excess is None else wv.excess[:count, :count].copy()
+    return replace(wv, **cut, strides=wv.strides[:count], excess=excess)
 
 
 def _statistic(fit: Fit) -> tuple[float, int]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm._arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm._text import Summarised
 from gmwm.errors import DataError
 from gmwm.filters import find_filter
@@ -62,6 +62,9 @@ class WaveletVariance(Summarised):
         Distance (samples) between the coefficients of each level; () if all were used, see `WaveletAccumulator`.
     slope : float or None
         Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
+    excess : (J, J) array or None
+        Relative covariance E of the estimates beyond a Gaussian signal of the model, from heavy tails or from a model
+        that is not exact: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Weights, tests, intervals and selection use it.
 
     Examples
     --------
@@ -91,10 +94,17 @@ class WaveletVariance(Summarised):
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     segments: tuple[int, ...] = ()
     strides: tuple[int, ...] = ()
+    excess: Matrix | None = None
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
             freeze(getattr(self, name))
+        if self.excess is not None:
+            if self.excess.shape != (len(self), len(self)):
+                raise DataError(
+                    argument="excess", expected=f"a {len(self)} x {len(self)} matrix", got=self.excess.shape
+                )
+            freeze(self.excess)
         if self.strides and len(self.strides) != len(self):
             raise DataError(
                 argument="strides", expected=f"empty or one number for each of {len(self)} levels", got=self.strides
@@ -250,6 +260,7 @@ class WaveletVariance(Summarised):
             "robust": self.robust,
             "efficiency": self.efficiency,
             "slope": self.slope,
+            "excess": None if self.excess is None else self.excess.tolist(),
             "diagnostics": dict(self.diagnostics),
         }
 
@@ -262,6 +273,8 @@ class WaveletVariance(Summarised):
             fields[name] = np.asarray(fields[name], dtype=kind)
         for name in ("variance", "lower", "upper"):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
+        if fields.get("excess") is not None:
+            fields["excess"] = np.asarray(fields["excess"], dtype=np.float64)
         for name in ("segments", "strides"):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
         return cls(**fields)
