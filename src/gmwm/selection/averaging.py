@@ -1,0 +1,201 @@
+"""Intervals that hold after model selection: tail areas averaged over all models that the data allow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+from gmwm.datasheets import Datasheet, Entry, datasheet
+from gmwm.errors import GmwmError
+from gmwm.estimation.result import Fit
+from gmwm.selection.ranking import Candidate, Ranking
+
+LIKELY = 0.02
+"""Smallest weight, relative to the best model, with which a model enters the average (docs/validation/sensors.md)."""
+EQUIVALENT = 4.0
+"""Largest difference of criteria that counts for a model that the test finds equivalent to the best one: two such
+models differ by chance (docs/validation/sensors.md)."""
+MOST = 8
+"""Largest number of models in the average."""
+ALIKE = 5.0
+"""Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
+_HALVINGS = 80
+_TIMES = ("T_c", "q_c")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """An estimate of one model, with the weight of the model.
+
+    Attributes
+    ----------
+    weight : float
+    value, low, high : float
+        Estimate and its interval; positive.
+    upper_only : bool
+        Whether only `high` is known; then the number may be zero.
+    """
+
+    weight: float
+    value: float
+    low: float
+    high: float
+    upper_only: bool = False
+
+
+ABSENT = Estimate(weight=0.0, value=0.0, low=0.0, high=0.0, upper_only=True)
+"""The number in a model that does not have it: zero."""
+
+
+def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[float, float]:
+    """The interval beyond whose ends the averaged tail areas are (1 − level) / 2 each.
+
+    The logarithm of each estimate is normal around its value, with the width of its interval. The lower end is 0 if the
+    models in which the number is zero have a larger weight than the tail area.
+
+    References
+    ----------
+    Turek and Fletcher (2012), Model-averaged Wald confidence intervals, Comput. Stat. Data Anal. 56, 2809-2815.
+
+    Examples
+    --------
+    >>> one = Estimate(weight=1.0, value=1.0, low=0.5, high=2.0)
+    >>> low, high = averaged_interval([one], 0.95)
+    >>> round(low, 3), round(high, 3)
+    (0.5, 2.0)
+    >>> averaged_interval([one, replace(ABSENT, weight=0.5)], 0.95)[0]
+    0.0
+    """
+    law, tail = NormalDist(), (1 - level) / 2
+    reach = law.inv_cdf(1 - tail)
+    total = sum(e.weight for e in estimates)
+    sure = [e for e in estimates if e.high > 0]
+    if not sure or total <= 0:
+        return 0.0, 0.0
+
+    def above(x: float) -> float:
+        share = 0.0
+        for e in sure:
+            if e.upper_only or e.low <= 0 or e.value <= 0:
+                share += e.weight * (1.0 if math.isinf(e.high) else 1 - law.cdf(reach * x / e.high))
+            elif math.isinf(e.high) or e.high <= e.low:
+                share += e.weight * float(math.isinf(e.high) or x <= e.value)
+            else:
+                side = e.high / e.value if x > e.value else e.value / e.low
+                deviation = math.log(max(side, 1 + 1e-12)) / reach
+                share += e.weight * (1 - law.cdf(math.log(x / e.value) / deviation))
+        return share / total
+
+    ends = [end for e in sure for end in (e.low, e.value, e.high) if 0 < end < math.inf]
+    if not ends:
+        return 0.0, math.inf
+    first, last = math.log(min(ends)) - 7.0, math.log(max(ends)) + 7.0
+    low = 0.0 if above(math.exp(first)) < 1 - tail else _crossing(above, 1 - tail, first, last)
+    high = math.inf if above(math.exp(last)) > tail else _crossing(above, tail, first, last)
+    return low, high
+
+
+def _crossing(above: Callable[[float], float], wanted: float, first: float, last: float) -> float:
+    for _ in range(_HALVINGS):
+        middle = (first + last) / 2
+        first, last = (middle, last) if above(math.exp(middle)) > wanted else (first, middle)
+    return math.exp((first + last) / 2)
+
+
+def weighted_candidates(ranking: Ranking) -> list[tuple[float, Candidate]]:
+    """The models that enter the average, with weights exp(−difference / 2)."""
+    found = []
+    for candidate in ranking.distinct:
+        difference = candidate.difference
+        if candidate.equivalent:
+            difference = min(difference, EQUIVALENT)
+        weight = math.exp(-difference / 2)
+        if weight >= LIKELY or candidate.recommended:
+            found.append((weight, candidate))
+    return sorted(found, key=lambda pair: (not pair[1].recommended, -pair[0]))[:MOST]
+
+
+def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Datasheet:
+    """The datasheet of the recommended model with intervals that include the choice of the model.
+
+    An interval only becomes wider: it has the ends of the average where they are outside those of the model. A number
+    that models with a share of more than (1 − level) / 2 of the weight do not have becomes an upper limit.
+    """
+    others = []
+    for weight, candidate in weighted_candidates(ranking):
+        if candidate.recommended:
+            others.append((weight, sheet))
+            continue
+        try:
+            others.append((weight, datasheet(candidate.fit, level)))
+        except GmwmError:  # a model without intervals says nothing about a number
+            continue
+    if len(others) < 2:
+        return sheet
+    return replace(sheet, entries=tuple(_widened(entry, sheet, others, level) for entry in sheet.values()))
+
+
+def _widened(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datasheet]], level: float) -> Entry:
+    if entry.held or entry.low is None or entry.high is None or entry.value <= 0 or entry.unit == "Hz":
+        return entry
+    estimates = []
+    for weight, other in others:
+        same = entry if other is sheet else _counterpart(entry, sheet, other)
+        if same is not None:
+            estimates.append(replace(_estimate(same), weight=weight))
+        elif _base(entry.symbol) not in _TIMES:
+            estimates.append(replace(ABSENT, weight=weight))
+    low, high = averaged_interval(estimates, level)
+    low, high = min(low, entry.low), max(high, entry.high)
+    return replace(entry, low=low, high=high, upper_only=entry.upper_only or low == 0.0)
+
+
+def _estimate(entry: Entry) -> Estimate:
+    low, high = entry.low or 0.0, math.inf if entry.high is None else entry.high
+    return Estimate(weight=1.0, value=abs(entry.value), low=max(low, 0.0), high=high, upper_only=entry.upper_only)
+
+
+def _base(symbol: str) -> str:
+    return symbol.partition("[")[0]
+
+
+def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
+    """The entry of another model for the same number; Gauss-Markov terms are matched by their correlation times."""
+    base = _base(entry.symbol)
+    if base not in _TIMES:
+        return other.get(entry.symbol)
+    time = sheet.get(_TIMES[0] + entry.symbol.removeprefix(base))
+    if time is None:
+        return None
+    near = [symbol for symbol, e in other.items() if _base(symbol) == _TIMES[0] and e.value > 0]
+    symbol = min(near, key=lambda name: abs(math.log(other[name].value / time.value)), default=None)
+    if symbol is None or abs(math.log(other[symbol].value / time.value)) > math.log(ALIKE):
+        return None
+    return other.get(base + symbol.removeprefix(_TIMES[0]))
+
+
+def averaged_intervals(
+    fit: Fit, intervals: Mapping[str, tuple[float, float]], sheet: Datasheet
+) -> dict[str, tuple[float, float]]:
+    """Intervals of the parameters, widened as much as those of the numbers that are computed from one parameter."""
+    rate, found = fit.wavelet_variance.rate, dict(intervals)
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for number in process.physical(rate) if process.scale > 0 else ():
+            if len(number.slopes) != 1:
+                continue
+            ((parameter, slope),) = number.slopes.items()
+            entry = next((e for e in sheet.values() if e.term == term and _base(e.symbol) == number.symbol), None)
+            name = f"{term}.{parameter}"
+            if entry is None or entry.low is None or entry.high is None or name not in found or entry.value <= 0:
+                continue
+            value = fit.parameters[name]
+            ends = [
+                0.0 if end <= 0 and slope > 0 else math.inf if (end <= 0 or math.isinf(end)) and slope * (1 if end > 0 else -1) > 0
+                else 0.0 if math.isinf(end) else value * (end / entry.value) ** (1 / slope)
+                for end in (entry.low, entry.high)
+            ]  # fmt: skip
+            low, high = found[name]
+            found[name] = (min(low, *ends), max(high, *ends))
+    return found
