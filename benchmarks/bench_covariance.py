@@ -17,8 +17,13 @@ MODELS = (
     "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
     " + QN(q2=2e-6) + RW(gamma2=1e-13)",
 )
-# A sum over all lags: its autocovariance has no closed running sum.
-AUTOREGRESSION = "AR(2, phi1=1.4, phi2=-0.6, sigma2=1) + WN(sigma2=1)"
+# Short memory: every lag near a kink is summed individually.
+RESONANCE = (
+    "AR(2, phi1=1.2, phi2=-0.5, sigma2=1e-6) + GM(beta=0.5, sigma2=2e-6) + GM(beta=0.01, sigma2=1e-6)"
+    " + RW(gamma2=1e-13)"
+)
+# A sum over all lags: the resonance lasts longer than a table allows.
+LASTING = "AR(2, phi1=1.9, phi2=-0.9985, sigma2=1) + WN(sigma2=1)"
 
 
 def cases() -> Iterable[Case]:
@@ -33,7 +38,9 @@ def cases() -> Iterable[Case]:
     yield Case("its diagonal", partial(variances, model, design), "np.cumsum of 10^6", cumsum, 15, 1.5)
     run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0, robust=True)
     yield Case("the same, robust", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
-    for text, repeats in ((AUTOREGRESSION, 3), (f"{AUTOREGRESSION} + RW(gamma2=1e-4)", 1)):
-        model = gmwm.Model.parse(text)
-        run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0)
-        yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, repeats)
+    model = gmwm.Model.parse(RESONANCE)
+    run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0)
+    yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, 20.0)
+    model = gmwm.Model.parse(LASTING)
+    run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0)
+    yield Case(f"covariance of {model.structure} that lasts long", run, "np.cumsum of 10^6", cumsum, 1)

@@ -65,6 +65,15 @@ void autocovariance(const Orders& given, const Vector& parameters, const Lags& l
   gmwm::arma_autocovariance(orders, view(parameters), ascending(lags, out), from_zero, view(out));
 }
 
+void without(const Orders& given, const Vector& parameters, const Vector& roots, const OutVector& amplitudes,
+             const OutVector& decays, const OutVector& out) {
+  const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
+  require(amplitudes.size() == roots.size() && decays.size() == roots.size(),
+          "amplitudes and decays must be as long as the roots");
+  require(roots.size() <= orders.full_ar(), "there are no more roots than the order");
+  gmwm::arma_without(orders, view(parameters), view(roots), view(amplitudes), view(decays), view(out));
+}
+
 void block_variance(const Orders& given, const Vector& parameters, const Lags& sizes, const OutVector& out) {
   const gmwm::ArmaOrders orders = orders_of(given, parameters.size());
   gmwm::arma_block_variance(orders, view(parameters), ascending(sizes, out), view(out));
@@ -91,6 +100,9 @@ void bind_arma(nb::module_& m) {
         "Write artanh of the partial autocorrelations of each row to out; NaN where it is not stationary.");
   m.def("arma_autocovariance", &autocovariance, "orders"_a, "parameters"_a.noconvert(), "lags"_a.noconvert(),
         "from_zero"_a, "out"_a.noconvert(), "Write the autocovariance at ascending lags, less that at 0 if wanted.");
+  m.def("arma_without", &without, "orders"_a, "parameters"_a.noconvert(), "roots"_a.noconvert(),
+        "amplitudes"_a.noconvert(), "decays"_a.noconvert(), "out"_a.noconvert(),
+        "Write the autocovariance at lags 0, 1, … without that of some real roots, and their amplitudes and decays.");
   m.def("arma_block_variance", &block_variance, "orders"_a, "parameters"_a.noconvert(), "sizes"_a.noconvert(),
         "out"_a.noconvert(), "Write the variances of sums of ascending numbers of samples to out.");
   m.def("arma_recursion", &recursion, "orders"_a, "parameters"_a.noconvert(), "phi"_a.noconvert(),

@@ -41,10 +41,12 @@ void define(nb::module_& m, const char* name, Kernel kernel, const char* words) 
       nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), words);
 }
 
+constexpr std::int64_t samples_most = std::int64_t{1} << 40;
+
 using LagTable = std::tuple<Output<std::int64_t>, Result, Result, Result, Result, Output<std::uint8_t>>;
 
 LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowest, double fastest, bool alternating,
-              bool diagonal) {
+              bool diagonal, std::int64_t memory) {
   const std::span<const std::int64_t> wanted{levels.data(), levels.size()};
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i] < 1 || wanted[i] > 60 || (i > 0 && wanted[i] <= wanted[i - 1]) ||
@@ -52,10 +54,11 @@ LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowes
       throw nb::value_error("levels must ascend from 1, and 2^level not exceed samples");
   if (!(slowest >= 0 && fastest >= slowest && (slowest > 0) == (fastest > 0)))
     throw nb::value_error("rates must be positive and ascending, or both zero");
+  if (memory < 0 || memory > samples_most) throw nb::value_error("memory must be from 0 to 2^40");
   gmwm::Lags found;
   {
     nb::gil_scoped_release release;
-    found = gmwm::covariance_lags(wanted, samples, {slowest, fastest, alternating, diagonal});
+    found = gmwm::covariance_lags(wanted, samples, {slowest, fastest, alternating, diagonal, memory});
   }
   return {to_numpy(std::move(found.starts)), to_numpy(std::move(found.fine), found.size),
           to_numpy(std::move(found.coarse), found.size), to_numpy(std::move(found.lag), found.size),
@@ -66,7 +69,7 @@ LagTable lags(Input<std::int64_t, 1> levels, std::int64_t samples, double slowes
 
 void bind_lags(nb::module_& m) {
   m.def("covariance_lags", &lags, nb::arg("levels").noconvert(), nb::arg("samples"), nb::arg("slowest"),
-        nb::arg("fastest"), nb::arg("alternating"), nb::arg("diagonal"),
+        nb::arg("fastest"), nb::arg("alternating"), nb::arg("diagonal"), nb::arg("memory"),
         "Pairs of levels, lags and weights at which the covariances of the Haar coefficients are to be summed.");
   define(m, "white_differences", gmwm::white_differences, "Covariances of Haar coefficients of white noise.");
   define(m, "walk_differences", gmwm::walk_differences, "Covariances of Haar coefficients of a random walk.");
@@ -81,4 +84,16 @@ void bind_lags(nb::module_& m) {
       },
       nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(), nb::arg("decay"),
       "Covariances of Haar coefficients of an autocovariance exp(-decay |k|).");
+  m.def(
+      "short_memory_differences",
+      [](Vector fine, Vector coarse, Vector lag, Vector autocovariance) {
+        if (autocovariance.size() == 0) throw nb::value_error("there must be an autocovariance at lag 0");
+        const std::span<const double> known{autocovariance.data(), autocovariance.size()};
+        return evaluated(nodes_of(fine, coarse, lag), [known](const gmwm::Nodes& nodes, std::span<double> out) {
+          gmwm::short_memory_differences(nodes, known, out);
+        });
+      },
+      nb::arg("fine").noconvert(), nb::arg("coarse").noconvert(), nb::arg("lag").noconvert(),
+      nb::arg("autocovariance").noconvert(),
+      "Covariances of Haar coefficients of a process with these autocovariances at lags 0, 1, … and none beyond.");
 }

@@ -112,6 +112,53 @@ void arma_autocovariance(const ArmaOrders& orders, std::span<const double> param
   }
 }
 
+void arma_without(const ArmaOrders& orders, std::span<const double> parameters, std::span<const double> roots,
+                  std::span<double> amplitudes, std::span<double> decays, std::span<double> out) {
+  constexpr int newton_steps = 5;
+  ArmaRing<T> ring = ring_of(orders, parameters);
+  const std::size_t p = ring.p, m = ring.m;
+  const T one = T::of(1.0);
+  std::vector<T> lambdas, terms;
+  for (std::size_t at = 0; at < roots.size(); ++at) {
+    T x = T::of(roots[at]), slope = one;
+    for (int step = 0; step < newton_steps; ++step) {
+      T value = one;
+      slope = T::of(0.0);
+      for (std::size_t i = 1; i <= p; ++i) slope = slope * x + value, value = value * x - ring.ar[i];
+      if (step + 1 < newton_steps) x = x - value * slope.inverse();
+    }
+    // θ(λ) θ(1/λ) λ^(p - 1) / (P'(λ) φ(λ)), P(x) = x^p φ(1/x).
+    const T inverse = x.inverse();
+    T phi = T::of(0.0), theta = phi, theta_inverse = phi, power = one;
+    for (std::size_t i = p; i >= 1; --i) phi = (phi + ring.ar[i]) * x;
+    phi = one - phi;
+    for (std::size_t i = ring.q + 1; i-- > 0;) {
+      theta = theta * x + ring.ma[i];
+      theta_inverse = theta_inverse * inverse + ring.ma[i];
+    }
+    for (std::size_t i = 1; i < p; ++i) power = power * x;
+    terms.push_back(theta * theta_inverse * power * (slope * phi).inverse());
+    lambdas.push_back(x);
+    const bool negative = x.high[0] < 0;
+    const double decay = -std::log1p(-(one - (negative ? T::of(0.0) - x : x)).high[0]);
+    amplitudes[at] = terms.back().high[0];
+    decays[at] = negative ? -decay : decay;
+  }
+  // r(k) … r(k + m − 1), the oldest at `start`.
+  std::vector<T> window(ring.r, ring.r + m);
+  for (std::size_t k = 0, start = 0; k < out.size(); ++k) {
+    T rest = window[start], next = T::of(0.0);
+    for (std::size_t at = 0; at < roots.size(); ++at) {
+      rest = rest - terms[at];
+      terms[at] = terms[at] * lambdas[at];
+    }
+    out[k] = rest.high[0];
+    for (const std::size_t i : ring.taps) next = next + ring.ar[i] * window[(start + m - i) % m];
+    window[start] = next;
+    start = (start + 1) % m;
+  }
+}
+
 void arma_block_variance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> sizes, std::span<double> out) {
   ArmaRing<T> ring = ring_of(orders, parameters);

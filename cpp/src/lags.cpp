@@ -10,7 +10,7 @@ namespace gmwm {
 namespace {
 
 constexpr std::size_t order = 8;  // 7 is the least that reaches 1e-8
-constexpr double reach = 40;      // exp(-40) is nothing next to 1
+constexpr double gone = 40;       // exp(-40) is nothing next to 1
 
 struct Rule {
   std::array<double, order> nodes;
@@ -36,47 +36,74 @@ class Collector {
     if (smooth.fastest > 0)
       for (double cut = std::max(2 / smooth.fastest, 1.0);; cut *= 2) {
         cuts_.push_back(static_cast<std::int64_t>(std::min(cut, 4e18)));
-        if (cut >= reach / smooth.slowest || cut > static_cast<double>(samples)) break;
+        if (cut >= gone / smooth.slowest || cut > static_cast<double>(samples)) break;
       }
   }
 
   void pair(std::int64_t fine, std::int64_t coarse) {
     const std::int64_t least = coarse - samples_, most = samples_ - fine;
-    std::array<std::int64_t, 13> kinks{least, most, 0, coarse - fine};
-    std::size_t count = 4;
+    // Those of the filters, of which 0 and coarse - fine are also those of the number of pairs; then the record's ends.
+    std::array<std::int64_t, 11> kinks;
+    std::size_t count = 0;
     for (const std::int64_t b : {std::int64_t{0}, coarse / 2, coarse})
       for (const std::int64_t a : {std::int64_t{0}, fine / 2, fine}) kinks[count++] = b - a;
-    std::sort(kinks.begin(), kinks.end());
-    auto end = std::unique(kinks.begin(), kinks.end());
+    std::sort(kinks.begin(), kinks.begin() + count);
+    const auto filters_end = std::unique(kinks.begin(), kinks.begin() + count);
+    std::array<std::int64_t, 9> filters;
+    const std::span<const std::int64_t> own{filters.begin(), std::copy(kinks.begin(), filters_end, filters.begin())};
+    auto end = filters_end;
+    *end++ = least, *end++ = most;
+    std::sort(kinks.begin(), end);
+    end = std::unique(kinks.begin(), end);
     end = std::remove_if(kinks.begin(), end, [&](std::int64_t u) { return u < least || u > most; });
     for (auto kink = kinks.begin(); kink != end; ++kink) {
       one(*kink, 1);
-      if (kink + 1 == end) break;
-      // Without exponentials nothing is left beyond the reach of the two filters.
-      // Beyond it the exponentials come from its end alone: the ends of the record are none of theirs.
-      const bool inside = kink[0] >= -fine && kink[1] <= coarse;
-      if (inside || smooth_.fastest > 0) between(kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse);
+      if (kink + 1 != end) gap({kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse}, own);
     }
   }
 
   const std::vector<Piece>& pieces() const { return pieces_; }
 
  private:
-  void one(std::int64_t lag, std::int64_t points) { pieces_.push_back({lag, points, nullptr, 1}); }
+  void one(std::int64_t lag, std::int64_t points) {
+    if (points > 0) pieces_.push_back({lag, points, nullptr, 1});
+  }
 
-  // All integers strictly between two kinks, divided where exponentials from the one or the other need it.
-  void between(std::int64_t low, std::int64_t high, bool from_low, bool from_high) {
-    if (high - low < 2) return;
-    const std::int64_t middle = !from_low ? low : !from_high ? high : low + (high - low) / 2;
-    std::int64_t start = low + 1;
-    const auto up_to = [&](std::int64_t next) { piece(start, next - start), start = next; };
+  // The integers strictly between two kinks, and whether exponentials come from the one and the other.
+  struct Gap {
+    std::int64_t low, high;
+    bool from_low, from_high;
+  };
+
+  // Those within the memory of a kink of the filters one by one, the rest by rules.
+  void gap(const Gap& at, std::span<const std::int64_t> filters) {
+    std::int64_t start = at.low + 1, end = at.high;
+    if (smooth_.memory > 0) {
+      // Kinks beyond the ends of the record count too.
+      const auto next = std::lower_bound(filters.begin(), filters.end(), at.high);
+      if (next != filters.begin()) start = std::clamp(next[-1] + smooth_.memory + 1, start, end);
+      if (next != filters.end()) end = std::clamp(*next - smooth_.memory, start, end);
+    }
+    one(at.low + 1, start - at.low - 1);
+    // Without exponentials nothing is left beyond the reach of the two filters.
+    // Beyond it the exponentials come from its end alone: the ends of the record are none of theirs.
+    if ((at.from_low && at.from_high) || smooth_.fastest > 0) between(at, start, end);
+    one(end, at.high - end);
+  }
+
+  // The integers from start to before end, divided where exponentials from the one or the other kink need it.
+  void between(const Gap& at, std::int64_t start, std::int64_t end) {
+    const std::int64_t middle = !at.from_low ? at.low : !at.from_high ? at.high : at.low + (at.high - at.low) / 2;
+    const auto up_to = [&](std::int64_t next) {
+      if (next > start) piece(start, next - start), start = next;
+    };
     for (const std::int64_t cut : cuts_) {
-      if (low + 1 + cut >= middle) break;
-      up_to(low + 1 + cut);
+      if (at.low + 1 + cut >= middle) break;
+      up_to(std::min(at.low + 1 + cut, end));
     }
     for (auto cut = cuts_.rbegin(); cut != cuts_.rend(); ++cut)
-      if (high - *cut > std::max(middle, start)) up_to(high - *cut);
-    up_to(high);
+      if (at.high - *cut > middle) up_to(std::min(at.high - *cut, end));
+    up_to(end);
   }
 
   void piece(std::int64_t start, std::int64_t points) {

@@ -53,6 +53,32 @@ void covariances_are_nine_terms() {
   }
 }
 
+// K(m) = -m r(0) / 2 - Σ_{0 < k < m} (m - k) r(k).
+void short_memory_is_nine_terms() {
+  const std::vector<double> r{2.0, -0.7, 0.5, 0.0, 0.3, 0.01, -0.2};
+  const auto running = [&](double m) {
+    double sum = -m * r[0] / 2;
+    for (std::size_t k = 1; k < r.size() && static_cast<double>(k) < m; ++k) sum -= (m - static_cast<double>(k)) * r[k];
+    return sum;
+  };
+  for (const auto& [h, hk] : {std::pair{1.0, 1.0}, {1.0, 4.0}, {2.0, 64.0}, {4.0, 4.0}, {8.0, 8.0}, {8.0, 32.0}, {64.0, 128.0}}) {
+    std::vector<double> fine, coarse, lag;
+    for (double u = -2 * h - 20; u <= 2 * hk + 20; ++u) fine.push_back(h), coarse.push_back(hk), lag.push_back(u);
+    const gmwm::Nodes nodes{fine, coarse, lag};
+    std::vector<double> out(lag.size());
+    gmwm::short_memory_differences(nodes, r, out);
+    compare(out, nodes, 1e-13, running);
+  }
+  // Far from the kinks lags need not be integers, and all is as for white noise of the same density.
+  const std::vector<double> fine{64, 64, 64}, coarse{128, 128, 128}, lag{-100.5, 31.25, 160.75};
+  std::vector<double> out(3), white(3);
+  gmwm::short_memory_differences({fine, coarse, lag}, r, out);
+  gmwm::white_differences({fine, coarse, lag}, white);
+  double density = r[0];
+  for (std::size_t k = 1; k < r.size(); ++k) density += 2 * r[k];
+  for (std::size_t i = 0; i < 3; ++i) CHECK_CLOSE(out[i], density * white[i], 1e-13);
+}
+
 }  // namespace
 
 int main() {
@@ -70,8 +96,8 @@ int main() {
   // The weights of a pair of levels add up to the number of pairs of coefficients.
   const std::vector<std::int64_t> levels{1, 3, 7, 10};
   for (const bool alternating : {false, true})
-    for (const bool diagonal : {false, true}) {
-      const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, {1e-4, 0.3, alternating, diagonal});
+    for (const auto& [diagonal, memory] : {std::pair{false, 0}, {true, 0}, {false, 5}, {false, 70}, {true, 9000}}) {
+      const gmwm::Lags lags = gmwm::covariance_lags(levels, 5000, {1e-4, 0.3, alternating, diagonal, memory});
       CHECK(lags.odd.size() == (alternating ? lags.size : 0));
       std::size_t pair = 0;
       for (std::size_t k = 0; k < levels.size(); ++k)
@@ -90,6 +116,19 @@ int main() {
         }
       CHECK(pair == lags.starts.size());
     }
+  // Within the memory of a kink every lag of the record is a node, without exponentials too.
+  for (const double decay : {0.0, 0.01})
+    for (const std::int64_t samples : {150, 1000}) {
+      const gmwm::Lags lags = gmwm::covariance_lags(std::vector<std::int64_t>{3, 7}, samples, {decay, decay, false, false, 11});
+      std::vector<double> nodes(lags.lag.get() + lags.starts[1], lags.lag.get() + lags.starts[2]);
+      for (std::int64_t u = 128 - samples; u <= samples - 8; ++u) {
+        bool near = false;
+        for (const int b : {0, 64, 128})
+          for (const int a : {0, 4, 8}) near = near || std::abs(u - b + a) <= 11;
+        if (near) CHECK(std::count(nodes.begin(), nodes.end(), static_cast<double>(u)) == 1);
+      }
+    }
   covariances_are_nine_terms();
+  short_memory_is_nine_terms();
   return check::result("lags");
 }

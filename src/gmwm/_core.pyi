@@ -25,6 +25,11 @@ def arma_coordinates(coefficients: Annotated[NDArray[numpy.float64], dict(shape=
 def arma_autocovariance(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lags: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], from_zero: bool, out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
     """Write the autocovariance at ascending lags, less that at 0 if wanted."""
 
+def arma_without(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], roots: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], amplitudes: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], decays: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')], out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
+    """
+    Write the autocovariance at lags 0, 1, … without that of some real roots, and their amplitudes and decays.
+    """
+
 def arma_block_variance(orders: Sequence[int], parameters: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], sizes: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu')]) -> None:
     """Write the variances of sums of ascending numbers of samples to out."""
 
@@ -148,7 +153,7 @@ def pyramid_step(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), o
 def pyramid_unstep(smooth: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], detail: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], scaling: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], wavelet: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stride: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """The scaling coefficients from which pyramid_step made these."""
 
-def covariance_lags(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]]:
+def covariance_lags(levels: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], samples: int, slowest: float, fastest: float, alternating: bool, diagonal: bool, memory: int) -> tuple[Annotated[NDArray[numpy.int64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.float64], dict(shape=(None,))], Annotated[NDArray[numpy.uint8], dict(shape=(None,))]]:
     """
     Pairs of levels, lags and weights at which the covariances of the Haar coefficients are to be summed.
     """
@@ -164,6 +169,11 @@ def spike_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,)
 
 def exponential_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], decay: float) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
     """Covariances of Haar coefficients of an autocovariance exp(-decay |k|)."""
+
+def short_memory_differences(fine: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], coarse: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lag: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], autocovariance: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> Annotated[NDArray[numpy.float64], dict(shape=(None,))]:
+    """
+    Covariances of Haar coefficients of a process with these autocovariances at lags 0, 1, … and none beyond.
+    """
 
 def autoregress(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], phi: float, first: float, rest: float) -> None:
     """

@@ -26,6 +26,29 @@ def quantization(variance: float) -> Covariance:
     return lambda m: mp.mpf(variance) * (m == 0)
 
 
+def recursion(phi: Sequence[float], theta: Sequence[float], lags: int, digits: int = 40) -> list[mp.mpf]:
+    """Autocovariances at lags 0 … of an ARMA process of innovation variance 1, as sums over its weights ψ_k."""
+    with mp.workdps(digits):
+        psi = [mp.mpf(1)]
+        while len(psi) <= len(phi) + len(theta) or max(map(abs, psi[-max(len(phi), 1) :])) > mp.mpf(10) ** (
+            -digits / 2
+        ):
+            k = len(psi)
+            driven = mp.mpf(theta[k - 1]) if k <= len(theta) else mp.mpf(0)
+            psi.append(driven + mp.fsum(mp.mpf(a) * psi[k - i] for i, a in enumerate(phi, 1) if i <= k))
+        return [mp.fsum(a * b for a, b in zip(psi, psi[k:], strict=False)) for k in range(lags)]
+
+
+def running(autocovariance: Sequence[mp.mpf]) -> Covariance:
+    """K(m) = −½ Σ_{|k| < m} (m − |k|) r(k) from the autocovariances at all lags below m."""
+
+    def at(m: int) -> mp.mpf:
+        m = abs(m)
+        return -(m * autocovariance[0] / 2 + mp.fsum((m - k) * autocovariance[k] for k in range(1, m)))
+
+    return at
+
+
 def haar(level: int) -> np.ndarray:
     """The wavelet filter of one level, W_t = Σ_l h_l X_{t−l}."""
     half = 2 ** (level - 1)

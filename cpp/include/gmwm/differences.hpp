@@ -24,4 +24,8 @@ void spike_differences(const Nodes& nodes, std::span<double> out);
 // Of autocovariance exp(-decay |k|), decay > 0.
 void exponential_differences(const Nodes& nodes, double decay, std::span<double> out);
 
+// Of a process with the autocovariances r(0), r(1), …, r(L) and none beyond. Lags that are not integers must lie at
+// least L away from the kinks.
+void short_memory_differences(const Nodes& nodes, std::span<const double> autocovariance, std::span<double> out);
+
 }  // namespace gmwm

@@ -1,5 +1,6 @@
 // Where to evaluate the covariance of two levels' Haar coefficients, so that its sums over all lags are exact to
-// rounding: every kink by itself, and a Gauss rule for the uniform measure on integers in each smooth piece between.
+// rounding: every kink and the lags within its memory one by one, and a Gauss rule for the uniform measure on integers
+// in each smooth piece between.
 #pragma once
 
 #include <cstddef>
@@ -27,6 +28,7 @@ struct Smoothness {
   double fastest = 0;        // to fastest (0, 0: none); where there are, it does not end at the filters' reach
   bool alternating = false;  // one such function at even lags and another at odd ones: each has nodes of its own
   bool diagonal = false;     // pairs of a level with itself only
+  std::int64_t memory = 0;   // within so many lags of a kink it is any function: every integer lag is a node
 };
 
 // levels: ascending.

@@ -186,7 +186,9 @@ def _robust(squares: Vector, size: float, efficiency: float) -> Vector:
 def _signal_covariance(model: Model, design: Design) -> Vector:
     """A(m) of the signal at all lags 0 … N − 1, up to a constant."""
     if design.samples > LONGEST:
-        slow = next(p for p in model.processes if p.scale > 0 and not p.has("coefficient_covariance"))
+        present = [p for p in model.processes if p.scale > 0]
+        # Under other filters than Haar's it is so for every process.
+        slow = next((p for p in present if p.memory(design.rate) is None), present[0])
         raise MissingTheoryError(
             f"the covariance of {slow.name} is a sum over all lags, which allows at most {LONGEST} samples; got "
             f"{design.samples}",

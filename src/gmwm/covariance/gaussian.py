@@ -1,7 +1,8 @@
 """The covariance of the Haar wavelet variance of a model, summed over all lags, exact to rounding.
 
 The coefficients are second differences of a running sum. Their covariances are closed forms with a few kinks. Sums over
-lags use a Gauss rule for integers on each smooth piece between the kinks.
+lags use a Gauss rule for integers on each smooth piece between the kinks. A process with short memory has a table
+within its memory of each kink, where every lag is summed individually.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from gmwm.processes.model import Model
 
 def knows(model: Model, design: Design) -> bool:
     """Whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
-    return design.running_sum and model.has("coefficient_covariance")
+    return design.running_sum and all(p.memory(design.rate) is not None for p in model.processes if p.scale > 0)
 
 
 def covariance(model: Model, design: Design) -> Matrix:
@@ -148,9 +149,10 @@ def _lags(
     # Steps of several samples do not alternate: strides are even.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
+    memory = max((process.memory(rate) or 0 for process in present), default=0)
     starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
         design.levels, design.samples, min(sizes, default=0.0), max(sizes, default=0.0),
-        any(decay < 0 for decay in decays), diagonal,
+        any(decay < 0 for decay in decays), diagonal, -(-memory // stride),
     )  # fmt: skip
     return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
 

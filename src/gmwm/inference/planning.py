@@ -140,7 +140,7 @@ class Plan(Summarised):
     def horizon(self) -> float:
         """The longest recording (s) that `needed` considers; shorter if the covariance is a sum over all lags."""
         far = min(BEYOND * self.duration, LONGEST / self.rate)
-        if self.model.has("coefficient_covariance"):
+        if all(process.memory(self.rate) is not None for process in self.model.processes):
             return far
         return min(far, max(self.duration, SUMMED / self.rate))
 

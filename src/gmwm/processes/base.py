@@ -20,7 +20,7 @@ from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.continuous_statespace import ContinuousStateSpace
 from gmwm.errors import MissingTheoryError, ModelError, OptionError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
-from gmwm.processes import circulant_embedding, filtered
+from gmwm.processes import circulant_embedding, filtered, haar_covariance
 from gmwm.processes.definition import check_calls, check_members, check_name, function_of
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Branch, Fixed, Parameter, Value
@@ -44,6 +44,7 @@ Theory = Literal[
     "state_space",
     "simulate",
     "coefficient_covariance",
+    "memory",
     "generalised_covariance",
     "allan_variance",
 ]
@@ -56,7 +57,8 @@ _SOURCES: dict[str, tuple[str, ...]] = {
     "psd": ("state_space",),
     "simulate": ("state_space", "autocovariance"),
     "state_space": (),
-    "coefficient_covariance": (),
+    "coefficient_covariance": ("memory",),
+    "memory": (),
     "generalised_covariance": ("autocovariance", "running_sum_covariance"),
     "allan_variance": ("running_sum_covariance",),
 }
@@ -415,8 +417,20 @@ class Process(ABC):
         """2^(j+k) Cov(W_{j,t}, W_{k,t+u}) of Haar wavelet coefficients: (n,) in u², for n pairs of levels and lags u.
 
         `at` holds, each (n,), the half-scales 2^(j−1) ≤ 2^(k−1) of the pairs as `fine` and `coarse`, and the `lag` u.
+        By default from the autocovariance at the lags up to `memory`.
         """
-        raise self.missing("coefficient_covariance")
+        lags = self.memory(rate) if self._gives("memory") else None
+        if lags is None:
+            raise self.missing("coefficient_covariance")
+        return haar_covariance.short_memory(at, self.autocovariance(np.arange(lags + 1), rate))
+
+    def memory(self, rate: float) -> int | None:
+        """Lag L beyond which the autocovariance is zero or negligible, apart from exponentials of `decays`.
+
+        0 for a process whose `coefficient_covariance` is a closed form; None if the autocovariance lasts too long (see
+        `short_memory.LONGEST`) or this is unknown. V is then a sum over all lags, which takes seconds at 10^6 samples.
+        """
+        return 0 if self._gives("coefficient_covariance") else None
 
     @property
     def error_cumulant(self) -> float:

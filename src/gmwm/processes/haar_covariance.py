@@ -57,6 +57,11 @@ def quantization(at: LagGrid) -> Vector:
     return _core.spike_differences(at.fine, at.coarse, at.lag)
 
 
+def short_memory(at: LagGrid, autocovariance: Vector) -> Vector:
+    """Autocovariance r(0), r(1), …, r(L) and 0 beyond: white noise of the same density, and a table near the kinks."""
+    return _core.short_memory_differences(at.fine, at.coarse, at.lag, autocovariance)
+
+
 def power(at: LagGrid, exponent: float) -> Vector:
     """ν_1² = 1, K(m) = m² (|m|^ε − 1)/(2(2^ε − 1)), ε = `exponent`; m² ln|m|/(2 ln 2) where that is 0."""
     fine = np.asarray(at.fine, dtype=np.float64)

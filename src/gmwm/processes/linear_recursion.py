@@ -9,6 +9,7 @@ unit circle with a relative error of 1e-16/δ.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -20,8 +21,10 @@ from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import ModelError
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import rational
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.ordered import Coefficients, Ordered
 from gmwm.processes.parameter import Parameter
+from gmwm.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
 from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.remarks import Remark
 from gmwm.statespace import StateSpace
@@ -35,6 +38,10 @@ _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
 """Distance between a root of φ and a root of θ below which they nearly cancel."""
 _MANY = 2.5
+_SLOW = 64
+"""Lags beyond which the exponential of a real root is a closed form."""
+_SEPARATE = 0.1
+"""Distance of a root from all others, relative to its distance from the unit circle, that allows this."""
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -183,6 +190,23 @@ class Lagged(Ordered, abstract=True, listed=False):
         _core.arma_block_variance(self.full_orders(), self.nonlinear, m, out)
         return np.asarray(-0.5 * self.scale * out[where].reshape(np.shape(lags)))
 
+    def memory(self, rate: float) -> int | None:
+        """Return the lags until the autocovariance, without slow real roots, is negligible; None if these are many."""
+        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return None if known is None else known.lags
+
+    def decays(self, rate: float) -> tuple[float, ...]:
+        """Return −ln |λ| of each slow real root λ, negative for a negative root."""
+        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        return () if known is None else known.decays
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Covariance (u²) of Haar wavelet coefficients: exponentials of slow real roots, and a table of the rest."""
+        known = _short_memory(self.full_orders(), tuple(self.nonlinear.tolist()))
+        if known is None:
+            raise self.missing("coefficient_covariance")
+        return self.scale * known.coefficient_covariance(at)
+
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
         rate = as_rate(rate)
@@ -247,6 +271,39 @@ class Lagged(Ordered, abstract=True, listed=False):
         out = np.empty(distances.size)
         _core.arma_autocovariance(self.full_orders(), self.nonlinear, distances, from_zero, out)
         return np.asarray(self.scale * out[where].reshape(lags.shape))
+
+
+@lru_cache(maxsize=64)
+def _short_memory(orders: tuple[int, int, int, int, int], parameters: tuple[float, ...]) -> ShortMemory | None:
+    """Autocovariance at innovation variance 1; None if it lasts too long."""
+    p, q, seasonal_p, seasonal_q, period = orders
+    values = np.array(parameters, dtype=np.float64)
+    season = values[p + q : p + q + seasonal_p]
+    slow = np.abs(rational.roots(season)) ** (1.0 / period)
+    own = rational.roots(values[:p])
+    # A slow real root has a closed form, unless it nearly cancels with another one.
+    real = np.abs(own.imag) < 1e-12
+    apart = np.array([real[k] and _lasting(abs(root)) > _SLOW for k, root in enumerate(own)], dtype=np.bool_)
+    for k in np.flatnonzero(apart):
+        others = np.concatenate([np.delete(own, k), rational.roots(season) if period == 1 else []])
+        apart[k] = not seasonal_p and np.all(np.abs(others - own[k]) > _SEPARATE * (1.0 - abs(own[k])))
+    size = np.concatenate([np.abs(own[~apart]), slow])
+    reach = q + period * seasonal_q + p + period * seasonal_p + math.ceil(_lasting(size.max(initial=0.0)))
+    if reach > 2 * LONGEST:
+        return None
+    count = int(np.count_nonzero(apart))
+    amplitudes, decays, r = np.empty(count), np.empty(count), np.empty(reach + 1)
+    _core.arma_without(orders, values, np.ascontiguousarray(own[apart].real), amplitudes, decays, r)
+    found = trimmed(r)
+    return None if found is None else ShortMemory(found, tuple(amplitudes.tolist()), tuple(decays.tolist()))
+
+
+def _lasting(modulus: float) -> float:
+    """Number of lags until tails of k |λ|^k are negligible; the second factor k is for a root that is double."""
+    if modulus == 0.0:
+        return 0.0
+    decay = -math.log(min(modulus, 1.0 - 2.0**-53))
+    return (-math.log(NEGLIGIBLE) + 3.0 * math.log1p(1.0 / decay)) / decay
 
 
 def _sign(part: Coefficients) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +15,9 @@ from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import circulant_embedding, smooth_autocovariance
 from gmwm.processes.base import Process
 from gmwm.processes.bessel import LARGEST, matern
+from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
 from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 
 _MANY = 4096
@@ -126,6 +129,18 @@ class MAT(Process):
         )
         return np.asarray(-0.5 * self.scale * (m + 2.0 * (m * zeroth.reshape(m.shape) - first.reshape(m.shape))))
 
+    def memory(self, rate: float) -> int | None:
+        """Return the lags until the autocovariance is negligible; None if these are many."""
+        known = _short_memory(self.value("beta") / rate, self.value("nu"))
+        return None if known is None else known.lags
+
+    def coefficient_covariance(self, at: LagGrid, rate: float) -> Vector:
+        """Covariance (u²) of Haar wavelet coefficients, from a table of the autocovariance."""
+        known = _short_memory(self.value("beta") / rate, self.value("nu"))
+        if known is None:
+            raise self.missing("coefficient_covariance")
+        return self.scale * known.coefficient_covariance(at)
+
     def allan_variance(self, clusters: ArrayLike, rate: float) -> Vector:
         """σ²(n) = (σ²/n²) Σ_{k ≥ 0} w_k M(βkΔt), w_0 = n, w_k = 2n − 3k up to k = n and k − 2n from there to 2n."""
         n, unit = as_clusters(clusters), self.value("beta") / as_rate(rate)
@@ -224,3 +239,13 @@ class MAT(Process):
             )
         unit = self.with_values(sigma2=1.0)
         return circulant_embedding.amplitudes(lambda k: unit.autocovariance(k.astype(np.int64), rate), half)
+
+
+@lru_cache(maxsize=64)
+def _short_memory(unit: float, nu: float) -> ShortMemory | None:
+    """Correlation at lags of `unit` βΔt; None if it lasts too long."""
+    if matern(np.array([LONGEST * unit]), nu).correlation[0] > NEGLIGIBLE:
+        return None
+    lags = np.arange(math.ceil((50.0 + 5.0 * nu) / unit) + 1, dtype=np.float64)
+    found = trimmed(matern(lags * unit, nu).correlation)
+    return None if found is None else ShortMemory(found)
