@@ -29,13 +29,15 @@ _SHORT = 0.1
 """Correlation time (s) below which a term is white noise at τ = 1 s, where the standard defines N: a tenth of 1 s.
 Pinned by tests/test_datasheet.py."""
 
+_DENSITY = "N"
+
 _FLICKER = f"{SYMBOL}_f"
 """Symbol of the coefficient of a flicker term."""
 
 _ORDER = ("Q", "N", SYMBOL, _FLICKER, "K", "R")
 
 
-_TIMES = {1.0: "s", -1.0: "Hz"}
+_TIMES = {1.0: "s", -1.0: "Hz", 0.0: "1"}
 """Units of numbers that do not contain the unit of the signal, by power of time."""
 
 
@@ -128,9 +130,12 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
         taken = {entry.symbol for entry in entries}
         entries += [_renamed(entry, label) if entry.symbol in taken else entry for entry in found]
         remarks += [remark] if remark else []
-    if fast := [entry for entry in entries if entry.unit == "s" and entry.value < _SHORT]:
-        white, remark = _white(fit, entries, fast, level)
-        entries = [entry for entry in entries if entry.symbol != white.symbol] + [white] if white else entries
+    fast = [entry for entry in entries if entry.unit == "s" and entry.value < _SHORT]
+    several = [entry for entry in entries if _is_density(entry)]
+    if fast or len(several) > 1:
+        white, remark = _white(fit, entries, fast or several[1:], level)
+        entries = [entry for entry in entries if not _is_density(entry)] if white else entries
+        entries += [white] if white else []
         remarks.append(remark)
     bias, remark = None, None
     if any(entry.symbol == _FLICKER and entry.value > 0 for entry in entries):
@@ -141,6 +146,11 @@ def datasheet(fit: Fit, level: float = 0.95) -> Datasheet:
     remarks += [remark] if remark else []
     entries.sort(key=lambda entry: _ORDER.index(entry.symbol) if entry.symbol in _ORDER else len(_ORDER))
     return _sheet(fit, tuple(entries), level, tuple(remarks))
+
+
+def _is_density(entry: Entry) -> bool:
+    """Whether an entry is the white noise density of one term, as `_renamed` may have named it."""
+    return entry.symbol == _DENSITY or entry.symbol.startswith(f"{_DENSITY} of ")
 
 
 def _acts(fit: Fit, term: str) -> str | None:
@@ -211,14 +221,21 @@ def _interval(judged: _Judged, process: Process, number: Physical, slopes: dict[
 
 def _white(fit: Fit, entries: list[Entry], fast: list[Entry], level: float) -> tuple[Entry | None, Remark]:
     """N with the terms that are white noise at τ = 1 s, where N is defined, and a remark that names these terms."""
-    axis, names = fit.wavelet_variance.axis, tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" for e in fast)
+    axis, rate = fit.wavelet_variance.axis, fit.wavelet_variance.rate
+    names = tuple(f"{e.term} (T_c = {significant(e.value, 2)} s)" if e.unit == "s" else str(e.term) for e in fast)
+    # Every term with a density at low frequencies counts, also one with a resonance that decays slowly.
+    times = [process.correlation_time(rate) or 0.0 for process in fit.model.processes if _has_density(process, rate)]
     try:
-        found = noise_in_use(fit, Use(_SHORT), level)["N_eff"]
+        found = noise_in_use(fit, Use(max(_SHORT, 1.01 * max(times, default=0.0))), level)["N_eff"]
     except (MissingTheoryError, ModelError) as error:
         return None, Remark.of("n-without", axis, terms=names, reason=error.reason)
-    title = next((entry.title for entry in entries if entry.symbol == "N"), "white noise density")
-    whole = {**found.to_dict(), "symbol": "N", "title": title}
+    title = next((entry.title for entry in entries if entry.symbol == _DENSITY), "white noise density")
+    whole = {**found.to_dict(), "symbol": _DENSITY, "title": title}
     return Entry.from_dict(whole), Remark.of("n-includes", axis, terms=names)
+
+
+def _has_density(process: Process, rate: float) -> bool:
+    return process.scale > 0 and any(number.symbol == _DENSITY for number in process.physical(rate))
 
 
 def _bias(judged: _Judged) -> tuple[Entry | None, Remark | None]:

@@ -21,9 +21,11 @@ from gmwm._arrays import Matrix, Vector, as_levels, as_rate
 from gmwm.errors import ModelError
 from gmwm.filters import HAAR, WaveletFilter
 from gmwm.processes import rational
+from gmwm.processes.band_limit import SHORT, STEP, Density, band_numbers
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.ordered import Coefficients, Ordered
 from gmwm.processes.parameter import Parameter
+from gmwm.processes.physical import Physical
 from gmwm.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimmed
 from gmwm.processes.validation import as_frequencies, as_lags, as_paths, as_rng, shape_of_paths
 from gmwm.remarks import Remark
@@ -256,6 +258,24 @@ class Lagged(Ordered, abstract=True, listed=False):
             size = float(np.abs(rational.roots(np.array(values, dtype=np.float64))).max())
             slowest = max(slowest, -period / math.log(min(size, 1.0 - 2.0**-53)) if size > 0 else 0.0)
         return slowest / as_rate(rate)
+
+    def physical(self, rate: float) -> tuple[Physical, ...]:
+        """Return N, bandwidth and resonance of noise with a correlation time below 1 s; nothing for slower noise."""
+        time = self.correlation_time(rate)
+        if time is None or time >= SHORT or self.scale == 0:
+            return ()
+        slopes = {self.scale_parameter().name: 0.5}
+        free: dict[str, Density] = {}
+        for part, span in self._factors():
+            sign, values = _sign(part), self.nonlinear[span]
+            names = [p.name for p in self.nonlinear_parameters()[span]]
+            for name, value in zip(names, values.tolist(), strict=True):
+                # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
+                slopes[name] = value / (1 - values.sum()) if sign > 0 else value / (1 + values.sum())
+                if not self.is_fixed(name):
+                    moved = self.with_values(**{name: value * (1 + STEP)})
+                    free[name] = lambda f, moved=moved: moved.psd(f, rate)  # type: ignore[misc]
+        return band_numbers(lambda f: self.psd(f, rate), rate, slopes, free=free)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
         """Return the full φ and θ, the predictors of lower order than φ, and their standard errors at σ² = 1."""

@@ -122,15 +122,20 @@ def select_within(
     data: Data | Sequence[WaveletVariance] | Sequence[Signal],
     options: RankingOptions,
     *,
+    required: Sequence[Process] = (),
     rate: float | None = None,
     robust: bool = False,
     efficiency: float = 0.6,
     progress: Progress | None = None,
 ) -> Ranking:
-    """The ranking of every model within a general one, as `select` gives it, by options that are checked."""
-    wanted = without_values(as_model(general))
+    """The ranking of every model within a general one, by checked options; all contain the `required` terms."""
+    optional = without_values(as_model(general))
     recordings = _recordings(data, rate, robust, efficiency)
-    candidates = [model for model in nested(wanted) if freedom(model) <= len(recordings[0])]
+    models = nested(optional)
+    if required:
+        models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]
+    wanted = Model((*optional.processes, *required))
+    candidates = [model for model in models if freedom(model) <= len(recordings[0])]
     if not candidates:
         raise ModelError(
             f"every model within {wanted.structure} has more parameters than the wavelet variance has levels, "

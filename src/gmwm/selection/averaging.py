@@ -190,12 +190,15 @@ def averaged_intervals(
             name = f"{term}.{parameter}"
             if entry is None or entry.low is None or entry.high is None or name not in found or entry.value <= 0:
                 continue
-            value = fit.parameters[name]
-            ends = [
-                0.0 if end <= 0 and slope > 0 else math.inf if (end <= 0 or math.isinf(end)) and slope * (1 if end > 0 else -1) > 0
-                else 0.0 if math.isinf(end) else value * (end / entry.value) ** (1 / slope)
-                for end in (entry.low, entry.high)
-            ]  # fmt: skip
+            value, power = fit.parameters[name], 1 / slope
+            ends = [_scaled(value, end / entry.value, power) for end in (entry.low, entry.high)]
             low, high = found[name]
             found[name] = (min(low, *ends), max(high, *ends))
     return found
+
+
+def _scaled(value: float, ratio: float, power: float) -> float:
+    """value · ratio^power, also for a ratio of zero or infinity."""
+    if ratio <= 0 or math.isinf(ratio):
+        return math.inf if (ratio <= 0) == (power < 0) else 0.0
+    return value * ratio**power

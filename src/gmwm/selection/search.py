@@ -1,0 +1,249 @@
+"""Search for the model of one axis, driven by the data: the slow noise first, then what the spectrum shows.
+
+1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends.
+2. Otherwise the spectrum gives the lines, as sinusoids of known frequency, and the shape of the noise at high
+   frequencies, as an ARMA process of known coefficients: the sensor's own filter and its resonances. Both are linear in
+   their scales, so that every fit keeps its certificate. Without a spectrum, an AR(2) is fitted to the wavelet
+   variance.
+3. The model error is estimated from the largest of these models, and every sum within it is ranked again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.errors import GmwmError
+from gmwm.estimation.estimator import as_fit
+from gmwm.estimation.result import Fit
+from gmwm.estimation.reweighting import settle
+from gmwm.inference.model_error import having_error, model_error
+from gmwm.processes.base import Process
+from gmwm.processes.model import Model
+from gmwm.processes.noise import WN
+from gmwm.processes.ordered import find_class
+from gmwm.processes.parameter import Fixed
+from gmwm.processes.sinusoid import SIN
+from gmwm.selection.api import select_within
+from gmwm.selection.options import RankingOptions
+from gmwm.selection.ranking import Ranking
+from gmwm.spectrum.result import PowerSpectrum
+from gmwm.spectrum.short_memory import ShortMemory, short_memory
+from gmwm.variance.result import WaveletVariance
+
+SLOW = "4*GM + WN + QN + FN + RW + DR"
+"""The family that is tried first (docs/validation/selection.md)."""
+BESIDE = "4*GM + FN + RW + DR"
+"""What is added to the noise at high frequencies: it contains white and quantization noise already."""
+REJECTED = 0.01
+"""p-value of the test below which the search goes on; a calibration of six axes calls 5 % / 6 rejected."""
+FEWEST = 24
+"""Frequencies that a shape at high frequencies needs at least; with fewer, the spectrum is not used."""
+MIXED = 0.5
+"""Share of slow noise in the density above which a frequency is not used for the shape at high frequencies."""
+FAST = 20.0
+"""Correlation time (samples) up to which a Gauss-Markov term counts as noise at high frequencies: the corner of its
+density is then above 1/126 of the rate, and a filter of the sensor could have it."""
+FELT = 0.003
+"""Share of a line in the wavelet variance of a level from which it enters the model: the relative standard error of the
+first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
+MOST_LINES = 8
+"""Largest number of lines in a model."""
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Searched:
+    """The result of a search.
+
+    Attributes
+    ----------
+    ranking : Ranking
+        The models that were compared last.
+    wavelet_variance : WaveletVariance
+        The data, with the covariance that the uncertainty of the shape at high frequencies adds.
+    error : float
+        Relative model error τ, in addition to it.
+    tried : tuple of str
+        The families that were tried, in order.
+    """
+
+    ranking: Ranking
+    wavelet_variance: WaveletVariance
+    error: float
+    tried: tuple[str, ...]
+
+    @property
+    def with_error(self) -> WaveletVariance:
+        """The data with the model error."""
+        return having_error(self.wavelet_variance, self.error)
+
+
+def search(
+    wv: WaveletVariance,
+    spectrum: PowerSpectrum | None,
+    options: RankingOptions,
+    *,
+    check: Callable[[], None] = lambda: None,
+) -> Searched:
+    """Search for the model of one axis, see the module docstring.
+
+    Parameters
+    ----------
+    wv : WaveletVariance
+    spectrum : PowerSpectrum or None
+        The spectrum of the same recording, if there is one.
+    options : RankingOptions
+    check : function, optional
+        Called between steps; it may raise to end the search.
+    """
+    ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
+    slow = Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
+    pvalue = ranking.recommended.pvalue
+    if pvalue is None or pvalue >= REJECTED:
+        return slow
+    check()
+    base, required = _required(ranking.general, wv, spectrum, options, check)
+    if not required:
+        return within_family(SLOW, wv, options, check=check)
+    return within_family(BESIDE, base, options, required=required, check=check, tried=slow.tried)
+
+
+def within_family(
+    family: str | Model,
+    wv: WaveletVariance,
+    options: RankingOptions,
+    *,
+    required: Sequence[Process] = (),
+    check: Callable[[], None] = lambda: None,
+    tried: tuple[str, ...] = (),
+) -> Searched:
+    """Rank every sum within a family, with the model error of its largest sum."""
+    whole = Model((*Model.parse(str(family)).processes, *required))
+    ranking = select_within(family, wv, options, required=required, progress=lambda *_: check())
+    error = _error_of(ranking, wv, options)
+    if error:
+        ranking = select_within(
+            family, having_error(wv, error), options, required=required, progress=lambda *_: check()
+        )
+    return Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure))
+
+
+def _error_of(ranking: Ranking, wv: WaveletVariance, options: RankingOptions) -> float:
+    """The model error of the largest model; 0 if the test accepts the recommended one."""
+    pvalue = ranking.recommended.pvalue
+    if pvalue is None or pvalue >= REJECTED:
+        return 0.0
+    return model_error(replace(ranking.general, wavelet_variance=wv))
+
+
+def _required(
+    general: Fit,
+    wv: WaveletVariance,
+    spectrum: PowerSpectrum | None,
+    options: RankingOptions,
+    check: Callable[[], None],
+) -> tuple[WaveletVariance, tuple[Process, ...]]:
+    """The terms that the spectrum shows, and the data with the uncertainty of their shape."""
+    if spectrum is None:
+        shape = _fitted_shape(wv, options)
+        return wv, () if shape is None else (shape,)
+    lines = _lines(spectrum, wv)
+    shape, found, known = None, None, general
+    for _ in range(_ROUNDS):
+        check()
+        found = _shape(spectrum, known, wv.rate)
+        if found is None:
+            break
+        shape = _process(found)
+        whole = Model((*Model.parse(BESIDE).processes, shape, *lines))
+        known = as_fit(settle(whole, wv, options.weighting, certify=False, fixed=1e-4), wv, options.weighting)
+    if shape is None or found is None:
+        return wv, (WN(), *lines) if lines else ()
+    return _with_shape(wv, known, found, shape), (shape, *lines)
+
+
+def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | None:
+    """An AR(2) fitted to the wavelet variance beside slow noise, with its coefficients fixed."""
+    try:
+        whole = Model.parse("AR(2) + 2*GM + QN + RW")
+        fit = as_fit(settle(whole, wv, options.weighting, certify=False, fixed=1e-4), wv, options.weighting)
+    except GmwmError:
+        return None
+    process = next(p for p in fit.model.processes if p.name == "AR(2)")
+    if process.scale == 0:
+        return None
+    names = [p.name for p in process.nonlinear_parameters()]
+    held = {name: Fixed(process.value(name)) for name in names}
+    return process.with_values(**held, **{process.scale_parameter().name: None})
+
+
+def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
+    """Sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
+    found = []
+    for line in spectrum.lines:
+        process = SIN(frequency=Fixed(line.frequency), power=line.amplitude**2 / 2)
+        share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
+        if share.max() >= FELT:
+            found.append((float(share.max()), process.with_values(power=None)))
+    found.sort(key=lambda pair: -pair[0])
+    return tuple(process for _, process in found[:MOST_LINES])
+
+
+def _shape(spectrum: PowerSpectrum, known: Fit, rate: float) -> ShortMemory | None:
+    """The noise at high frequencies beside the slow terms of a fit."""
+    smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
+    frequencies, density = smooth.frequencies, smooth.density * rate / 2
+    slow = _slow_density(known, frequencies, rate)
+    used = (frequencies > 0) & (density > 0)
+    for line in spectrum.lines:
+        used &= np.abs(frequencies - line.frequency) > max(4 * spectrum.resolution, 2 * line.width)
+    mixed = np.flatnonzero(used & (slow <= MIXED * density))
+    used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
+    if np.count_nonzero(used) < FEWEST:
+        return None
+    return short_memory(frequencies[used], density[used], smooth.degrees_of_freedom[used], rate=rate, known=slow[used])
+
+
+def _slow_density(fit: Fit, frequencies: Vector, rate: float) -> Vector:
+    """Density per sample (n,) of the slow terms of a fit."""
+    total = np.zeros(frequencies.size)
+    for process in fit.model.processes:
+        if process.scale == 0 or process.line(rate) is not None:
+            continue
+        time = process.correlation_time(rate)
+        if time is not None and time * rate <= FAST:
+            continue
+        with np.errstate(divide="ignore"):
+            total += process.psd(frequencies, rate) * rate if process.has("psd") else 0.0
+    return total
+
+
+def _process(shape: ShortMemory) -> Process:
+    """The ARMA process of a shape, with its variance free."""
+    p, q = shape.phi.size, shape.theta.size
+    if p + q == 0:
+        return WN()
+    kind = find_class(f"ARMA({p},{q})" if p and q else f"AR({p})" if p else f"MA({q})")
+    assert kind is not None
+    names = [parameter.name for parameter in kind.nonlinear_parameters()]
+    values = np.concatenate([shape.phi, shape.theta]).tolist()
+    return kind(**{name: Fixed(value) for name, value in zip(names, values, strict=True)})
+
+
+def _with_shape(wv: WaveletVariance, fit: Fit, shape: ShortMemory, process: Process) -> WaveletVariance:
+    """The data with the covariance from the uncertainty of a shape whose density at the frequency 0 is free."""
+    if not shape.covariance.size:
+        return wv
+    nonlinear = np.concatenate([shape.phi, shape.theta]).reshape(1, -1)
+    own = type(process).shape(nonlinear, wv.levels, wv.rate)[0]
+    slopes = type(process).shape_jacobian(nonlinear, wv.levels, wv.rate)[0] / own[:, None]
+    slopes[:, : shape.phi.size] -= 2 / (1 - shape.phi.sum())
+    slopes[:, shape.phi.size :] -= 2 / (1 + shape.theta.sum())
+    term = next(t for t, p in zip(fit.model.terms, fit.model.processes, strict=True) if type(p) is type(process))
+    share = fit.decomposition[term] / fit.implied
+    added: Matrix = (share[:, None] * slopes) @ shape.covariance @ (share[:, None] * slopes).T
+    return replace(wv, excess=added if wv.excess is None else wv.excess + added)
