@@ -79,8 +79,7 @@ std::vector<Cone::Node> Cone::split(const Node& node) const {
     for (const Atom& atom : inside)
       if (places.empty() || atom.position - places.back().position > same_place) places.push_back(atom);
     if (places.size() <= interval.capacity) continue;
-    // Split at the widest gap between two atoms, weighted by the lighter side: one point approximates these atoms
-    // worst.
+    // Split between the neighbours that one point would approximate worst: by the squared gap times the smaller weight.
     for (std::size_t a = 0; a + 1 < places.size(); ++a) {
       const double gap = places[a + 1].position - places[a].position;
       const double lighter = std::min(places[a].weight, places[a + 1].weight);
