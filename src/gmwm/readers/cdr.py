@@ -112,7 +112,7 @@ class Definition:
 
 @dataclass(frozen=True)
 class Template:
-    """Positions of the numbers in a message, and the lengths that must be the same in all messages with these positions.
+    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences.
 
     Parameters
     ----------
@@ -411,7 +411,8 @@ def _store(definition: Definition) -> Any:
     store = get_typestore(Stores.EMPTY)
     try:
         known = set(store.fielddefs)
-        # Constants are not needed. They are omitted, because the decoder generates code from the definition in the file.
+        # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
+        # file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
     except Exception as error:  # a library can raise any error on an invalid definition
         raise ReadError(f"the message type {definition.name} is not understood: {error}") from error
