@@ -222,8 +222,8 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
         raise ReadError(f"{error}: the file of this part of a recording does not exist on this machine") from None
     if path.stat().st_size != part.bytes:
         raise ReadError(
-            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided: is it another file "
-            "here, or was it written to meanwhile?"
+            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: it was "
+            "changed since then, or another file has this path on this machine"
         )
     reader = find_reader(path, part.format)
     with warnings.catch_warnings():

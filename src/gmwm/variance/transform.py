@@ -375,7 +375,7 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """Coefficients of levels 1 … J that do not depend on the boundary, in the scale of the maximal-overlap transform."""
+    """Coefficients of levels 1 … J that do not depend on the boundary, scaled as maximal-overlap coefficients."""
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior
