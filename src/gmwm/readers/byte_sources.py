@@ -175,7 +175,7 @@ class _Counted(io.RawIOBase):
         self._count = 0
 
     def readable(self) -> bool:
-        """Yes."""
+        """Always true: the bytes can be read."""
         return True
 
     def tell(self) -> int:
