@@ -103,7 +103,7 @@ class SqliteStorage(Storage):
         with self.path.open("rb") as file:
             head = file.read(100)
         if len(head) < 100:
-            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are no database")
+            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are not a complete database")
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
         size = 65536 if size == 1 else size

@@ -54,7 +54,7 @@ class NpyReader(Reader):
         return marks_of(layout)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Rows from one on."""
+        """The rows from a mark on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 
