@@ -105,7 +105,9 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
         except Exception as error:  # three libraries can raise any error on invalid data
             raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
     else:
-        raise ReadError(f"{path}: its chunks are packed with {compression!r}; none, lz4, bz2 and zstd are read")
+        raise ReadError(
+            f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none"
+        )
     if len(content) != size:
         raise ReadError(f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}")
     return bytes(content)

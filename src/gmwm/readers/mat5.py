@@ -139,7 +139,7 @@ def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
         raise ReadError(f"{path} is damaged: numbers of the unknown type {element.kind}")
     kind = np.dtype(f"{order}{_STORED[element.kind]}")
     if len(element.data) % kind.itemsize:
-        raise ReadError(f"{path} is damaged: {len(element.data)} bytes for numbers of {kind.itemsize}")
+        raise ReadError(f"{path} is damaged: {len(element.data)} bytes for numbers of {kind.itemsize} bytes each")
     return np.frombuffer(element.data, kind)
 
 
