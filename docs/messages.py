@@ -29,13 +29,13 @@ An error ends a command. Its text says what to do; [Start here](../start.md) has
 
 ## Severity
 
-| severity | meaning for the numbers | what to do | in the report |
+| severity | meaning for the results | what to do | in the report |
 |---|---|---|---|
-| unusable | The numbers cannot be used. | Do what the message says, and calibrate again. | ✗ |
-| wrong | The numbers may be wrong by a factor. | Find the cause before you use them. | ✗ |
-| biased | The numbers may lie outside their confidence intervals. | Decide whether this matters for you. | ! |
+| unusable | The values cannot be used. | Do what the message says, and calibrate again. | ✗ |
+| wrong | The values may be wrong by a large factor. | Find the cause before you use them. | ✗ |
+| biased | The true values may lie outside the confidence intervals. | Decide whether this matters for you. | ! |
 | uncertain | The confidence intervals are right, but some are wide or missing. | Record longer if it matters. | ! |
-| info | The numbers are not affected. | Nothing. | ✓ |
+| info | The values are not affected. | Nothing. | ✓ |
 """
 
 

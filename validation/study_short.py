@@ -198,11 +198,11 @@ def table(result: dict[str, Any]) -> str:
         "",
         f"`{result['truth']}` at {result['rate']:g} Hz, T_c = {result['samples_per_time']} samples, fitted as GM + "
         "WN: the share of intervals of β and of σ² that contain the true value, by the length of the recording in "
-        "T_c. Open: the interval of β is (0, ∞), because the term acts as another process. Told: a remark of the fit "
-        "says so, or says that the recording has few correlation times. Silent: coverage of β and σ² in the "
-        "recordings without such a remark.",
+        "T_c. Open: the interval of β is (0, ∞), because the term acts as another process. With remark: share of fits "
+        "with a remark that the term acts as another process or that the recording has few correlation times. No "
+        "remark: coverage of β and σ² in the recordings without such a remark.",
         "",
-        "| T / T_c | by | recordings | β | σ² | open | told | β, silent | σ², silent |",
+        "| T / T_c | by | recordings | β | σ² | open | with remark | β, no remark | σ², no remark |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     lines += [

@@ -134,8 +134,8 @@ def table(result: Result) -> str:
 
 def _lines(result: Result) -> Iterator[str]:
     yield (
-        "| model | parameters | track | RMS error | said | over true | in 95 % band | gap: RMS error | said "
-        "| in 95 % band | Ljung-Box rejects |"
+        "| model | parameters | track | RMS error | stated error | over true | in 95 % band | gap: RMS error "
+        "| gap: stated error | in 95 % band | Ljung-Box rejects |"
     )
     yield "|---|---|---|---|---|---|---|---|---|---|---|"
     for r in result["rows"]:
@@ -157,8 +157,8 @@ def _words(result: Result) -> Iterator[str]:
         "The bias is estimated by `kalman_filter`, from the samples so far, and by `smooth`, from all samples, with "
         "the true parameters and with those that `fit` (GMWM) and `fit_ml` (ML) estimate from the same recording. RMS "
         "error: difference from the true bias in 10⁻⁶ rad/s (0.2 °/h), over all recordings, without the gap and the "
-        f"first and last {SETTLED / rate:g} s. Said: the RMS of the standard deviations of the estimates. Over true: "
-        "the error divided by that with the true parameters. Gap: the same within the gap."
+        f"first and last {SETTLED / rate:g} s. Stated error: the RMS of the standard deviations that gmwm states. "
+        "Over true: the RMS error divided by the RMS error with the true parameters. Gap: the same within the gap."
     )
     yield ""
     yield from map("- {}".format, _seen(result["rows"], result["recordings"]))

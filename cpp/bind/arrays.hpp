@@ -1,4 +1,4 @@
-// The array types that cross into Python, views of them, and the one owner of arrays that go out.
+// Array types of the Python interface, views of them, and the ownership of returned arrays.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -16,12 +16,12 @@ namespace gmwm_bind {
 
 namespace nb = nanobind;
 
-// Contiguous arrays that come in, `Input` to be read and `Out` to be written to; noconvert() refuses all others.
+// Contiguous array arguments: `Input` is read-only, `Out` is written to. noconvert() rejects all other arrays.
 template <class T, std::size_t Dimensions>
 using Input = nb::ndarray<const T, nb::ndim<Dimensions>, nb::c_contig, nb::device::cpu>;
 template <class T, std::size_t Dimensions>
 using Out = nb::ndarray<T, nb::ndim<Dimensions>, nb::c_contig, nb::device::cpu>;
-// A new array that goes out.
+// A new array that is returned.
 template <class T>
 using Output = nb::ndarray<nb::numpy, T, nb::ndim<1>>;
 
@@ -33,7 +33,7 @@ using OutMatrix = Out<double, 2>;
 using OutCube = Out<double, 3>;
 using Result = Output<double>;
 
-// All values of an array in a row.
+// A flat view of all values of an array.
 template <class T, class... Properties>
 std::span<T> view(const nb::ndarray<T, Properties...>& array) {
   return {array.data(), array.size()};
@@ -55,7 +55,7 @@ inline Result to_numpy(gmwm::AlignedArray values, std::size_t n) {
 template <class T>
 Output<T> to_numpy(std::vector<T> values) {
   auto kept = std::make_unique<std::vector<T>>(std::move(values));
-  T* data = kept->data();  // before the owner moves: arguments are evaluated in any order
+  T* data = kept->data();  // before `kept` is moved from, because the order of evaluation of arguments is not specified
   const std::size_t n = kept->size();
   return owned<T>(data, n, std::move(kept));
 }

@@ -40,7 +40,7 @@ void check(const Vector& phase, std::size_t n, std::size_t stride, std::size_t m
   if (stride < 1) throw std::invalid_argument("stride must be positive, got 0");
 }
 
-// Largest cluster size whose differences of this order fit.
+// Largest cluster size for which differences of this order fit into the phase.
 std::size_t largest(const Vector& phase, std::size_t order) {
   return phase.shape(0) == 0 ? 0 : (phase.shape(0) - 1) / order;
 }

@@ -23,7 +23,7 @@ namespace {
 
 using Values = std::vector<double>;
 
-// The number of Haar coefficients at a level that must exist.
+// The number of Haar coefficients at a level, which must exist.
 std::size_t checked_count(const Vector& running_sum, std::size_t level) {
   const std::size_t n = running_sum.shape(0);
   if (level < 1 || level > gmwm::max_level || n <= (std::size_t{1} << level))

@@ -13,12 +13,12 @@ namespace {
 
 constexpr double nothing = std::numeric_limits<double>::quiet_NaN();
 
-// What a run over rows needs: tasks are rows, or pairs of a row and a parameter to take the derivative by.
+// Inputs of a run over rows. A task is a row, or a row with the parameter of a derivative.
 struct Run {
   const ArmaOrders& orders;
   const double* parameters;
   const double* odd;
-  std::size_t reach;  // number of `odd`; 0 for Haar's filter
+  std::size_t reach;  // length of `odd`; 0 for the Haar filter
   std::size_t levels;
   std::size_t directions;  // 0 for values
   double* out;
@@ -36,7 +36,8 @@ GMWM_INLINE void seed(Sloped<W>& to, std::size_t l, double value, bool along) {
 }
 
 // ν_j² = D_h/(2h²), D_h = Var(sum of h) − Cov(adjacent sums of h), and D_2h = 2 D_h + L(z S² (1 − u)(3 + u)) with
-// u = z^h and S = 1 + z + … + z^(h−1): for a process that hardly moves every term is positive. v is 1 − u.
+// u = z^h and S = 1 + z + … + z^(h−1). For a slowly varying process all terms are positive, so nothing cancels. v is 1
+// − u.
 template <class T, class Store>
 GMWM_INLINE void haar(ArmaRing<T>& ring, std::size_t levels, T* S, T* v, T* a, T* b, Store store) {
   const std::size_t m = ring.m;
@@ -58,10 +59,11 @@ GMWM_INLINE void haar(ArmaRing<T>& ring, std::size_t levels, T* S, T* v, T* a, T
   }
 }
 
-// The covariance c(k) of the scaling coefficients at every 2^j-th sample, from level to level: number by number at
-// lags below `from`, and as L(x Z^(k − from)), Z = z^(2^j), beyond. The autocorrelation of every orthonormal scaling
-// filter is 1/2 at lag 0 and nothing at other even lags, that of the wavelet filter is the same but for the sign at
-// odd lags: exactly so, whatever the taps were rounded to, `odd` being scaled to a sum of 1/4 in twice the digits.
+// The covariance c(k) of the scaling coefficients at every 2^j-th sample, computed from level to level: as values at
+// lags below `from`, and as L(x Z^(k − from)), Z = z^(2^j), beyond. The autocorrelation of an orthonormal scaling
+// filter is 1/2 at lag 0 and 0 at other even lags. For the wavelet filter, the signs at odd lags are reversed. These
+// relations hold exactly, in spite of rounded filter taps, because `odd` is scaled to a sum of 1/4 in double-double
+// arithmetic.
 template <class T, class Store>
 GMWM_INLINE void filtered(ArmaRing<T>& ring, const Run& run, T* x, T* Z, T* next, Store store) {
   const std::size_t m = ring.m, reach = 2 * run.reach - 1, most = 4 * reach + 4;
@@ -134,7 +136,7 @@ GMWM_INLINE void tasks(const Run& run, std::size_t begin, std::size_t end) {
   }
 }
 
-// Eight rows, or derivatives, side by side; one by one where there are few rows.
+// Eight rows or derivatives at once; one by one if there are few rows.
 constexpr std::size_t wide = 8;
 
 GMWM_CLONES void wide_values(const Run& run, std::size_t begin, std::size_t end) {
@@ -159,7 +161,7 @@ GMWM_CLONES void coordinates_of(const double* coefficients, std::size_t p, std::
     ring.step_down(given.data(), p, &stationary);
     for (std::size_t i = 1; i <= p; ++i) {
       const T k = ring.partial[i], above = T::of(1.0) + k, below = T::of(1.0) - k;
-      // 2k/(1 − k) keeps the digits of a small k.
+      // 2k/(1 − k) is accurate for small k.
       const double small = std::abs(k.high[0]) < 0.5 ? 0.5 * std::log1p(2.0 * k.high[0] / below.high[0])
                                                      : 0.5 * std::log((above * below.inverse()).high[0]);
       out[row * p + i - 1] = stationary ? small : nothing;

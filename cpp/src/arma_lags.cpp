@@ -25,7 +25,7 @@ ArmaRing<T> ring_of(const ArmaOrders& orders, std::span<const double> parameters
 
 std::size_t bits(std::int64_t n) { return static_cast<std::size_t>(std::bit_width(static_cast<std::uint64_t>(n))); }
 
-// Σ z^k over k < h, z^h and the variance of a sum of h samples, for an h that grows.
+// Σ z^k over k < h, z^h and the variance of a sum of h samples, updated for increasing h.
 struct Sum {
   ArmaRing<T>& ring;
   std::vector<T> S, u, work;
@@ -77,7 +77,7 @@ void arma_autocovariance(const ArmaOrders& orders, std::span<const double> param
                          std::span<const std::int64_t> lags, bool from_zero, std::span<double> out) {
   ArmaRing<T> ring = ring_of(orders, parameters);
   const std::size_t m = ring.m;
-  // r(k) … r(k + m − 1), the oldest at `start`.
+  // r(k) … r(k + m − 1) in a ring buffer, the first at `start`.
   std::vector<T> window(ring.r, ring.r + m), moved(m), power(m);
   const T zero = from_zero ? ring.r[0] : T::of(0.0);
   std::size_t start = 0;
@@ -178,7 +178,7 @@ void arma_recursion(const ArmaOrders& orders, std::span<const double> parameters
   T error = ring.driven[0];
   std::vector<T> predictor(p + 1), before;
   for (std::size_t n = 0; n < p; ++n) {
-    // The predictor by n values, and its error.
+    // The predictor from n values, and the variance of its error.
     for (std::size_t i = 1; i <= p; ++i) predictors[n * p + i - 1] = i <= n ? predictor[i].high[0] : 0.0;
     deviations[n] = std::sqrt(error.high[0]);
     before = predictor;

@@ -10,11 +10,11 @@ namespace gmwm {
 
 namespace {
 
-// A moving sum starts afresh after so many n values, and not before `shortest`.
+// A moving sum restarts after this many times n values, but not before `shortest` values.
 constexpr std::size_t renewal = 4;
 constexpr std::size_t shortest = 64;
 
-// The second difference that starts at i, for one place and for four side by side.
+// The second difference that starts at i, for one position or for four at once.
 struct Second {
   const double* p;
   std::size_t n;
@@ -70,7 +70,7 @@ double strided_squares(const Difference& at, std::size_t count, std::size_t stri
   return total;
 }
 
-// Squares of the moving sums D_j, 0 <= j < count, of one stretch; D_0 is summed directly.
+// Sum of the squares of the moving sums D_j, 0 <= j < count, of one section; D_0 is summed directly.
 GMWM_CLONES double moving_clone(const double* p, std::size_t count, std::size_t n) {
   const Second second{p, n};
   const Third third{p, n};
@@ -106,7 +106,7 @@ GMWM_CLONES void octaves_clone(const double* p, std::size_t n, std::size_t octav
   tile::levels_of_tile(p, n, octaves, sums);
 }
 
-// i runs over first <= i < last; left and right say what stands n before and n after i.
+// Sum over first <= i < last; left and right return the values at n before and n after i.
 template <class Left, class Right>
 double turned(std::span<const double> p, std::size_t first, std::size_t last, Left left, Right right) {
   double total = 0.0;
@@ -160,10 +160,11 @@ double reflected_second_differences(std::span<const double> p, std::size_t n) {
   const auto inside_right = [=](std::size_t i) { return p[i + n]; };
   const auto beyond_left = [=](std::size_t i) { return twice_first - p[n - i]; };
   const auto beyond_right = [=](std::size_t i) { return twice_last - p[2 * last - n - i]; };
-  // Left of `low` the place n before i lies beyond the first value; right of `high` the one n after i beyond the last.
+  // For i < low, the position n before i is before the first value. For i > high, the position n after i is after the
+  // last.
   const std::size_t low = std::min(std::max<std::size_t>(n, 1), last), high = last > n ? last - n : 0;
   if (low <= high) {
-    // Both outer places inside for low <= i <= high. The one at i = high touches the last value itself.
+    // For low <= i <= high, both outer positions are inside. At i = high, the right one is the last value.
     return turned(p, 1, low, beyond_left, inside_right) + second_clone(p.data() + low - n, high - low + 1, n) +
            turned(p, high + 1, last, inside_left, beyond_right);
   }

@@ -14,7 +14,7 @@ void sort_atoms(std::vector<Atom>& atoms) {
   std::sort(atoms.begin(), atoms.end(), [](const Atom& a, const Atom& b) { return a.position < b.position; });
 }
 
-// Atoms less than a cell apart on one branch, joined.
+// Atoms of the same branch that are less than a cell apart are merged.
 std::vector<Atom> joined(const std::vector<Atom>& atoms, const Curve& curve) {
   std::vector<Atom> result;
   for (const Atom& atom : atoms) {
@@ -62,8 +62,8 @@ Cone::Cone(std::span<const double> target, std::span<const double> fixed, std::s
       curve_(std::move(curve)),
       nonnegative_(target) {}
 
-// Non-negative weights of the fixed vectors and of the atoms, from the atoms' weights as a start; atoms whose weight
-// is zero are kept.
+// Solves for the non-negative weights of the fixed vectors and of the atoms, starting from the weights of the atoms.
+// Atoms with weight zero are not removed.
 void Cone::solve_weights(std::vector<Atom>& atoms, std::vector<double>& linear) {
   const std::size_t count = fixed_.size() / std::max<std::size_t>(dim_, 1);
   linear.resize(count, 0.0);
@@ -144,8 +144,8 @@ Relaxed Cone::solve_relaxation(const Box& box, const std::vector<Atom>& warm, do
 Relaxed Cone::relax() {
   Box whole;
   for (const Range& branch : curve_.branches()) whole.push_back({branch, 1});
-  // Pairs of neighbours stand for one point between them. Let each pair be one and slide to its optimum, and the
-  // bound becomes tight at once, where adding ever closer points would take many rounds.
+  // A pair of neighbours represents one point between them. Merging each pair and moving it to its optimum makes the
+  // bound tight immediately. Adding closer and closer points would take many rounds.
   Relaxed relaxed = solve_relaxation(whole, {}, infinity, 1e-3);
   const Point slid = refine(joined(relaxed.atoms, curve_), relaxed.atoms.size());
   Relaxed again = solve_relaxation(whole, slid.atoms, infinity, 1e-9);
@@ -153,9 +153,9 @@ Relaxed Cone::relax() {
   return again;
 }
 
-// One damped Newton step on the positions of the atoms, their weights eliminated; false when it cannot descend. At an
-// optimum <r, g'> = 0, which makes the Hessian of the reduced objective 2 x_i x_k <P g'_i, P g'_k> - 2 x_i <r, g''_i>
-// on the diagonal, P the projection off the active columns (variable projection, Golub and Pereyra 1973).
+// One damped Newton step of the positions of the atoms, with their weights eliminated; false if it finds no descent. At
+// an optimum <r, g'> = 0, which makes the Hessian of the reduced objective 2 x_i x_k <P g'_i, P g'_k> - 2 x_i <r,
+// g''_i> on the diagonal, P the projection off the active columns (variable projection, Golub and Pereyra 1973).
 bool Cone::descend(std::vector<Atom>& atoms, Point& point) {
   const std::size_t n = atoms.size();
   std::vector<double> value(dim_), slope(n * dim_), curvature(dim_);
@@ -210,11 +210,11 @@ bool Cone::descend(std::vector<Atom>& atoms, Point& point) {
     }
     if (longest < 1e-9) break;
   }
-  solve_weights(atoms, point.linear);  // back to where we were
+  solve_weights(atoms, point.linear);  // restore the previous solution
   return false;
 }
 
-// Atoms of no weight move to where another curve point would help most; false if none would.
+// Moves atoms of weight zero to the position where another curve point lowers the objective most; false if none does.
 bool Cone::fill_up(std::vector<Atom>& atoms, std::size_t k) {
   std::erase_if(atoms, [](const Atom& atom) { return !(atom.weight > 0); });
   if (atoms.size() >= k) return false;
@@ -229,7 +229,7 @@ bool Cone::fill_up(std::vector<Atom>& atoms, std::size_t k) {
   return true;
 }
 
-// A local optimum with at most k curve points, from the given ones.
+// A local optimum with at most k curve points, starting from the given points.
 Point Cone::refine(std::vector<Atom> atoms, std::size_t k) {
   Point point;
   solve_weights(atoms, point.linear);

@@ -1,4 +1,4 @@
-// Branch and bound over stretches of the curve: the best combination of at most k of its points, with its certificate.
+// Branch and bound over sections of the curve: the best combination of at most k of its points, with a certificate.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,9 +10,9 @@ namespace gmwm {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double same_place = 1e-7;  // in cells: curve points nearer than this are one point
+constexpr double same_place = 1e-7;  // in cells: curve points closer than this count as one point
 
-// Joins the two neighbours that are closest until at most `count` are left: their weighted mean takes their place.
+// Repeatedly replaces the two closest neighbours by their weighted mean, until at most `count` points are left.
 std::vector<Atom> merged(std::vector<Atom> atoms, std::size_t count, const Curve& curve) {
   if (count == 0) return {};
   while (atoms.size() > count) {
@@ -52,7 +52,8 @@ void Cone::remember(Certified& result, Point point) const {
   if (result.best.size() > 4) result.best.pop_back();
 }
 
-// From a relaxed solution with too many atoms: merge neighbours down to k, and leave each surplus one out in turn.
+// Start points from a relaxed solution with too many atoms: neighbours merged down to k, and each surplus atom omitted
+// in turn.
 void Cone::local_searches(Certified& result, const std::vector<Atom>& atoms, std::size_t k) {
   remember(result, refine(merged(atoms, k, curve_), k));
   if (atoms.size() <= k) return;
@@ -64,7 +65,8 @@ void Cone::local_searches(Certified& result, const std::vector<Atom>& atoms, std
   }
 }
 
-// Divides the interval whose atoms exceed its capacity by most weight; no children if none does.
+// Divides the interval whose atoms exceed its capacity with the largest weight; no children if no interval has too many
+// atoms.
 std::vector<Cone::Node> Cone::split(const Node& node) const {
   std::size_t chosen = node.box.size();
   double worst = 0, cut = 0;
@@ -77,7 +79,7 @@ std::vector<Cone::Node> Cone::split(const Node& node) const {
     for (const Atom& atom : inside)
       if (places.empty() || atom.position - places.back().position > same_place) places.push_back(atom);
     if (places.size() <= interval.capacity) continue;
-    // The widest gap between two atoms, weighed by the lighter side: what one point could least stand for.
+    // Split between the neighbours that one point would approximate worst: by the squared gap times the smaller weight.
     for (std::size_t a = 0; a + 1 < places.size(); ++a) {
       const double gap = places[a + 1].position - places[a].position;
       const double lighter = std::min(places[a].weight, places[a + 1].weight);
@@ -116,17 +118,17 @@ Certified Cone::search(std::size_t k, double gap, std::size_t max_nodes, std::sp
   for (std::size_t i = 0; k > 0 && i + k <= starts.size(); i += k) {
     remember(result, refine(starts.subspan(i, k)));
   }
-  // Objectives below the error of the table, squared, are all zero to it.
+  // Objectives below the squared error of the table cannot be distinguished from zero.
   const double resolution = 4 * curve_.largest_margin() * curve_.largest_margin() * dot(target_.data(), target_.data(), dim_);
   const auto cutoff = [&] { return (1 - gap) * result.best.front().objective - resolution; };
-  const auto later = [](const Node& a, const Node& b) { return a.bound > b.bound; };  // heap: least bound on top
+  const auto later = [](const Node& a, const Node& b) { return a.bound > b.bound; };  // heap: smallest bound on top
 
   std::vector<Node> open;
   const auto push = [&](Node node) {
     open.push_back(std::move(node));
     std::push_heap(open.begin(), open.end(), later);
   };
-  // One box for every way of sharing the k points among the branches of the curve.
+  // One box for each distribution of the k points over the branches of the curve.
   std::vector<Box> boxes{{}};
   std::vector<std::size_t> left{k};
   const auto& branches = curve_.branches();
@@ -144,7 +146,7 @@ Certified Cone::search(std::size_t k, double gap, std::size_t max_nodes, std::sp
   }
   for (Box& box : boxes) push({std::move(box), root.bound, root.atoms});
 
-  double closed = infinity;  // least bound of what was put aside
+  double closed = infinity;  // smallest bound of the nodes that were not divided
   while (!open.empty() && result.nodes < max_nodes && open.front().bound < cutoff()) {
     std::pop_heap(open.begin(), open.end(), later);
     Node node = std::move(open.back());

@@ -13,7 +13,7 @@ double Curve::Cell::operator()(double t) const {
   return u * u * ((1 + 2 * t) * p0 + t * d0) + t * t * ((1 + 2 * u) * p1 - u * d1);
 }
 
-// A cubic lies below the largest of its Bernstein coefficients.
+// An upper bound of a cubic on a cell: the largest of its Bernstein coefficients.
 double Curve::Cell::control_maximum() const {
   return std::max(std::max(p0, p0 + d0 / 3), std::max(p1, p1 - d1 / 3));
 }
@@ -119,7 +119,7 @@ double Curve::steepest(std::span<const double> direction, Range range, double th
   bool rising = false;  // inside a run of cells whose maxima are above the threshold
   for (std::size_t i = first; i < std::max(last, first + 1); ++i) {
     std::size_t c = i;
-    if (i + 1 >= nodes_ || margins_[i] < 0) {  // a range that is one point at the end of a branch
+    if (i + 1 >= nodes_ || margins_[i] < 0) {  // the range is a single point at the end of a branch
       if (range.high > range.low || i == 0) continue;
       c = i - 1;
       for (std::size_t k = c; k <= c + 1; ++k) {
@@ -138,7 +138,7 @@ double Curve::steepest(std::span<const double> direction, Range range, double th
     }
     const double start = static_cast<double>(c);
     const Peak peak = cell.maximum(std::max(range.low - start, 0.0), std::min(range.high - start, 1.0));
-    // Where the margin leaves no positive lower bound of <z, g>, nothing is proven.
+    // If the margin leaves no positive lower bound of <z, g>, no upper bound can be proven.
     if (peak.value + margin > 0)
       ratio = std::max(ratio, least_[c] > 0 ? (peak.value + margin) / least_[c] : std::numeric_limits<double>::infinity());
     if (peak.value <= threshold) {

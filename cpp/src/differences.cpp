@@ -1,6 +1,6 @@
 // With y = |u - b + h_j| at the offsets b = 0, h_k, 2 h_k of the coarser filter, d = h_j - y, and D the covariance of
-// the running sum differenced over the finer filter, the result is D(u) - 2 D(u - h_k) + D(u - 2 h_k). D is only known
-// up to what that removes, and is 0 at d = 0 here:
+// the running sum differenced over the finer filter, the result is D(u) - 2 D(u - h_k) + D(u - 2 h_k). D is only
+// defined up to terms that cancel in this difference. Here, D is 0 at d = 0:
 //   white noise  -max(d, 0)                      random walk  -h² d / 2 + (d³ - d) / 6 where d > 0.
 // Of exp(-λ |k|), times 2 sinh²(λ/2), with a = λh, x = λy, ε = 1 - exp(-a):
 //   d <= 0:  ε² (1 - exp(λd)) / 2
@@ -56,7 +56,7 @@ double sinh_excess(double x) {
   return sinh_part;
 }
 
-// What exp(-λ |k|) makes of one pair of levels.
+// The constants of exp(-λ |k|) for one pair of levels.
 struct Decay {
   double h, hk, decay;
   double gain, epsilon, epsilon_coarse, cosh_part, sinh_part, excess, sinh_decay, at_end;
@@ -94,7 +94,7 @@ struct Decay {
     return near * (1 - 0.5 * at_end) - at_end - 0.5 * expm1_below(-decay * d) + 0.5 * at_end * at_end - d * sinh_decay;
   }
 
-  // Where the reach ends, the coefficients are those of two blocks, one of which decays into the other.
+  // Where the filters do not overlap any more, the covariance decays exponentially with the distance of the two blocks.
   GMWM_INLINE double beyond(double u) const {
     const double distance = std::max(u - 2 * hk, -2 * h - u);
     const double ends = epsilon * epsilon_coarse;
@@ -102,7 +102,7 @@ struct Decay {
   }
 };
 
-// d at one of the three offsets, for a block of lags, and whether all or none of them are inside.
+// d at one of the three offsets, for a block of lags, and whether all or none of the lags are inside the overlap.
 struct Depths {
   double d[block];
   double least, most;

@@ -23,7 +23,7 @@ GMWM_CLONES void levels_clone(const double* p, std::size_t n, std::size_t levels
   tile::levels_of_tile(p, n, levels, sums);
 }
 
-// (P_t - …)² to W²: exact, a division by a power of two.
+// Factor from (P_t - …)² to W²: a power of two, so it is exact.
 void scale_by_level(std::span<double> sums) {
   for (std::size_t k = 0; k < sums.size(); ++k) sums[k] = std::ldexp(sums[k], -2 * static_cast<int>(k + 1));
 }
@@ -39,7 +39,7 @@ void add_squares(const double* sum, std::size_t first, std::size_t last, std::sp
 }  // namespace
 
 #if GMWM_HAS_CLONES
-// Versions of one function under the same targets: the loader chooses among them as among the clones.
+// One function for each target of the clones: the loader selects it in the same way as it selects a clone.
 namespace {
 __attribute__((target("default"))) const char* version() { return "default"; }
 __attribute__((target("arch=x86-64-v3"))) const char* version() { return "x86-64-v3"; }
@@ -52,10 +52,10 @@ const char* running_clone() { return "portable"; }
 
 Mean mean(std::span<const double> x) {
   const double count = static_cast<double>(x.size());
-  // From the first value on: a constant has exactly its own mean, and a large offset costs no digits.
+  // Relative to the first value, so that the mean of a constant is exact and a large offset loses no precision.
   const double sum = sum_clone(x.data(), x.size(), x[0]);
   if (std::isfinite(sum)) return {x[0] + sum / count, true};
-  // Either a value is not finite, or the sum of finite ones overflows: only then look at each.
+  // Either a value is not finite, or the sum of finite values overflows. Only in these cases, check each value.
   if (!std::all_of(x.begin(), x.end(), [](double v) { return std::isfinite(v); }))
     return {std::numeric_limits<double>::quiet_NaN(), false};
   double scaled = 0.0;
@@ -87,7 +87,7 @@ void haar_variance(std::span<const double> x, std::span<double> variance) {
   const AlignedArray sum = aligned_array(x.size() + 1);
   sum[0] = 0.0;
   std::fill(variance.begin(), variance.end(), 0.0);
-  // Tile by tile, so that the levels find the newest part of the running sum in the cache.
+  // Tile by tile, so that all levels read the newest part of the running sum from the cache.
   for (std::size_t i = 1, next; i <= x.size(); i = next) {
     next = std::min((i / tile::size + 1) * tile::size, x.size() + 1);
     running_sum_clone(x.data() + i - 1, next - i, centre.value, sum[i - 1], sum.get() + i);

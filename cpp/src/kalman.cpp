@@ -38,7 +38,8 @@ struct Run {
   std::vector<double> v;      // innovations of a block (k, block)
 };
 
-// v and the next means of K series by gains that stay: P states that do not mix. Series side by side share the waiting.
+// v and the next means of K series with a constant gain, for P states with diagonal F. Several series at once hide the
+// latency of the recursion.
 template <std::size_t P, std::size_t K>
 GMWM_INLINE void settled_diagonal(Run& run, std::size_t t0, std::size_t n) {
   const Machine<double>& m = run.machine;
@@ -63,7 +64,7 @@ GMWM_INLINE void settled_diagonal(Run& run, std::size_t t0, std::size_t n) {
     for (std::size_t i = 0; i < P; ++i) run.means[k * P + i] = a[k][i];
 }
 
-// v_t, and the means moved one step with a gain, or without one where nothing was seen.
+// v_t, and the means after one step: with the gain, or without it if the sample is missing.
 GMWM_INLINE double moved(const Machine<double>& m, double y, bool seen, double* mean, double* next) {
   double e = seen ? y : 0.0;
   for (std::size_t i = 0; i < m.p; ++i) {
@@ -75,9 +76,9 @@ GMWM_INLINE double moved(const Machine<double>& m, double y, bool seen, double* 
   return e;
 }
 
-// The first samples, in which the gains still change: P states that do not mix, K series, n samples that are all there.
-// v (K, block), 1/S and S of each sample. False if a sample has no variance. States are seen as they are, h_i x_i, and
-// what does not need 1/S is done while it is divided: F (P − M Mᵀ/S) Fᵀ + Q = (F P Fᵀ + Q) − (F M)(F M)ᵀ/S.
+// The first samples, in which the gain still changes: P states with diagonal F, K series, n samples without gaps.
+// Writes v (K, block), 1/S and S of each sample. Returns false if an innovation has zero variance. Operations that do
+// not need 1/S are done during the division: F (P − M Mᵀ/S) Fᵀ + Q = (F P Fᵀ + Q) − (F M)(F M)ᵀ/S.
 template <std::size_t P, std::size_t K>
 GMWM_INLINE bool changing_diagonal(Run& run, std::size_t t0, std::size_t n, double* weights, double* variances) {
   Machine<double>& m = run.machine;
@@ -128,7 +129,7 @@ GMWM_INLINE bool changing_diagonal(Run& run, std::size_t t0, std::size_t n, doub
   return good;
 }
 
-// Whether there is such a loop for this system, and if so what came of it.
+// The result of this loop, or nothing if there is no such loop for this system.
 enum class Quick { none, good, singular };
 
 GMWM_INLINE Quick changing_block(Run& run, std::size_t t, std::size_t n, double* weights, double* variances) {
@@ -168,7 +169,7 @@ GMWM_INLINE void settled_block(Run& run, std::size_t t, std::size_t n) {
   }
 }
 
-// Σ v_a v_b of a block, in several sums side by side.
+// Σ v_a v_b of a block, with several partial sums at once.
 GMWM_INLINE double product(const double* a, const double* b, std::size_t n) {
   std::array<double, 8> sums{};
   std::size_t t = 0;
@@ -227,7 +228,7 @@ GMWM_CLONES void filter(Run& run, std::span<double> standardised, Innovations& o
       settled_log += static_cast<double>(some) * std::log(m.S);
       t += some;
       if (t == n || some == block) continue;
-      m.settled = false;  // a sample is missing here; P is that of the sample to come
+      m.settled = false;  // a sample is missing here; P is the covariance for the next sample
     }
     const bool there = y[t] == y[t];
     if (there) {

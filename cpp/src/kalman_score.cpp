@@ -14,20 +14,21 @@ struct Line {
   std::vector<Dual<L>> mean, next;
 };
 
-// What is known of a single unknown level before a sample: Σ c²/S, and Σ c v/S, so that its estimate is their ratio.
+// The information about a single unknown level before a sample: Σ c²/S and Σ c v/S; the estimate of the level is their
+// ratio.
 template <std::size_t L>
 struct Known {
   Dual<L> weight{0.0}, pull{0.0};
 };
 
-// What one pass gathers.
+// The sums of one pass.
 template <std::size_t L>
 struct Sums {
   Known<L> known;
   std::array<double, L> log_slopes{}, square_slopes{};
   std::array<double, L * L> information{};
   std::vector<double> cross, cross_slopes;  // (m, m), (m, m, L)
-  std::size_t used;                         // of the L derivatives
+  std::size_t used;                         // number of derivatives in use, of L
   double square = 0;
 };
 
@@ -59,7 +60,7 @@ Machine<Dual<L>> machine_of(const System& s, const Slopes& d) {
   return {p, std::move(places), std::move(f), numbers(s.Q, d.Q, pp), numbers(s.H, d.H, p), numbers(s.P0, d.P0, pp), noise};
 }
 
-// v with its derivatives; the means moved one step, by the gain where something was seen.
+// v with its derivatives, and the means after one step: with the gain, or without it if the sample is missing.
 template <std::size_t L>
 GMWM_INLINE Dual<L> moved(const Machine<Dual<L>>& m, double y, bool seen, Line<L>& line) {
   Dual<L> e(seen ? y : 0.0);
@@ -75,7 +76,7 @@ GMWM_INLINE Dual<L> moved(const Machine<Dual<L>>& m, double y, bool seen, Line<L
   return e;
 }
 
-// A block by gains that stay: P states that do not mix. The derivatives of v follow v, L to a sample.
+// A block with a constant gain, for P states with diagonal F. The L derivatives of v follow the v of each sample.
 template <std::size_t P, std::size_t L>
 GMWM_INLINE void settled_diagonal(const Machine<Dual<L>>& m, const double* y, std::size_t n, Line<L>& line, double* v,
                                   double* slopes) {
@@ -107,7 +108,7 @@ GMWM_INLINE void settled_block(const Machine<Dual<L>>& m, const double* y, std::
   }
 }
 
-// A sample's share in the information, from what it says beyond those before it: v and S with their derivatives.
+// Adds the contribution of a sample to the information, from v and S with their derivatives.
 template <std::size_t L>
 GMWM_INLINE void inform(Sums<L>& sums, const Dual<L>& v, const Dual<L>& S, double weight) {
   for (std::size_t a = 0; a < sums.used; ++a) {
@@ -116,8 +117,8 @@ GMWM_INLINE void inform(Sums<L>& sums, const Dual<L>& v, const Dual<L>& S, doubl
   }
 }
 
-// The same where an unknown level c is in each sample: v less what the level is so far, S with its variance. The sample
-// that first shows the level says nothing else.
+// The same if each sample contains an unknown level with the factor c: the estimate of the level so far is subtracted
+// from v, and its variance is added to S. The first sample that depends on the level contributes nothing.
 template <std::size_t L>
 GMWM_INLINE void inform(Sums<L>& sums, const Dual<L>& v, const Dual<L>& c, const Dual<L>& S, const Dual<L>& inverse) {
   Known<L>& known = sums.known;
@@ -133,7 +134,7 @@ GMWM_INLINE void inform(Sums<L>& sums, const Dual<L>& v, const Dual<L>& c, const
   known.pull += share * v;
 }
 
-// One sample's share, v (k) and S with their derivatives.
+// Adds the contribution of one sample, from v (k) and S with their derivatives.
 template <std::size_t L>
 GMWM_INLINE void gather(Sums<L>& sums, const std::vector<Dual<L>>& v, const Dual<L>& S, const Dual<L>& inverse) {
   const double weight = inverse.v;
@@ -158,7 +159,7 @@ GMWM_INLINE void gather(Sums<L>& sums, const std::vector<Dual<L>>& v, const Dual
     }
 }
 
-// Whether a regressor no longer shows, as the first level of a walk that has gone on for long.
+// Whether a regressor has no effect any more, such as the initial level of a random walk after many samples.
 inline bool nothing_left(const double* v, const double* slopes, std::size_t n, std::size_t L) {
   const auto none = [](double value) { return value == 0; };
   return std::all_of(v, v + n, none) && std::all_of(slopes, slopes + n * L, none);
@@ -171,7 +172,7 @@ GMWM_INLINE Dual<L> number(const double* v, const double* slopes, std::size_t t)
   return out;
 }
 
-// The share of a block of n samples whose S does not change.
+// Adds the contribution of a block of n samples with constant S.
 template <std::size_t L>
 GMWM_INLINE void gather_block(Sums<L>& sums, std::size_t k, std::size_t n, const double* v, const double* slopes,
                               const Dual<L>& S, const Dual<L>& inverse) {

@@ -10,7 +10,8 @@ namespace {
 constexpr std::size_t stride = 4096;
 constexpr double unknown = std::numeric_limits<double>::infinity();
 
-// The filter between two samples: the covariance, the predicted means (k, p), and what is known of the regressors.
+// The state of the filter between two samples: the covariance, the predicted means (k, p), and the sums for the
+// regressors.
 struct Standing {
   Machine<double> machine;
   std::vector<double> means;
@@ -18,18 +19,18 @@ struct Standing {
   std::size_t seen = 0;
 };
 
-// What a sample is seen as: all that the way back needs of it.
+// The results of the filter at a sample that the backward pass needs.
 struct Seen {
   bool there;
   std::vector<double> v, means;       // (k), filtered means (k, p)
-  std::vector<double> P, gain;        // filtered covariance (p, p), predictor's gain (p)
+  std::vector<double> P, gain;        // filtered covariance (p, p), gain of the predictor (p)
   double inverse_S;
 };
 
 // Coefficients of the m regressors by least squares from the cross sums, and their covariance; false while unknown.
 bool coefficients(const std::vector<double>& cross, std::size_t k, std::vector<double>& beta, std::vector<double>& cov) {
   const std::size_t m = k - 1;
-  if (m == 1) {  // at each sample of a filter
+  if (m == 1) {  // fast path: called at each sample of a filter
     const double own = cross[k + 1];
     if (!(own > 0)) return false;
     beta.assign(1, cross[1] / own);
@@ -96,7 +97,7 @@ class Tracker {
   }
 
  private:
-  // The filter takes sample t, and seen_ says what it made of it.
+  // Filters sample t and stores the result in seen_.
   bool step(std::size_t t) {
     Machine<double>& m = now_.machine;
     const double* y = series_.row(0);
@@ -138,7 +139,8 @@ class Tracker {
     return true;
   }
 
-  // From the last sample to the first: r and N of Durbin and Koopman, block by block, each run through once more.
+  // Backward pass with r and N of Durbin and Koopman, from the last sample to the first. The filter is repeated for
+  // each block.
   void back() {
     known_ = k_ == 1 || coefficients(now_.cross, k_, beta_, covariance_);
     std::vector<double> r(k_ * p_), N(p_ * p_);
@@ -147,7 +149,7 @@ class Tracker {
       const std::size_t first = mark * stride, last = std::min(first + stride, n_);
       now_ = std::move(marks_[mark]);
       marks_.pop_back();
-      now_.machine.settled = false;  // what goes with it is not kept; it settles again, on the same gains
+      now_.machine.settled = false;  // its constants are not stored; it converges again to the same gain
       for (std::size_t t = first; t < last; ++t) {
         step(t);
         kept[t - first] = seen_;
@@ -159,7 +161,7 @@ class Tracker {
     }
   }
 
-  // r ← H v/S + Lᵀ r, N ← HᵀH/S + Lᵀ N L, L = F − G H; F alone where nothing was seen.
+  // r ← H v/S + Lᵀ r, N ← HᵀH/S + Lᵀ N L, L = F − G H; only F if the sample is missing.
   void before(const Seen& seen, std::vector<double>& r, std::vector<double>& N) {
     const Machine<double>& m = now_.machine;
     const double there = seen.there ? 1.0 : 0.0;
@@ -191,7 +193,7 @@ class Tracker {
       }
   }
 
-  // Means and variances of all sums at sample t, from what was seen, and from r and N of what came after.
+  // Means and variances of all sums at sample t, from the filter results, and from r and N of the later samples.
   void tell(std::size_t t, const Seen& seen, const std::vector<double>* r, const std::vector<double>* N) {
     const Machine<double>& m = now_.machine;
     for (std::size_t g = 0; g < pick_.count; ++g) {
@@ -236,7 +238,7 @@ class Tracker {
     put(pick_.count, t, variance, nullptr);
   }
 
-  // A sum of states: the record's part less what the regressors would give, and their own share in it.
+  // A sum of states: the value of the record minus the contribution of the regressors, plus their direct contribution.
   void put(std::size_t g, std::size_t t, double variance, const double* shares) {
     double mean = part_[0];
     const std::size_t m = k_ - 1;

@@ -9,8 +9,13 @@ namespace gmwm {
 
 namespace {
 
+<<<<<<< HEAD
 constexpr std::size_t order = 8;  // 7 is the least that reaches 1e-8
 constexpr double gone = 40;       // exp(-40) is nothing next to 1
+=======
+constexpr std::size_t order = 8;  // 7 is the smallest order with an error below 1e-8
+constexpr double reach = 40;      // exp(-40) is negligible compared with 1
+>>>>>>> main
 
 struct Rule {
   std::array<double, order> nodes;
@@ -19,7 +24,7 @@ struct Rule {
 
 using Rules = std::unordered_map<std::int64_t, Rule>;
 
-// Some integers one stride apart: few enough to be taken one by one, or by a rule.
+// A sequence of integers with a constant stride: each one is a node if they are few, else a Gauss rule gives the nodes.
 struct Piece {
   std::int64_t start;
   std::int64_t points;
@@ -58,7 +63,15 @@ class Collector {
     end = std::remove_if(kinks.begin(), end, [&](std::int64_t u) { return u < least || u > most; });
     for (auto kink = kinks.begin(); kink != end; ++kink) {
       one(*kink, 1);
+<<<<<<< HEAD
       if (kink + 1 != end) gap({kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse}, own);
+=======
+      if (kink + 1 == end) break;
+      // Without exponentials, the covariance is zero where the two filters do not overlap.
+      // Beyond the overlap, exponentials decay from its end only, not from the ends of the record.
+      const bool inside = kink[0] >= -fine && kink[1] <= coarse;
+      if (inside || smooth_.fastest > 0) between(kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse);
+>>>>>>> main
     }
   }
 
@@ -69,6 +82,7 @@ class Collector {
     if (points > 0) pieces_.push_back({lag, points, nullptr, 1});
   }
 
+<<<<<<< HEAD
   // The integers strictly between two kinks, and whether exponentials come from the one and the other.
   struct Gap {
     std::int64_t low, high;
@@ -97,6 +111,14 @@ class Collector {
     const auto up_to = [&](std::int64_t next) {
       if (next > start) piece(start, next - start), start = next;
     };
+=======
+  // All integers strictly between two kinks, divided into pieces if exponentials from one of the kinks require it.
+  void between(std::int64_t low, std::int64_t high, bool from_low, bool from_high) {
+    if (high - low < 2) return;
+    const std::int64_t middle = !from_low ? low : !from_high ? high : low + (high - low) / 2;
+    std::int64_t start = low + 1;
+    const auto up_to = [&](std::int64_t next) { piece(start, next - start), start = next; };
+>>>>>>> main
     for (const std::int64_t cut : cuts_) {
       if (at.low + 1 + cut >= middle) break;
       up_to(std::min(at.low + 1 + cut, end));
@@ -149,7 +171,7 @@ std::size_t write(std::span<const Piece> pieces, std::int64_t fine, std::int64_t
         if (!lags.odd.empty()) lags.odd[place] = piece.start & 1;
       }
   }
-  // n(u): how many t have both coefficients inside the record.
+  // n(u): the number of t for which both coefficients are inside the record.
   const double inner = static_cast<double>(fine - 1), outer = static_cast<double>(coarse - 1);
   for (std::size_t i = start; i < place; ++i) {
     const double u = lags.lag[i];
@@ -217,7 +239,7 @@ void integer_rule(std::int64_t points, std::span<double> nodes, std::span<double
 
 Lags covariance_lags(std::span<const std::int64_t> levels, std::int64_t samples, const Smoothness& smooth) {
   Collector collect(samples, smooth);
-  std::vector<std::size_t> ends;  // of each pair's pieces
+  std::vector<std::size_t> ends;  // ends of the pieces of each pair
   const auto for_each_pair = [&](auto&& act) {
     for (std::size_t k = 0; k < levels.size(); ++k)
       for (std::size_t j = smooth.diagonal ? k : 0; j <= k; ++j)

@@ -18,7 +18,7 @@ NonNegative::NonNegative(std::span<const double> target)
 }
 
 // Gram-Schmidt, each column twice: the passive columns may be nearly parallel (neighbours on a curve). Returns false,
-// and removes the column from the passive set, where one depends on those before it.
+// and removes the column from the passive set, if a column depends on the previous ones.
 bool NonNegative::least_squares(std::span<const double* const> columns) {
   const std::size_t n = target_.size();
   const std::size_t m = passive_.size();
@@ -47,7 +47,7 @@ bool NonNegative::least_squares(std::span<const double* const> columns) {
     r_[k * m + k] = norm;
     for (std::size_t t = 0; t < n; ++t) q[t] /= norm;
   }
-  // Project the target step by step (modified Gram-Schmidt), then solve the triangle.
+  // Project the target step by step (modified Gram-Schmidt), then solve the triangular system.
   residual_ = target_;
   for (std::size_t k = 0; k < m; ++k) {
     const double* q = q_.data() + k * n;
@@ -61,15 +61,15 @@ bool NonNegative::least_squares(std::span<const double* const> columns) {
   return true;
 }
 
-// Moves from the feasible weights towards the unconstrained solution on the passive columns; what hits zero leaves.
-// Returns false when nothing left: the weights are the solution on these columns.
+// Moves from the feasible weights towards the unconstrained solution on the passive columns. Columns whose weight
+// reaches zero become active. Returns false if no column did: then the weights are the solution on the passive columns.
 bool NonNegative::advance(std::vector<double>& weights) {
   double step = 1;
   for (std::size_t k = 0; k < passive_.size(); ++k) {
     const double w = weights[passive_[k]];
     if (z_[k] <= 0) step = std::min(step, w / (w - z_[k]));
   }
-  if (std::isnan(step)) step = 0;  // 0/0: a column that came in with weight zero and solves to zero
+  if (std::isnan(step)) step = 0;  // 0/0: a column that entered with weight zero and whose solution is zero
   std::size_t kept = 0;
   for (std::size_t k = 0; k < passive_.size(); ++k) {
     const std::size_t index = passive_[k];
@@ -77,7 +77,7 @@ bool NonNegative::advance(std::vector<double>& weights) {
     const bool out = z_[k] <= 0 && (w <= 0 || w / (w - z_[k]) <= step);
     weights[index] = out ? 0.0 : w + step * (z_[k] - w);
     if (!out) passive_[kept++] = index;
-    if (out && w <= 0) blocked_[index] = 1;  // it came in and would leave at once: rounding, not descent
+    if (out && w <= 0) blocked_[index] = 1;  // it entered and would leave immediately: rounding, not descent
   }
   const bool left = kept < passive_.size();
   passive_.resize(kept);

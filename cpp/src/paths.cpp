@@ -7,7 +7,7 @@ namespace gmwm {
 
 namespace {
 
-// Rows side by side: the latency of a product and a sum, spread over as many.
+// Number of rows that are computed together, to hide the latency of a product and a sum.
 constexpr std::size_t together = 4;
 
 template <std::size_t K>
@@ -25,8 +25,8 @@ void accumulate_rows(double* x, std::size_t n, double scale) {
     for (std::size_t k = 0; k < K; ++k) x[k * n + t] = scale * (sum[k] += x[k * n + t]);
 }
 
-// z_t = rest x_t + Σ φ_i z_{t−i} from `begin` on. The oldest term comes first: what waits for the value before is the
-// last product and sum alone. Of up to four coefficients the values before stay in registers.
+// z_t = rest x_t + Σ φ_i z_{t−i} from `begin` on. The oldest term is added first, so that only the last product and sum
+// depend on the previous value. With up to four coefficients, the previous values stay in registers.
 template <std::size_t K, std::size_t P>
 void recursion(double* x, std::size_t n, std::size_t begin, const double* phi, double rest) {
   std::array<std::array<double, K>, P> last;

@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::size_t batch = 64;
 
-// Coefficient by coefficient over a batch: the compiler sees independent lanes.
+// Horner's scheme for a batch of points: the inner loop runs over independent points, so that the compiler vectorises
+// it.
 GMWM_CLONES void horner(const double* c, std::size_t n, const double* x, std::size_t m, double* out) {
   std::array<double, batch> value;
   for (std::size_t i = 0; i < m; ++i) value[i] = c[0];

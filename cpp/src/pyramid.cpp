@@ -12,13 +12,14 @@ namespace gmwm {
 
 namespace {
 
-// Samples whose squares are added up before they are added to the rest, so that rounding does not grow with N.
+// Samples of a partial sum of squares. Partial sums are added to the total, so that the rounding error does not grow
+// with N.
 constexpr std::size_t tile_size = 4096;
-// Packs side by side: enough sums that none waits for itself.
+// Number of packs at once: enough independent sums to hide the latency of an addition.
 constexpr std::size_t side = 3;
 
-// v[i] <- Σ_m g_m v[i + m stride] for i < n, both filters back to front, so that what is written has been read.
-// Returns the sum of the squares of Σ_m h_m v[i + m stride].
+// v[i] <- Σ_m g_m v[i + m stride] for i < n, with both filters reversed, so that each value is read before it is
+// overwritten. Returns the sum of the squares of Σ_m h_m v[i + m stride].
 GMWM_CLONES double smooth_in_place(double* v, std::size_t n, std::size_t stride, const double* g, const double* h,
                                    std::size_t length) {
   double total = 0.0;
@@ -73,13 +74,14 @@ GMWM_CLONES void filtered(const double* x, const std::size_t* places, const doub
   }
 }
 
-// The signal twice over, so that every shift of it by less than N is a piece of it.
+// The signal twice in a row, so that each periodic shift by less than N is a contiguous part.
 void twice(std::span<const double> x, double* out) {
   std::copy(x.begin(), x.end(), out);
   std::copy(x.begin(), x.end(), out + x.size());
 }
 
-// Taps of the filters, and where each finds its value: shifts of l * stride to the left or the right, modulo n.
+// Taps of the filters, and the position of the value for each tap: shifted by l * stride to the left or the right,
+// modulo n.
 struct Shifts {
   std::unique_ptr<std::size_t[]> places;
 

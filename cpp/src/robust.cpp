@@ -25,12 +25,12 @@ GMWM_CLONES void tile_clone(const double* p, std::size_t n, std::size_t levels, 
   tile::biweight_of_tile(p, n, levels, limit, cubed, fourth);
 }
 
-// |P_t - 2 P_{t-h} + P_{t-2h}| at the k-th place of a level: |W| but for the division by 2^j.
+// |P_t - 2 P_{t-h} + P_{t-2h}| at the k-th position of a level: |W| before the division by 2^j.
 inline double difference(std::span<const double> sum, std::size_t h, std::size_t k) {
   return std::abs(sum[k] + sum[k + 2 * h] - 2.0 * sum[k + h]);
 }
 
-// |W| of one block, and how many of them are at most low and high; without a branch, so that it vectorises.
+// |W| of one block, and the numbers of values <= low and <= high; without branches, so that it vectorises.
 GMWM_CLONES void sizes_clone(const double* p, std::size_t h, double unit, std::size_t n, double low, double high,
                              double* size, double* counts) {
   double at_low = 0.0, at_high = 0.0;
@@ -55,7 +55,7 @@ void haar_biweight_sums(std::span<const double> sum, std::span<const double> lim
                         std::span<BiweightSums> sums, std::size_t begin) {
   const std::size_t levels = limits.size();
   std::array<double, max_level> scaled{}, cubed{}, fourth{}, count{};
-  // Of a level left out with an infinite limit, neither sum comes to a NaN.
+  // Skipped levels have an infinite limit, with which no sum becomes NaN.
   for (std::size_t k = 0; k < levels; ++k)
     scaled[k] = limits[k] > 0.0 ? std::ldexp(limits[k], 2 * static_cast<int>(k + 1))
                                 : std::numeric_limits<double>::infinity();
@@ -77,7 +77,8 @@ void haar_sample(std::span<const double> sum, std::size_t level, std::span<doubl
     for (std::size_t k = 0; k < count; ++k) out[k] = unit * difference(sum, h, k);
     return;
   }
-  // One place in each of n equal cells; where in the cell goes by the golden section, which no period follows.
+  // One position in each of n equal cells. The position within the cell follows a golden-section sequence, which is not
+  // periodic.
   const double cell = static_cast<double>(count) / static_cast<double>(out.size());
   double within = 0.5;
   for (std::size_t i = 0; i < out.size(); ++i) {

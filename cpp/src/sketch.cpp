@@ -16,21 +16,22 @@ namespace gmwm {
 namespace {
 
 constexpr std::size_t octaves = 2048, bins = octaves * sketch_octave;
-// A double's mantissa has 52 bits: 7 tell the bin, 24 go into its sum.
+// The mantissa of a double has 52 bits: the first 7 select the bin, and the next 24 are added to its sum.
 constexpr int below_bin = 52 - std::countr_zero(sketch_octave), below_sum = below_bin - sketch_bits;
 constexpr std::uint64_t rest = (std::uint64_t{1} << sketch_bits) - 1;
-// Count and sum of a bin share a word, so that a value costs one addition: 20 bits and 44.
+// The count (20 bits) and the sum (44 bits) of a bin share a word, so that a value costs one addition.
 constexpr int count_at = 44;
 constexpr std::uint64_t one = std::uint64_t{1} << count_at;
 constexpr std::size_t room = (std::size_t{1} << 20) - 1;
-// Values worked on together, small enough for the first-level cache.
+// Number of values in a block, small enough for the first-level cache.
 constexpr std::size_t block = 1024;
 
-// Where a block of values is to be counted, what each adds there, and the range of the bins.
+// The bins of a block of values, the word that each value adds to its bin, and the range of the bins.
 struct Keys {
   std::array<std::uint32_t, block> bin;
   std::array<std::uint64_t, block> word;
-  // The least of bin - 1: bin 0, of what counts as zero, wraps round to the largest number and lowers nothing.
+  // The minimum of bin - 1. For bin 0, which counts zeros, this wraps around to the largest number and does not affect
+  // the minimum.
   std::uint32_t below, highest;
 };
 
@@ -57,14 +58,14 @@ GMWM_CLONES void value_keys(const double* w, std::size_t n, Keys* keys) {
   range(n, *keys);
 }
 
-// |p[i] - 2 p[i + h] + p[i + 2 h]| times the unit.
+// |p[i] - 2 p[i + h] + p[i + 2 h]|, multiplied by `unit`.
 GMWM_CLONES void haar_keys(const double* p, std::size_t h, double unit, std::size_t n, Keys* keys) {
   for (std::size_t i = 0; i < n; ++i)
     key(unit * (p[i] + p[i + 2 * h] - 2.0 * p[i + h]), keys->bin[i], keys->word[i]);
   range(n, *keys);
 }
 
-// Makes room for octaves first <= e < last.
+// Extends the sketch to the octaves first <= e < last.
 void widen(SketchCounts& out, std::size_t first, std::size_t last) {
   const std::size_t held = out.counts.size() / sketch_octave;
   const std::size_t begin = held == 0 ? first : std::min(first, out.first);
@@ -76,8 +77,8 @@ void widen(SketchCounts& out, std::size_t first, std::size_t last) {
   out.first = begin;
 }
 
-// Counts of all bins there are, each twice: two values in a row often share a bin, and the second would wait for the
-// first. Of its 4 MiB only the octaves that occur are ever touched.
+// Two copies of the counts of all possible bins: successive values often share a bin, and with one copy, the second
+// addition would wait for the first. Only the pages of octaves that occur are used of the 4 MiB.
 class Tally {
  public:
   void add(const Keys& keys, std::size_t n, SketchCounts& out) {
@@ -94,7 +95,7 @@ class Tally {
     for (; i < n; ++i) to[2 * std::size_t{keys.bin[i]}] += keys.word[i];
   }
 
-  // Adds to `out` what was counted, and counts from zero again.
+  // Adds the counts to `out` and sets them to zero.
   void empty(SketchCounts& out) {
     out.zeros += take(0).count;
     if (highest_ >= infinite)
@@ -102,7 +103,7 @@ class Tally {
     if (below_ != none && below_ + 1 < infinite) {
       const std::size_t first = (below_ + 1) / sketch_octave;
       std::size_t last = std::min<std::size_t>(highest_, infinite - 1) / sketch_octave + 1;
-      // Infinite values hide which the highest octave below them is.
+      // If there are infinite values, the highest octave of finite values is not known.
       while (highest_ >= infinite && last > first + 1 && is_empty(last - 1)) --last;
       widen(out, first, last);
       for (std::size_t bin = std::max<std::size_t>(first * sketch_octave, 1); bin < last * sketch_octave; ++bin) {
@@ -140,7 +141,7 @@ class Tally {
   };
 
   static std::unique_ptr<std::uint64_t[], Free> blank() {
-    // From the system the zeros come for nothing, page by page as they are touched.
+    // The operating system provides zeroed pages on first access, so clearing the memory costs nothing.
     auto* const words = static_cast<std::uint64_t*>(std::calloc(2 * bins, sizeof(std::uint64_t)));
     if (words == nullptr) throw std::bad_alloc();
     return std::unique_ptr<std::uint64_t[], Free>(words);
@@ -151,13 +152,13 @@ class Tally {
   std::uint32_t below_ = none, highest_ = 0;
 };
 
-// Blank whenever a call begins: each empties it at its end.
+// All counts are zero at the start of a call, because each call sets them to zero at its end.
 Tally& tally_of_this_thread() {
   thread_local Tally tally;
   return tally;
 }
 
-// Counts n values; keys(k, m, out) tells where values k … k + m - 1 are counted.
+// Counts n values; keys(k, m, out) computes the bins of the values k … k + m - 1.
 template <typename KeysOf>
 SketchCounts counted(std::size_t n, KeysOf keys_of) {
   Tally& tally = tally_of_this_thread();
@@ -171,7 +172,7 @@ SketchCounts counted(std::size_t n, KeysOf keys_of) {
     }
     tally.empty(out);
   } catch (const std::bad_alloc&) {
-    // Half emptied: not for the next call.
+    // The counts are only partly set to zero, so the next call must not use them.
     tally = Tally();
     throw;
   }

@@ -108,7 +108,8 @@ void octaves_are_second_differences() {
   }
 }
 
-// A moving sum that is carried through the whole record would lose digits here: the phase is 10^7 times its differences.
+// A moving sum that is carried through the whole record would lose digits here: the phase is 10^7 times its
+// differences.
 void long_records_keep_their_digits() {
   const Values p = phase(200'000, 2);
   for (const std::size_t n : {2u, 3u, 64u}) CHECK_CLOSE(gmwm::moving_second_differences(p, n), moving(p, n), 1e-9);

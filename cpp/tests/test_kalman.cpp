@@ -223,8 +223,8 @@ void slopes_are_those_of_the_values() {
                 const double size = static_cast<double>(std::sqrt(here.cross[(a + 1) * (k + 1)] * here.cross[(b + 1) * (k + 1)]));
                 CHECK(near(got.cross_slopes[l * 4 + a * 2 + b], slope(up.cross[at], down.cross[at]), 10 * size));
               }
-            // Σ ½ (S'/S)² + v'²/S, from differences of v and S: of the record as it is beside several regressors, of its
-            // contrasts beside one.
+            // Σ ½ (S'/S)² + v'²/S, from differences of v and S: of the record as it is beside several regressors, of
+            // its contrasts beside one.
             Long sum = 0, contrasted = 0;
             const Contrasts c = contrasts(here), over = contrasts(up), under = contrasts(down);
             for (std::size_t t = 0; t < n; ++t) {

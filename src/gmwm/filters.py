@@ -28,7 +28,7 @@ __all__ = ["WaveletFilter", "find_filter"]
 LONGEST_FILTER = 2**24
 """Most taps of a level filter that `level_filter` returns: 2^24 doubles take 128 MB."""
 _DEPENDENT = 1e-12
-"""Singular values below this share of the largest are those of equations that follow from the others."""
+"""Singular values below this share of the largest one count as zero: they belong to redundant equations."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,11 +81,11 @@ class WaveletFilter:
 
     @cached_property
     def first_moment(self) -> float:
-        """Σ_l l h_l of the orthonormal filter whose rounded taps these are; 0 from two vanishing moments on.
+        """Σ_l l h_l of the orthonormal filter with exact taps; 0 for two or more vanishing moments.
 
-        fk8's is 5.8e-5, the sum of terms of size 1. Rounding the taps changes it by 1e-12 of its value, and a matrix
-        product adds the error of its order of summation. So the sum is exact, and one Newton step, with an exact
-        defect, restores what rounding took from the taps.
+        For fk8, it is 5.8e-5, the sum of terms of size 1. Rounded taps change it by 1e-12 of its value, and the order
+        of summation adds further errors. Therefore the sum is computed in exact arithmetic, and one Newton step
+        corrects the rounding of the taps.
         """
         if self.vanishing_moments > 1:
             return 0.0
@@ -253,7 +253,8 @@ def _from_pywavelets(name: str) -> WaveletFilter:
         raise OptionError(f"PyWavelets has no filter {name!r} ({error})", argument="filter", got=name) from error
     published = np.array(wavelet.dec_lo, dtype=np.float64)
     moments, source = int(wavelet.vanishing_moments_psi), f"PyWavelets {pywt.__version__}"
-    # Long filters of PyWavelets have errors of 2e-13. Correcting these would change coefficients by 3e-8.
+    # Long filters of PyWavelets have errors of 2e-13. They are not corrected, because this would change their
+    # coefficients by 3e-8.
     return _filter(name, published, moments=moments, accuracy=2e-11, source=source, rounding=1024.0)
 
 
@@ -272,16 +273,17 @@ def _filter(
 
 
 def projected(scaling: Vector, vanishing_moments: int, rounding: float = 8.0) -> Vector:
-    """The orthonormal filter with these vanishing moments nearest to `scaling`, by Newton steps of least length.
+    """The orthonormal filter closest to `scaling` with p = `vanishing_moments`, by Newton steps of minimum norm.
 
-    Solved are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1; they imply Σ g = √2. The sum of
-    the wavelet is not left to the first set: a table orthonormal to 1e-11 may well sum to 1e-5 (fk22 does). A filter
-    whose defect is below `rounding` units in the last place of 1 stays as it is.
+    The equations are Σ_l g_l g_{l+2k} = 1{k = 0} and Σ_l (−1)^l l^n g_l = 0, n = 0 … p − 1. They imply Σ g = √2. The
+    equation for n = 0 is needed although it follows from the others: the wavelet of a table that is orthonormal to
+    1e-11 can have the sum 1e-5 (fk22 does). A filter whose error is below `rounding` units in the last place of 1 is
+    returned unchanged.
     """
     g = scaling.copy()
     length = g.size
     place = (np.arange(length) - (length - 1) / 2) / (length / 2)
-    # Chebyshev polynomials: powers would be parallel long before p = 38.
+    # Chebyshev polynomials instead of powers, which would be numerically dependent long before p = 38.
     polynomials = np.linalg.qr(np.cos(np.outer(np.arccos(place), np.arange(vanishing_moments))))[0]
     moments = polynomials.T * (-1.0) ** np.arange(length)
     best, least = g, np.inf
@@ -327,8 +329,8 @@ _MINIMUM_BANDWIDTH = "minimum bandwidth: Morris and Peravali (1999), Optical Eng
 _EXACT = 1e-15
 
 # fmt: off
-# Scaling coefficients, their vanishing moments, and how far the published digits are from the filter they stand for:
-# the digits of fk22 and fk4 are those of a spectrum with a double zero, known to the root of what was printed.
+# Scaling coefficients, vanishing moments, and the accuracy of the published digits. For fk22 and fk4 the accuracy is
+# only the square root of the last digit, because the filter comes from a spectrum with a double zero.
 _TABLES: dict[str, _Table] = {
     "haar": _Table(_DAUBECHIES, 1, _EXACT, "0.70710678118654752 0.70710678118654752"),
     "d4": _Table(_DAUBECHIES, 2, _EXACT, """

@@ -131,7 +131,7 @@ _SINCE = re.compile(r"([a-zµμ]+)\s+(?:since|from|of|after|elapsed|utc|gps|unix
 
 
 def find_time_unit(text: str) -> str:
-    """The short name of the unit of time that a text names; "" if it names none.
+    """The short name of the unit of time in a text; "" if it contains none.
 
     >>> find_time_unit("[msec]"), find_time_unit("seconds since 1970-01-01"), find_time_unit("deg")
     ('ms', 's', '')

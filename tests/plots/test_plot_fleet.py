@@ -1,4 +1,4 @@
-"""The picture of a fleet: its units in order, where a further one lies, and those unlike the others by name."""
+"""The plot of a fleet: its units sorted by value, the range of a further unit, and the names of outliers."""
 
 import math
 from types import SimpleNamespace
@@ -45,7 +45,7 @@ def test_a_panel_a_number_a_strip_an_axis_in_datasheet_units(n):
     panel = figure.panels[0]
     assert panel.y.label == "N (deg/√h)"
     assert [tick.label for tick in panel.x.ticks] == ["X", "Y", "Z"]
-    name = "A unit, with its interval" if n == 12 else "Units, in order"
+    name = "Unit, with its confidence interval" if n == 12 else "Units, sorted by value"
     curves = [line for line in panel.lines if line.label == name]
     assert len(curves) == 3
     assert len({line.stroke.colour for line in curves}) == 3
@@ -65,13 +65,13 @@ def test_an_odd_unit_is_a_star_with_its_name_and_no_dot(n):
     told = fleet(n, odd=(5, "y"))
     panel = fleet_figure(told).panels[0]
     (odd,) = [one for one in told.statistics.outliers if (one.axis, one.symbol) == ("gyro_y", "N")]
-    stars = panel["Not like the others"]
+    stars = panel["Outlier"]
     np.testing.assert_allclose(stars.y, [odd.value * DEG])
     assert [text.text for text in panel.texts] == ["unit_5"]
     assert panel.y.limits[0] < stars.y[0] < panel.y.limits[1]
     others = [line for line in panel.lines if line is not stars and line.label and line.stroke.width != 0.8]
     assert all(not np.any(np.isclose(line.y, stars.y[0])) for line in others)
-    assert "1 not like the others" in fleet_figure(told).title
+    assert "1 outlier" in fleet_figure(told).title
     assert fleet_figure(fleet(n)).title == f"{n} units"
 
 

@@ -42,9 +42,9 @@ def test_no_two_curves_differ_by_colour_alone():
 
 def test_what_is_wanted_what_is_planned_and_what_is_not_seen(plan):
     panel = plan_panel(plan, accuracy=0.05)
-    np.testing.assert_array_equal(panel["5 %, as wanted"].y, [5.0, 5.0])
-    np.testing.assert_array_equal(panel["10 min, as planned"].x, [600.0, 600.0])
-    band = panel["above 50 %: not to be seen"]
+    np.testing.assert_array_equal(panel["5 %: chosen accuracy"].y, [5.0, 5.0])
+    np.testing.assert_array_equal(panel["10 min: planned duration"].x, [600.0, 600.0])
+    band = panel["above 50 %: not determined by the data"]
     np.testing.assert_array_equal(band.lower, [50.0, 50.0])
     assert np.all(np.isinf(band.upper))
     (rings,) = [line for line in panel.lines if not line.stroke.filled]

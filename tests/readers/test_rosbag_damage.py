@@ -171,7 +171,7 @@ def test_bombs(tmp_path):
             unpacked(data[: len(data) // 2], kind, len(zeros), tmp_path)
     with pytest.raises(ReadError, match="more than 256 MB are not unpacked at once"):
         unpacked(b"", "lz4", 1 << 40, tmp_path)
-    with pytest.raises(ReadError, match="packed with 'rar'"):
+    with pytest.raises(ReadError, match="have the compression 'rar'"):
         unpacked(b"", "rar", 10, tmp_path)
 
 

@@ -1,10 +1,11 @@
 // Autoregressive moving averages phi(B) Phi(B^s) X = theta(B) Theta(B^s) e, Var e = 1: wavelet variances and their
-// derivatives, covariances, and what sample paths are made by.
+// derivatives, covariances, and the coefficients for sample paths.
 //
 //   phi(B) = 1 - phi_1 B - ... - phi_p B^p,  theta(B) = 1 + theta_1 B + ... + theta_q B^q,  the seasonal ones alike.
 //
-// Parameters come as rows phi, theta, seasonal phi, seasonal theta. All is computed in twice the digits of a double
-// (twofold.hpp), so that roots next to the unit circle cost nothing; where phi or Phi is not stationary it is NaN.
+// The parameters are rows of phi, theta, seasonal phi, seasonal theta. All calculations use double-double arithmetic
+// (twofold.hpp), so that results remain accurate for roots close to the unit circle. If phi or Phi is not stationary,
+// the results are NaN.
 #pragma once
 
 #include <cstddef>
@@ -35,21 +36,26 @@ void arma_slopes(const ArmaOrders& orders, std::span<const double> parameters, s
 // artanh of the partial autocorrelations of autoregressions with rows (phi_1, ..., phi_p); NaN where not stationary.
 void arma_coordinates(std::span<const double> coefficients, std::size_t p, std::span<double> out);
 
-// Autocovariances at ascending lags >= 0, less that at lag 0 if `from_zero`.
+// Autocovariances r(k) at ascending lags k >= 0; if `from_zero`, the differences r(k) - r(0).
 void arma_autocovariance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> lags, bool from_zero, std::span<double> out);
 
+<<<<<<< HEAD
 // Autocovariances at lags 0 … out.size() - 1 without those of some real simple roots λ of the autoregression, which are
 // the amplitudes times λ^k. `roots`: these roots to a few digits; a decay is -ln |λ|, negative for a negative λ.
 void arma_without(const ArmaOrders& orders, std::span<const double> parameters, std::span<const double> roots,
                   std::span<double> amplitudes, std::span<double> decays, std::span<double> out);
 
 // Variances of sums of successive samples, of ascending numbers >= 0 of them.
+=======
+// Variances of sums of n successive samples, for ascending n >= 0.
+>>>>>>> main
 void arma_block_variance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> sizes, std::span<double> out);
 
 // The full polynomials, phi (p,) and theta (q,), and for paths of Z = X/theta(B): the predictors of Z_t by the t
-// values before it, t < p, as rows of (p, p), nearest first, and their standard errors (p,).
+// values before it, t < p, as rows of (p, p), the nearest value first, and the standard deviations (p,) of their
+// errors.
 void arma_recursion(const ArmaOrders& orders, std::span<const double> parameters, std::span<double> phi,
                     std::span<double> theta, std::span<double> predictors, std::span<double> deviations);
 

@@ -1,8 +1,8 @@
-// What the kernels of ARMA processes share: polynomials modulo the autoregression, and the covariances they stand for.
+// Polynomials modulo the autoregression and their covariances, shared by the kernels of ARMA processes.
 //
 // From lag m on the autocovariance follows r(k) = Σ φ_i r(k − i). So with z the shift by one lag, r(k) = L(z^k) for a
 // linear functional L on polynomials modulo ψ(z) = z^m − Σ φ_i z^(m−i): L(Σ a_i z^i) = Σ a_i r(i), i < m. Sums over
-// any number of lags are polynomials modulo ψ too, and cost O(m²) a product, however many lags there are.
+// any number of lags are polynomials modulo ψ too, and a product costs O(m²) for any number of lags.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +18,7 @@ template <class T>
 struct ArmaRing {
   ArmaOrders orders;
   std::size_t p, q, m;
-  std::vector<std::size_t> taps;  // the i whose φ_i is not zero whatever the parameters are
+  std::vector<std::size_t> taps;  // the i whose φ_i can be different from zero
   std::vector<T> store;
   T *ar, *ma, *r, *wide, *work, *partial, *errors, *driven;
 
@@ -64,7 +64,7 @@ struct ArmaRing {
     }
   }
 
-  // Partial autocorrelations k_1 … k_p of an autoregression, and 1 − k²; `stationary` is cleared where |k| >= 1.
+  // Partial autocorrelations k_1 … k_p of an autoregression, and 1 − k²; `stationary` is cleared if |k| >= 1.
   GMWM_INLINE void step_down(const T* coefficients, std::size_t order, bool* stationary) {
     const T one = T::of(1.0);
     for (std::size_t i = 1; i <= order; ++i) work[i] = coefficients[i];
@@ -81,7 +81,8 @@ struct ArmaRing {
     }
   }
 
-  // Autocovariances r(0) … r(2m − 1), by those of the autoregression alone; Levinson's recursion gives the first.
+  // Autocovariances r(0) … r(2m − 1) from the autocovariances of the autoregression without moving average, whose first
+  // values follow from Levinson's recursion.
   GMWM_INLINE void covariances(bool* stationary) {
     const std::size_t most = 2 * m + q;
     step_down(ar, p, stationary);

@@ -1,9 +1,9 @@
-// Function versions for wider instruction sets, chosen once when the library is loaded.
+// Versions of functions for wider instruction sets; the loader of the library selects one.
 #pragma once
 
-// Only glibc on x86-64 resolves such functions at load time; elsewhere the portable code stands alone.
-// "arch=haswell" would leave AMD with the default, and plain "avx2" has no FMA: hence the two levels
-// of the x86-64 psABI. GMWM_PORTABLE leaves all of it out, for tests. <cstdlib> brings __GLIBC__.
+// Only glibc on x86-64 resolves such functions at load time. Elsewhere there is only the portable code.
+// With "arch=haswell", AMD processors would use the default version, and "avx2" does not include FMA, so the
+// two levels of the x86-64 psABI are used. GMWM_PORTABLE disables all versions for tests. <cstdlib> defines __GLIBC__.
 #include <cstdlib>
 
 #if defined(GMWM_PORTABLE)
@@ -17,7 +17,7 @@
 #define GMWM_CLONES
 #endif
 
-// What a clone calls must be inlined into it, or it would run the default's instructions.
+// Functions that a clone calls must be inlined into it; otherwise they would use the default instruction set.
 #if defined(__GNUC__)
 #define GMWM_INLINE inline __attribute__((always_inline))
 #else

@@ -3,7 +3,8 @@
 //
 //     minimise |b - sum_l c_l a_l - sum_i x_i g(s_i)|²   over c, x >= 0 and positions s_i
 //
-// Lower bounds come from the dual, with the margins of the tabulated curve added: they are as good as those margins.
+// Lower bounds come from the dual problem. They include the error margins of the tabulated curve, which limit how tight
+// they are.
 #pragma once
 
 #include <cstddef>
@@ -28,13 +29,13 @@ struct Point {
 };
 
 struct Relaxed : Point {
-  double bound = 0;  // no point of the relaxed cone is nearer than this
+  double bound = 0;  // lower bound of the distance of all points of the relaxed cone
 };
 
 struct Certified {
   std::vector<Point> best;  // distinct local optima, best first
-  double bound = 0;         // no combination of k curve points is nearer than this
-  double relaxed = 0;       // nor one of any number of them nearer than this
+  double bound = 0;         // lower bound for combinations of at most k curve points
+  double relaxed = 0;       // lower bound for any number of curve points
   std::size_t nodes = 0;    // nodes of the search tree that were solved
 };
 
@@ -43,14 +44,14 @@ class Cone {
   // fixed: rows of length dim, about unit norm; positive: z with <z, .> > 0 on the whole cone.
   Cone(std::span<const double> target, std::span<const double> fixed, std::span<const double> positive, Curve curve);
 
-  // Any number of curve points, anywhere: the convex relaxation.
+  // The convex relaxation: any number of curve points at any positions.
   Relaxed relax();
 
-  // The local optimum with as many curve points as are given, from those positions.
+  // The local optimum that starts from the given curve points, with the same number of points.
   Point refine(std::span<const double> positions);
 
-  // At most k curve points. Stops when the best point is within `gap` (relative) of the bound, or after `max_nodes`.
-  // `starts`: positions (k each) of local searches to try besides those the relaxation suggests.
+  // The optimum with at most k curve points. Stops when the best point is within `gap` (relative) of the bound, or
+  // after `max_nodes`. `starts`: start positions (k each) of additional local searches.
   Certified search(std::size_t k, double gap, std::size_t max_nodes, std::span<const double> starts);
 
  private:

@@ -1,5 +1,5 @@
-// A curve of unit vectors g(s), tabulated: values and slopes at the nodes s = 0, 1, 2, …, a cubic between, and for
-// each cell a bound on how far the cubic is from the curve. What the curve stands for is not known here.
+// A tabulated curve of unit vectors g(s): values and slopes at the nodes s = 0, 1, 2, …, cubic interpolation between
+// them, and for each cell a bound on the interpolation error. This file does not depend on the meaning of the curve.
 #pragma once
 
 #include <cstddef>
@@ -21,8 +21,8 @@ struct Peak {
 
 class Curve {
  public:
-  // values, slopes: nodes x dim, row by row; margins: nodes - 1 bounds of |g - cubic|, negative for a cell that is
-  // no part of the curve (between two branches). `positive`: a vector z with <z, g(s)> > 0 everywhere.
+  // values, slopes: nodes x dim, row by row; margins: nodes - 1 bounds of |g - cubic|, negative for cells that do not
+  // belong to the curve (between two branches). `positive`: a vector z with <z, g(s)> > 0 everywhere.
   Curve(std::size_t dim, std::span<const double> values, std::span<const double> slopes,
         std::span<const double> margins, std::span<const double> positive);
 
@@ -32,11 +32,12 @@ class Curve {
   const Range& branch_of(double s) const;
   double largest_margin() const;
 
-  // g and, where wanted, its first two derivatives at s.
+  // g and, if requested, its first two derivatives at s.
   void at(double s, double* value, double* slope = nullptr, double* curvature = nullptr) const;
 
-  // max over s in [low, high] of <direction, g(s)> / <z, g(s)>, rounded up by the margins, if positive, else 0; and
-  // the largest local maxima of <direction, g(s)> above `threshold`, at most one in a run of rising cells.
+  // An upper bound of <direction, g(s)> / <z, g(s)> over s in [low, high], including the margins, or 0 if it is
+  // negative; and the largest local maxima of <direction, g(s)> above `threshold`, at most one for each run of rising
+  // cells.
   double steepest(std::span<const double> direction, Range range, double threshold, std::vector<Peak>& peaks);
 
  private:
@@ -49,7 +50,7 @@ class Curve {
 
   std::size_t dim_;
   std::size_t nodes_;
-  std::vector<double> values_, slopes_;      // node by node: for evaluation at one place
+  std::vector<double> values_, slopes_;      // node by node: for evaluation at one position
   std::vector<double> values_t_, slopes_t_;  // dimension by dimension: for inner products over many nodes
   std::vector<double> margins_;
   std::vector<double> least_;  // lower bound of <z, g> in each cell

@@ -1,4 +1,4 @@
-// Covariances of Haar wavelet coefficients of the elementary processes at pairs of levels and lags, node by node.
+// Covariances of the Haar wavelet coefficients of elementary processes, at given pairs of levels and lags.
 #pragma once
 
 #include <cstddef>
@@ -6,8 +6,8 @@
 
 namespace gmwm {
 
-// Half-scales h_j <= h_k of the levels and lags u between their coefficients, all of one size. Fastest where nodes of
-// one pair of levels stand together.
+// Half-scales h_j <= h_k of the levels and lags u between their coefficients, all of the same size. It is fastest if
+// nodes of one pair of levels are adjacent.
 struct Nodes {
   std::span<const double> fine;
   std::span<const double> coarse;
@@ -18,10 +18,10 @@ struct Nodes {
 void white_differences(const Nodes& nodes, std::span<double> out);
 void walk_differences(const Nodes& nodes, std::span<double> out);
 
-// Of e_t - e_{t-1}, e white noise of variance 1: spikes at nine lags.
+// The same of e_t - e_{t-1} for white noise e of variance 1: nonzero at nine lags only.
 void spike_differences(const Nodes& nodes, std::span<double> out);
 
-// Of autocovariance exp(-decay |k|), decay > 0.
+// The same of a process with autocovariance exp(-decay |k|), decay > 0.
 void exponential_differences(const Nodes& nodes, double decay, std::span<double> out);
 
 // Of a process with the autocovariances r(0), r(1), …, r(L) and none beyond. Lags that are not integers must lie at

@@ -1,4 +1,4 @@
-// A number with its derivatives by L parameters, which go side by side through all arithmetic.
+// Forward-mode automatic differentiation: a number with its derivatives by L parameters.
 #pragma once
 
 #include <cstddef>

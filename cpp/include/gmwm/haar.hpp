@@ -2,14 +2,14 @@
 //
 // With P_t = Σ_{s<=t} (x_s - mean), P_{-1} = 0 and h = 2^(j-1), the maximal-overlap coefficient is
 //     W_{j,t} = (P_t - 2 P_{t-h} + P_{t-2h}) / 2^j,    t = 2^j - 1 … N - 1,
-// so that every level reads the same N + 1 values and writes nothing. The mean cancels; it is removed
-// because what is left of it would cost digits.
+// so that all levels read the same N + 1 values and write no intermediate results. The mean cancels. It is removed
+// nevertheless, because a large running sum has large rounding errors.
 //
-// What rounds is the running sum: the last digit of its largest value, against 2^j times the coefficient. At 10^6
-// samples that is 1e-14 relative for white noise, 6e-11 at level 1 of a random walk (less at every further level),
-// and 8e-6 at level 1 of a drift with no noise on it, whose running sum grows with N².
+// The rounding error is that of the largest value of the running sum, relative to 2^j times the coefficient. At 10^6
+// samples it is 1e-14 relative for white noise, 6e-11 at level 1 of a random walk (less at the other levels),
+// and 8e-6 at level 1 of a drift without noise, whose running sum grows with N².
 //
-// The three steps are separate so that threads can share one running sum, each with its own range of t.
+// The three steps are separate functions, so that threads can share one running sum, each with its own range of t.
 #pragma once
 
 #include <cstddef>
@@ -21,11 +21,11 @@ namespace gmwm {
 inline constexpr std::size_t max_level = 62;
 
 struct Mean {
-  double value;  // NaN where not finite
-  bool finite;   // whether every value is; a sum that overflows does not make it false
+  double value;  // NaN if not finite
+  bool finite;   // whether all values of x are finite, even if their sum overflows
 };
 
-// Mean of x (not empty) in one pass, and whether x can be used at all.
+// Mean of x (not empty) in one pass, and whether all values are finite.
 Mean mean(std::span<const double> x);
 
 // sum[k + 1] = sum[k] + x[k] - mean, continuing from sum[0], which the caller sets.

@@ -10,12 +10,13 @@
 
 namespace gmwm::tile {
 
-// Samples a tile: 32 KiB of running sum, so that what the levels share stays in the first-level cache.
+// Samples of a tile: 32 KiB of the running sum, so that the values which the levels share stay in the first-level
+// cache.
 inline constexpr std::size_t size = 4096;
-// Levels taken together: they share the values at lags 0, 2h, 4h …, K + 2 reads instead of 3 K.
+// Levels that are processed together. They share the values at lags 0, 2h, 4h …, with K + 2 reads instead of 3 K.
 inline constexpr std::size_t fused = 5;
 
-// Sum of x[i] - origin, by partial sums side by side.
+// Sum of x[i] - origin, with several partial sums at once.
 GMWM_INLINE double sum(const double* x, std::size_t n, double origin) {
   const Pack from = Pack::of(origin);
   Pack acc[4] = {};
@@ -27,8 +28,8 @@ GMWM_INLINE double sum(const double* x, std::size_t n, double origin) {
   return ((acc[0] + acc[1]) + (acc[2] + acc[3])).total() + rest;
 }
 
-// out[k] = base + Σ_{s<=k} (x[s] - mean). One value after another would wait for every addition; here four
-// are summed among themselves first, and only one addition in four waits for the one before.
+// out[k] = base + Σ_{s<=k} (x[s] - mean). If the values were added one by one, each addition would wait for the
+// previous one. Here, four values are summed first, and only one addition in four depends on the previous one.
 GMWM_INLINE void running_sum(const double* x, std::size_t n, double mean, double base, double* out) {
   std::size_t k = 0;
   const Pack centre = Pack::of(mean);
@@ -69,7 +70,7 @@ GMWM_INLINE void second_differences(const double* p, std::size_t n, std::size_t 
   }
 }
 
-// Levels 1 … levels of one tile; p[-2^levels] must be readable. The differences are not yet divided by 2^j.
+// Processes levels 1 … levels of one tile; p[-2^levels] must be readable. The differences are not yet divided by 2^j.
 GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t levels, double* sums) {
   std::size_t k = 0;
   for (; k + fused <= levels; k += fused) second_differences<fused>(p, n, std::size_t{1} << k, sums + k);
@@ -82,13 +83,13 @@ GMWM_INLINE void levels_of_tile(const double* p, std::size_t n, std::size_t leve
   }
 }
 
-// Where the tile that starts at index i of the running sum ends. Tiles end at multiples of their size, and
-// in the first one also at powers of two: so a level has all of a tile's coefficients or none of them.
+// The end of the tile that starts at index i of the running sum. Tiles end at multiples of their size, and within the
+// first of these also at powers of two, so that a level has either all coefficients of a tile or none.
 inline std::size_t end(std::size_t i) {
   return i < size ? std::bit_ceil(i + 1) : (i / size + 1) * size;
 }
 
-// How many of the levels have coefficients at index i >= 1 of the running sum: those with 2^j <= i.
+// Number of levels that have coefficients at index i >= 1 of the running sum: levels with 2^j <= i.
 inline std::size_t active(std::size_t i, std::size_t levels) {
   return std::min<std::size_t>(levels, static_cast<std::size_t>(std::bit_width(i)) - 1);
 }

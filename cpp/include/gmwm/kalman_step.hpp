@@ -1,4 +1,4 @@
-// One step of the Kalman filter's covariance, for numbers and for numbers with derivatives.
+// One step of the covariance of the Kalman filter, for plain numbers and for numbers with derivatives.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,8 @@
 
 namespace gmwm {
 
-// Means that are forgotten sink below the normal numbers, where each product takes a hundred times as long: 0 will do.
+// Means that decay become subnormal numbers, with which a product takes a hundred times as long. They are replaced by
+// 0.
 class FlushToZero {
  public:
 #if defined(__SSE2__)
@@ -32,16 +33,16 @@ class FlushToZero {
 #endif
 };
 
-// A sum of logarithms by way of the product, of which the exponent is kept apart.
+// A sum of logarithms, computed as the logarithm of a product whose exponent is stored separately.
 class LogSum {
  public:
   GMWM_INLINE void add(double value) {
     int exponent;
     product_ *= std::frexp(value, &exponent);
     exponents_ += exponent;
-    if (++count_ == 512) fold();  // 2^-512 is far from the end of doubles
+    if (++count_ == 512) fold();  // 2^-512 is still a normal number
   }
-  // Several at once, which seldom lie so far apart that their ratios' product would leave the normal numbers.
+  // Several values at once. The product of their ratios rarely leaves the range of normal numbers.
   template <std::size_t N>
   GMWM_INLINE void add(const std::array<double, N>& values) {
     const double first = 1 / values[0];
@@ -68,7 +69,7 @@ class LogSum {
   int count_ = 0;
 };
 
-// A place of F that is not always zero.
+// An element of F that is not always zero.
 struct Place {
   std::size_t row, column;
 };
@@ -82,7 +83,7 @@ class Machine {
   std::vector<T> M, G;  // P Hᵀ, and the gain F P Hᵀ / S
   T R, S, inverse_S;
   bool diagonal, settled = false;
-  bool quick;  // diagonal, and each state is seen
+  bool quick;  // F is diagonal, and no element of H is zero
 
   Machine(std::size_t states, std::vector<Place> where, std::vector<T> transition, std::vector<T> noise,
           std::vector<T> seen, std::vector<T> start, T observation)
@@ -92,7 +93,7 @@ class Machine {
         quick(diagonal && std::all_of(H.begin(), H.end(), [](const T& h) { return value_of(h) != 0; })),
         work_(p * p), before_(p * p) {}
 
-  // S, M and G of the sample to come. False if it has no variance.
+  // S, M and G of the next sample. Returns false if its innovation has zero variance.
   GMWM_INLINE bool gain() {
     S = R;
     for (std::size_t i = 0; i < p; ++i) {
@@ -109,7 +110,7 @@ class Machine {
     return true;
   }
 
-  // What the sample tells: P ← P − M Mᵀ / S.
+  // Measurement update: P ← P − M Mᵀ / S.
   GMWM_INLINE void learn() {
     for (std::size_t i = 0; i < p; ++i) {
       const T share = M[i] * inverse_S;
@@ -120,7 +121,7 @@ class Machine {
     }
   }
 
-  // One step in time: P ← F P Fᵀ + Q.
+  // Time update: P ← F P Fᵀ + Q.
   GMWM_INLINE void advance() {
     if (diagonal) {
       for (std::size_t i = 0; i < p; ++i)
@@ -141,13 +142,13 @@ class Machine {
       for (std::size_t j = 0; j < i; ++j) P[i * p + j] = P[j * p + i];
   }
 
-  // A sample is missing: from here P may pass through what it once was, without having come to rest.
+  // A sample is missing: P may now reach an earlier value again without having converged.
   GMWM_INLINE void interrupt() {
     settled = false;
     if (p != 0) before_[0] = T(std::numeric_limits<double>::quiet_NaN());
   }
 
-  // Whether P is what it was at the last call, but for rounding, with no interruption since.
+  // Whether P is the same as at the last call, up to rounding, without a missing sample since then.
   GMWM_INLINE bool same_as_before() {
     bool same = true;
     for (std::size_t i = 0; i < p && same; ++i)
@@ -162,7 +163,8 @@ class Machine {
   template <std::size_t L>
   static GMWM_INLINE bool close(const Dual<L>& now, const Dual<L>& then, double scale) {
     bool same = close(now.v, then.v, scale);
-    // Derivatives are by logarithms or by numbers of order one, so that they are of the order of the values.
+    // Derivatives are with respect to logarithms or to parameters of order one, so they have the order of magnitude of
+    // the values.
     for (std::size_t l = 0; l < L; ++l)
       same = same && std::abs(now.d[l] - then.d[l]) <= 1e-13 * (scale + std::abs(now.d[l]));
     return same;
@@ -176,17 +178,17 @@ class Machine {
   }
 };
 
-// The gains of a record without gaps by the change of the covariance alone, P_{t+1} − P_t = Y M Yᵀ, whose rank is small
-// where the states start in their stationary distribution: 1, and 1 more for each walk. With W = F − G H,
+// The gains of a record without gaps, computed from the change of the covariance only, P_{t+1} − P_t = Y M Yᵀ. Its rank
+// is small if the states start in their stationary distribution: 1, plus 1 for each random walk. With W = F − G H,
 //   S' = S + H Y M Yᵀ Hᵀ,   G' S' = G S + F Y M Yᵀ Hᵀ,   M' = M − M Yᵀ Hᵀ H Y M / S',   Y' = W Y
-// (Morf, Sidhu and Kailath 1974). No covariance is kept, so nothing mends an early error: the first gains are those of
-// the covariance itself, while they change much.
+// (Morf, Sidhu and Kailath 1974). The covariance itself is not updated, so early errors would persist. Therefore the
+// first gains, which change fast, are computed from the covariance.
 template <class T>
 class Changes {
  public:
   explicit Changes(const Machine<T>& m, bool whole) : p_(m.p) {
     if (!whole || p_ == 0) return;
-    // What the first step adds to P0 besides what the first sample takes away.
+    // The increase of P0 by the first time update, without the decrease by the first measurement.
     Machine<T> stepped = m;
     stepped.advance();
     std::vector<std::size_t> moving;
@@ -213,7 +215,7 @@ class Changes {
 
   GMWM_INLINE bool running() const { return running_; }
 
-  // The gains of the next sample, known from the covariance: Y and M go along with them.
+  // Update Y and M with the gains of the next sample, which are computed from the covariance.
   GMWM_INLINE void watch(const Machine<T>& m) {
     if (r_ == 0) return;
     if (seen_++ == 0) {
@@ -228,7 +230,7 @@ class Changes {
     running_ = seen_ == warm_up;
   }
 
-  // S, 1/S and G of the next sample from those of this one.
+  // S, 1/S and G of the next sample from the values of this sample.
   GMWM_INLINE void step(Machine<T>& m) {
     spread(m);
     T S = m.S;
@@ -245,7 +247,7 @@ class Changes {
     turn(inverse_S, before_);
   }
 
-  // Whether the gains are what they were at the last call, but for rounding.
+  // Whether the gains are the same as at the last call, up to rounding.
   GMWM_INLINE bool same_as_before(const Machine<T>& m) {
     bool same = Machine<T>::close(m.S, S_then_, std::abs(value_of(m.S)));
     for (std::size_t i = 0; i < p_ && same; ++i)
@@ -287,7 +289,7 @@ class Changes {
         FY_[m.places[q].row * r_ + k] += m.f[q] * Y_[m.places[q].column * r_ + k];
   }
 
-  // M and Y of the next step, by the gain of this one.
+  // M and Y of the next step, with the gain of this step.
   GMWM_INLINE void turn(const T& inverse_S, const std::vector<T>& gain) {
     for (std::size_t a = 0; a < r_; ++a) {
       const T share = w_[a] * inverse_S;
@@ -306,7 +308,7 @@ constexpr std::size_t most_states = 64;
 
 Machine<double> machine_of(const System& system);
 
-// How many samples from t on, at most `most`, are all there.
+// Number of consecutive samples from t on that are not missing, at most `most`.
 GMWM_INLINE std::size_t observed_run(const double* y, std::size_t most) {
   std::size_t k = 0;
   while (k < most && y[k] == y[k]) ++k;

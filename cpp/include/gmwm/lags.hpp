@@ -1,6 +1,12 @@
+<<<<<<< HEAD
 // Where to evaluate the covariance of two levels' Haar coefficients, so that its sums over all lags are exact to
 // rounding: every kink and the lags within its memory one by one, and a Gauss rule for the uniform measure on integers
 // in each smooth piece between.
+=======
+// Lags at which to evaluate the covariance of the Haar coefficients of two levels, with weights, so that its sums over
+// all lags are exact up to rounding: each kink separately, and a Gauss rule for sums over integers in each smooth piece
+// between.
+>>>>>>> main
 #pragma once
 
 #include <cstddef>
@@ -13,20 +19,20 @@
 namespace gmwm {
 
 struct Lags {
-  std::vector<std::int64_t> starts;  // first place of each pair of levels; pairs go by the coarser level, then the finer
+  std::vector<std::int64_t> starts;  // first node of each pair of levels; sorted by the coarser level, then the finer
   std::size_t size = 0;
   AlignedArray fine;                // h of the finer level
-  AlignedArray coarse;              // h of the coarser one (or the same)
+  AlignedArray coarse;              // h of the coarser level (or of the same level)
   AlignedArray lag;                 // u of Cov(W_fine,t, W_coarse,t+u): an integer, or a node between integers
-  AlignedArray weight;              // of the lag in the sum over all pairs (t, t + u) inside the record
-  std::vector<std::uint8_t> odd;    // whether the node stands for odd lags; empty unless alternating
+  AlignedArray weight;              // weight of the lag in the sum over all pairs (t, t + u) inside the record
+  std::vector<std::uint8_t> odd;    // whether the node represents odd lags; empty unless alternating
 };
 
-// Which pairs of levels, and what the covariance is like between its kinks.
+// The pairs of levels, and the form of the covariance between its kinks.
 struct Smoothness {
   double slowest = 0;        // polynomial, plus exponentials in the distance to a kink with rates from slowest
-  double fastest = 0;        // to fastest (0, 0: none); where there are, it does not end at the filters' reach
-  bool alternating = false;  // one such function at even lags and another at odd ones: each has nodes of its own
+  double fastest = 0;        // to fastest (0, 0: none); exponentials continue beyond the overlap of the filters
+  bool alternating = false;  // different functions at even and odd lags, each with its own nodes
   bool diagonal = false;     // pairs of a level with itself only
   std::int64_t memory = 0;   // within so many lags of a kink it is any function: every integer lag is a node
 };

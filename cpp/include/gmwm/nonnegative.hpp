@@ -7,20 +7,20 @@
 
 namespace gmwm {
 
-// A few columns of one length, added and solved for again and again; it owns its scratch space, so that a solve
-// allocates nothing once it is warm. Columns are expected to have about unit norm.
+// A solver for repeated problems with a few columns of the same length. It owns its scratch space, so that later solves
+// allocate no memory. The columns should have about unit norm.
 class NonNegative {
  public:
   explicit NonNegative(std::span<const double> target);
 
-  // Columns are borrowed: they must outlive the solve. `weights` is read as a feasible start (its zeros are free to
-  // become positive) and holds the solution afterwards.
+  // Columns are not copied and must exist until the solve ends. `weights` contains a feasible start (zeros can become
+  // positive) and, afterwards, the solution.
   void solve(std::span<const double* const> columns, std::vector<double>& weights);
 
   std::span<const double> residual() const { return residual_; }
   double objective() const { return objective_; }
 
-  // v minus its projection on the columns with positive weight in the last solve.
+  // v minus its projection onto the columns with positive weight in the last solve.
   void project_out(std::span<double> vector) const;
 
  private:

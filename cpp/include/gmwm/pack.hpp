@@ -1,12 +1,12 @@
-// Four doubles on which the kernels work side by side.
+// A vector of four doubles, for SIMD in the kernels.
 #pragma once
 
 #include <cstddef>
 
 #include "gmwm/clones.hpp"
 
-// Whether the compiler knows four doubles as one value whose places it can shuffle: Clang does, GCC from version 12 on.
-// GCC 11 has such values too, but takes twice as long with them as with an array.
+// Whether to use the vector extension of the compiler with shuffles: Clang, and GCC from version 12 on. With GCC 11,
+// vectors are half as fast as an array.
 #if defined(__has_builtin) && !defined(GMWM_PORTABLE)
 #if __has_builtin(__builtin_shufflevector)
 #define GMWM_HAS_VECTORS
@@ -15,8 +15,8 @@
 
 namespace gmwm {
 
-// Four doubles side by side. GCC and Clang know them as one value, which they keep in registers; an array of
-// them is not always vectorised, and wider types are very slow where the processor has no such registers.
+// A vector of four doubles. GCC and Clang keep the vector type in registers; a loop over an array is not always
+// vectorised, and wider types are very slow on processors without such registers.
 #if defined(GMWM_HAS_VECTORS)
 struct Pack {
   static constexpr std::size_t size = 4;

@@ -1,7 +1,7 @@
-// Sample paths of recursions, made in place of the noise that drives them.
+// Sample paths of linear recursions, computed in place: the driving noise is replaced by the path.
 //
-// Several rows go side by side, for each value waits for the one before it. Products and sums are rounded one by one,
-// never fused, and in this order: a seed gives the same path on every processor.
+// Several rows are computed together, because each value of a row depends on the previous one. Each product and each
+// sum is rounded separately, never fused, and in a fixed order, so that a seed gives the same path on every processor.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@ void accumulate(std::span<double> values, std::size_t n, double scale);
 
 // Each row x of n values becomes first z_t = sum_i predictors(t, i) z_{t-i} + deviations_t x_t for t < p = phi.size(),
 // predictors (p, p), and z_t = sum_i phi_i z_{t-i} + rest x_t from t = p on; then y_t = z_t + sum_i theta_i z_{t-i} for
-// t >= theta.size(). The values before that are what was left on the way there.
+// t >= theta.size(). The first theta.size() values are intermediate results and have no meaning.
 void mix(std::span<double> values, std::size_t n, std::span<const double> phi, std::span<const double> theta,
          std::span<const double> predictors, std::span<const double> deviations, double rest);
 

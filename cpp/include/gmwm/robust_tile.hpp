@@ -10,10 +10,10 @@
 
 namespace gmwm::tile {
 
-// Levels taken together. Each needs two sums, a limit and its inverse in registers; AVX2 has sixteen.
+// Levels that are processed together. Each needs two sums, a limit and its inverse in registers; AVX2 has 16 registers.
 inline constexpr std::size_t biweight_fused = 3;
 
-// The smaller one in each place, also where p is infinite.
+// The elementwise minimum, also for infinite p.
 GMWM_INLINE Pack smaller(const Pack& p, const Pack& limit) {
 #if defined(GMWM_HAS_VECTORS)
   return {p.v < limit.v ? p.v : limit.v};
@@ -24,8 +24,8 @@ GMWM_INLINE Pack smaller(const Pack& p, const Pack& limit) {
 #endif
 }
 
-// Adds u q³ to cubed and u q⁴ to fourth, u = min(w², limit), q = 1 - u / limit. The square is cut off, not q: that
-// holds where it overflows, too, and costs the busy multipliers nothing.
+// Adds u q³ to cubed and u q⁴ to fourth, u = min(w², limit), q = 1 - u / limit. The minimum is taken of w² and not of
+// q, because this is right even if w² overflows, and it does not use the multipliers, which are the bottleneck.
 GMWM_INLINE void biweight(const Pack& w, const Pack& limit, const Pack& inverse, Pack& cubed, Pack& fourth) {
   const Pack u = smaller(w * w, limit);
   const Pack q = Pack::of(1.0) - u * inverse;
@@ -81,7 +81,7 @@ GMWM_INLINE void biweight_of_differences(const double* p, std::size_t n, std::si
   }
 }
 
-// Levels k + 1 … k + K, unless all of them have an infinite limit.
+// Processes levels k + 1 … k + K, unless all of them have an infinite limit.
 template <std::size_t K>
 GMWM_INLINE void biweight_group(const double* p, std::size_t n, std::size_t k, const double* limit, double* cubed,
                                 double* fourth) {
@@ -89,7 +89,8 @@ GMWM_INLINE void biweight_group(const double* p, std::size_t n, std::size_t k, c
     biweight_of_differences<K>(p, n, std::size_t{1} << k, limit + k, cubed + k, fourth + k);
 }
 
-// Levels 1 … levels of one tile; p[-2^levels] must be readable. The limits are for differences not yet divided by 2^j.
+// Processes levels 1 … levels of one tile; p[-2^levels] must be readable. The limits apply to differences before the
+// division by 2^j.
 GMWM_INLINE void biweight_of_tile(const double* p, std::size_t n, std::size_t levels, const double* limit,
                                   double* cubed, double* fourth) {
   std::size_t k = 0;

@@ -1,7 +1,7 @@
-// Numbers of twice the digits, each the unevaluated sum of two doubles, W of them side by side; and their derivatives.
+// Double-double arithmetic: numbers as the unevaluated sum of two doubles, W of them at once, and their derivatives.
 //
-// A sum or product is within a few 2^-104 of what it is of (|a| + |b| for a sum). What is built on these must be
-// compiled with -ffp-contract=off: the error of a sum is lost where a product is fused into it.
+// The relative error of a product, and that of a sum relative to |a| + |b|, is a few 2^-104. Code that uses these types
+// must be compiled with -ffp-contract=off: fused multiply-add would lose the rounding error of a sum.
 #pragma once
 
 #include <cmath>
@@ -46,7 +46,7 @@ struct Twofold {
     }
     return c;
   }
-  // By a power of two.
+  // Multiplication by a power of two, which is exact.
   friend GMWM_INLINE Twofold operator*(double power, const Twofold& a) {
     Twofold c;
     for (std::size_t l = 0; l < W; ++l) c.high[l] = power * a.high[l], c.low[l] = power * a.low[l];
@@ -61,7 +61,7 @@ struct Twofold {
   GMWM_INLINE const Twofold& main() const { return *this; }
 };
 
-// A number and its derivative in one direction, which may be another in each lane.
+// A number and its derivative in one direction, which can differ between lanes.
 template <std::size_t W>
 struct Sloped {
   static constexpr std::size_t lanes = W;

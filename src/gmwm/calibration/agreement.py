@@ -227,10 +227,12 @@ def _point(entry: Entry, z: float, signed: bool) -> tuple[float, float]:
 
 
 def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
-    """p-value of an upper limit below a number x ± s: that of the width, in standard errors, at which they meet.
+    """p-value for the difference between an upper limit and a larger value x ± s.
 
-    The value is an upper bound, because the sum of two independent errors is larger than their root sum of squares. The
-    upper limit of the amplitude of a term grows with its variance; that of a number read from the curve by a factor.
+    Both intervals are widened by the same number of standard errors until they meet. The p-value of this number is an
+    upper bound, because the sum of two independent errors is larger than their root sum of squares. The upper limit of
+    the amplitude of a term is widened on the scale of its variance, and that of a value from the curve on a logarithmic
+    scale.
     """
 
     def apart(width: float) -> bool:
@@ -252,7 +254,7 @@ def _below(limit: Entry, z: float, x: float, s: float, signed: bool) -> float:
 
 
 def _adjusted(rows: Sequence[SharedNumber], size: float) -> list[SharedNumber]:
-    """Holm's method: multiply each p-value by the number of those that are not smaller; keep them in order."""
+    """Adjust p-values by Holm's method: multiply each by the number of p-values that are not smaller, monotonically."""
     order = sorted((k for k, row in enumerate(rows) if row.pvalue is not None), key=lambda k: rows[k].pvalue or 0.0)
     made, least = list(rows), 0.0
     for place, k in enumerate(order):

@@ -1,4 +1,4 @@
-"""What an agreement means, as remarks."""
+"""Make the remarks on an agreement."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def verdict_of(found: Agreement) -> Remark:
 
 
 def remarks_of(found: Agreement) -> list[Remark]:
-    """Everything to know about an agreement, the gravest first."""
+    """All remarks on an agreement, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 

@@ -56,7 +56,7 @@ class SharedNumber:
 
     @property
     def ratios(self) -> tuple[float | None, ...]:
-        """Ours over the maker's, for each recording; of an upper limit where there is no value. None without them."""
+        """Ratio of the value, or of its upper limit, to the reference, for each recording; None if one is missing."""
         if self.reference is None:
             return (None,) * len(self.entries)
         shown = [None if entry is None else entry.high if entry.upper_only else entry.value for entry in self.entries]
@@ -120,7 +120,7 @@ class Agreement(Summarised, Sequence[SharedNumber]):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What differs, and what was not compared; the gravest remark first."""
+        """Remarks on values that differ or were not compared, the most severe first."""
         return tuple(remarks_of(self))
 
     def __getitem__(self, index: Any) -> Any:

@@ -96,7 +96,7 @@ def _simulated(truth: Mapping[str, Model], seed: int, file: Path) -> Imu:
 
 
 def _silent(_: str) -> None:
-    """In place of `print` where stdout is for JSON alone."""
+    """Replaces `print` if stdout is reserved for JSON."""
 
 
 def _comparison(truth: Mapping[str, Model], found: Calibration) -> list[dict[str, Any]]:

@@ -154,7 +154,7 @@ def axis_models(source: ModelSource, signals: Mapping[str, Signal], file: Path) 
 
 
 def axes_of(source: ModelSource, signals: Mapping[str, Signal], chosen: bool) -> Mapping[str, Signal]:
-    """The signals to use: those that the file of fits has models for, or those that --axis selects."""
+    """The signals to use: the axes for which the file of fits has models, or the axes that --axis selects."""
     if source.model is not None or chosen:
         return signals
     there = {axis: signal for axis, signal in signals.items() if axis in source.fits}

@@ -1,4 +1,4 @@
-"""Upper limits of white noise or random walk that a fitted model does not have."""
+"""Upper limits of white noise or random walk that is not in the fitted model."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
     entry : Entry
         "N_eff" or "K_eff".
     level : float
-        Confidence level; the limit is the upper end of the interval.
+        Confidence level. The limit is the upper end of the confidence interval.
 
     Returns
     -------
     float
-        In the unit of the entry; infinite if the data give no limit.
+        The limit in the unit of the entry; infinite if the confidence interval has no upper end.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
         holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
         intervals = holder.confidence_intervals(level)
     except GmwmError as error:
-        raise DataError(f"the data give no limit for its {entry.title}: {error.reason}") from error
+        raise DataError(f"the data give no upper limit of the {entry.title}: {error.reason}") from error
     pairs = zip(holder.model.terms, holder.model.processes, strict=True)
     term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
     scale = process.scale_parameter().name

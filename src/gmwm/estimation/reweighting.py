@@ -41,12 +41,12 @@ relative bias of at most 4 / (η + 1000) of a level, which is small beside its s
 coverage of the estimates are in docs/validation/weighting.md.
 """
 HOPE = 12
-"""Iterations in which the change must fall to a half. It does not if two estimates alternate, and 12 iterations tell
-this apart from slow convergence with a factor of up to 0.94."""
+"""Number of iterations in which the change must fall to a half. If it does not, two estimates probably alternate. Slow
+convergence by a factor of up to 0.94 per iteration still passes."""
 NEARLY = 3
 """Iterations after which the weights agree with the estimate to a few per cent, which is enough to compare models."""
 RETURNS = 4
-"""How often the iteration is repeated if the global search finds another optimum."""
+"""Number of times that the iteration is repeated if the global search finds another optimum."""
 
 
 First = Callable[[Problem], Solution]

@@ -34,7 +34,7 @@ from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 RETURNS = 3
-"""How often the curved processes are searched again while the free ones are held, and the other way round; pinned by
+"""Number of alternating searches of the curved processes with the free ones held, and of the free ones; pinned by
 tests/estimation/test_arma_fits.py (two lines are both found)."""
 
 

@@ -26,7 +26,7 @@ How = Literal["convex", "given", "scan", "sampled"]
 """Start of a fit: the convex relaxation, values in the model, a scan, or random draws."""
 
 # The sizes of the scan below are pinned by tests/estimation/test_arma_fits.py and test_surface.py: no other start,
-# random draws among them, may reach a smaller objective (docs/validation/starts.md has the study).
+# including random draws, may reach a smaller objective (docs/validation/starts.md has the study).
 SCANNED = 64
 """Points of a scan of one coordinate; four times as many for each further one, up to `MOST_SCANNED`."""
 MOST_SCANNED = 4096
@@ -34,13 +34,13 @@ ALONE = 256
 """Points of a scan of one coordinate of one process while the others are held."""
 ROUNDS = 4
 ALIKE = 0.9999
-"""Inner product of two unit vectors above which their places count as one."""
+"""Inner product of two unit vectors above which their points count as one."""
 LEFT_FOR = 4
 """Number of places to which each process is moved after the first descent."""
 KEPT = 10
 """Number of points of a scan from which a descent starts."""
 LOOKED_AT = 256
-"""Number of the best points of a scan from which these are chosen, no two of them close to each other."""
+"""Number of the best points of a scan from which the `KEPT` points are chosen, no two of them close to each other."""
 DICTIONARY = 48
 """Number of places that represent a curved process while points are scanned."""
 
@@ -185,7 +185,7 @@ class Alone:
     units: Matrix
 
     def best(self, others: Matrix, problem: Problem, count: int = 1) -> list[int]:
-        """Rows of the best places together with other unit vectors, no two of them neighbours."""
+        """Indices of the best points of the scan together with the terms `others`, without neighbouring points."""
         rows = np.ascontiguousarray(np.concatenate([others, self.units[:1]]))
         objectives = np.empty(len(self.units))
         for k, unit in enumerate(self.units):

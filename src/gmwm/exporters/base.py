@@ -153,7 +153,7 @@ class Noise:
 
     @property
     def rate(self) -> float:
-        """Sampling rate (Hz) of the consumer; if the sensors have different rates, that of the gyroscopes."""
+        """Sampling rate (Hz) for discrete-time values; by default the rate of the gyroscopes."""
         return self.sensors[0].rate if self.options.rate is None else self.options.rate
 
     @property
@@ -198,7 +198,7 @@ class TwoNumbers(Exporter):
         """The lines below the head, in ASCII."""
 
     def time_of(self, axis: str, times: Mapping[str, float], options: ExportOptions) -> float | None:
-        """Correlation time (s) of the Gauss-Markov bias driven by K, from those of all axes; None for a random walk."""
+        """Correlation time (s) of the bias, from the correlation times of all axes; None for a random walk."""
         return None
 
     def export(self, calibration: Calibration, options: ExportOptions) -> str:

@@ -268,7 +268,7 @@ class Line:
 
 
 def lines_of(fit: Fit) -> list[Line]:
-    """The lines of a model; a filter with two numbers knows none of them."""
+    """The sinusoids of a fit. A filter with N and K only cannot represent them."""
     rate = fit.wavelet_variance.rate
     found = []
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):

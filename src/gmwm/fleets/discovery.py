@@ -122,7 +122,7 @@ def _named(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _check_names(units: Mapping[str, Path]) -> None:
-    """Check names of units: each is a path inside the output folder, and no path is that of a folder of another."""
+    """Check that each name of a unit is a path inside the output folder, and that no two units need the same path."""
     for unit in units:
         parts = PurePosixPath(unit)
         if not unit or "\0" in unit or parts.is_absolute() or ".." in parts.parts or parts.as_posix() != unit:

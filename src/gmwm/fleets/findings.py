@@ -1,4 +1,4 @@
-"""What the statistics of a fleet mean, as remarks."""
+"""Make the remarks on a fleet and its statistics."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 LEAST = 3
-"""Units that a spread and the range of a further unit need: with two units, the 95 % confidence interval of the spread
-is 0.45 to 32 times its estimate."""
+"""Smallest number of units for a spread and the range of a further unit. With two units, the 95 % confidence interval
+of the spread is 0.45 to 32 times its estimate."""
 MUCH = 0.5
 """Share of estimation error in the variance above which it dominates: more than one half."""
 REJECTED = 0.05
@@ -24,7 +24,7 @@ REJECTED = 0.05
 
 
 def remarks_of(found: FleetStatistics) -> list[Remark]:
-    """Everything to know about the statistics of a fleet, the gravest first."""
+    """All remarks on the statistics of a fleet, the most severe first."""
     return sorted_remarks(_remarks(found))
 
 

@@ -79,12 +79,12 @@ class Fleet(Summarised):
 
     @property
     def outliers(self) -> Any:
-        """The numbers of units that differ from those of the others."""
+        """The values of units that differ from the values of the other units."""
         return self.statistics.outliers
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What to know about the fleet; the gravest remark first."""
+        """Remarks on the fleet, the most severe first."""
         from gmwm.fleets.findings import of_units
 
         found = of_units(self.table, len(self.units), len(self.failed))

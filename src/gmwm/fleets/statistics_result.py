@@ -194,7 +194,7 @@ class FleetStatistics(Summarised):
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What the statistics mean; the gravest remark first."""
+        """Remarks on the statistics, the most severe first."""
         return tuple(remarks_of(self))
 
     @property

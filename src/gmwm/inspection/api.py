@@ -28,7 +28,8 @@ from gmwm.units import SI_UNIT
 _RESTLESS = 4.0
 """Standard deviation of a window over the median of all windows that means motion (tests/test_inspection.py)."""
 _TURN = 0.1
-"""Turn of gravity (degrees) that gets a remark (tests/test_inspection.py): the effect of a bias of 1.7 mg."""
+"""Turn of gravity (degrees) above which there is a remark (tests/test_inspection.py): the effect of a bias of 1.7
+mg."""
 _UNEXPLAINED = 5.0
 """Standard errors of the turn of gravity that noise does not reach (tests/test_inspection.py)."""
 

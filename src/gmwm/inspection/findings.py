@@ -25,7 +25,8 @@ _OFF = 0.02
 _WRONG = 0.05
 """Relative error of gravity that no bias explains, so that the unit is doubtful (tests/test_inspection.py)."""
 _JITTER = 0.1
-"""Jitter of the time stamps, as a share of the sampling interval, that gets a remark (tests/test_inspection.py)."""
+"""Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
+(tests/test_inspection.py)."""
 _COARSE = 0.5
 """Noise in quantization steps below which the rounding error is not white (docs/howto/contaminated.md)."""
 

@@ -178,7 +178,7 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists, all the way down."""
+    """Convert tuples to lists, recursively."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""A model as the Kalman filter needs it: matrices, their derivatives, and regressors.
+"""Make the matrices of a model for the Kalman filter, their derivatives, and regressors.
 
 An unknown without a distribution is a regressor: the constant of a recording (an offset, gravity), which is also the
 unknown level of a random walk; and a drift, whose slope is a parameter. Their coefficients follow by least squares

@@ -1,4 +1,4 @@
-"""Deviations of the Allan family over their averaging times, with slope guides and the lines of a regression."""
+"""Plots of the Allan deviation and its variants over averaging time, with slope guides and fitted lines."""
 
 from __future__ import annotations
 
@@ -31,18 +31,19 @@ if TYPE_CHECKING:
 SLOPES = (("+1", 1.0), ("+½", 0.5), ("0", 0.0), ("−½", -0.5), ("−1", -1.0))
 """The slopes that the terms of an Allan deviation have."""
 SYMBOLS: dict[Term, Symbol] = {"Q": "square", "N": "circle", "B": "triangle", "K": "star", "R": "diamond"}
-"""Where a coefficient is read, as the field marks it: circle at 1 s, triangle at the minimum, star at 3 s."""
-# The fan of slope guides: its width, its height at most, and its distance from the border, as shares of the panel.
+"""Symbols for the points where coefficients are read, as is usual: circle at 1 s, triangle at the minimum, star at 3
+s."""
+# The slope guides in a corner: width, largest height, and distance from the border, as fractions of the panel.
 FAN_WIDTH, FAN_HEIGHT, FAN_MARGIN = 0.13, 0.16, 0.05
 REACH = 5.0
 """Factor by which a fitted line is drawn beyond the range that it was fitted to."""
 MOST_ADDED = 20.0
-"""Factor by which the vertical axis may grow to show where a coefficient is read."""
+"""Largest factor by which the vertical axis is extended to show the point where a coefficient is read."""
 
 
 @dataclass(frozen=True)
 class ClusterView(View):
-    """How a variance of clusters is shown: as its deviation over the averaging time itself."""
+    """View of an Allan-type variance: its square root over the averaging time."""
 
     title: str = "Allan deviation"
 
@@ -51,7 +52,7 @@ class ClusterView(View):
         return tau
 
     def height(self, variance: Vector) -> Vector:
-        """The deviation, in the unit shown."""
+        """The deviation, in the unit of the plot."""
         return np.asarray(self.factor * np.sqrt(np.maximum(variance, 0.0)))
 
     @property
@@ -61,7 +62,7 @@ class ClusterView(View):
 
 
 def cluster_view(curve: ClusterVariance, units: UnitSystem) -> ClusterView:
-    """The view of one result in a system of units."""
+    """The view of a result in SI or datasheet units."""
     shown = view_of(curve.unit, "allan", units)
     return ClusterView(shown.name, shown.unit, shown.factor, curve.title)
 
@@ -90,7 +91,7 @@ def allan_panel(
     for (name, curve), view, stroke in zip(curves.items(), views, strokes, strict=True):
         marks += _marks(curve, view, stroke, name, opacity=0.22 if len(curves) == 1 else 0.15)
     marks = curves_then_bands(marks, len(curves))
-    # A panel asks of what was measured no more than tau, variance and its limits.
+    # `closed_panel` only uses tau, the variance and its limits, which a ClusterVariance has too.
     measured = cast("Sequence[WaveletVariance]", list(curves.values()))
     names = [""] if len(curves) == 1 else list(curves)
     panel = closed_panel(views, measured, marks, strokes=strokes, names=names, title=title)
@@ -98,7 +99,7 @@ def allan_panel(
 
 
 def _stroke(name: str, index: int) -> Stroke:
-    """The stroke of an axis of a triad by its letter, in its full name or alone; of another curve by its place."""
+    """The stroke of a curve: by its letter if the name is an axis such as "gyro_x" or "x", else by its position."""
     letter = sensor_and_letter(name)[1] or name.lower()
     return letter_stroke(letter) or curve_stroke(index)
 
@@ -106,7 +107,7 @@ def _stroke(name: str, index: int) -> Stroke:
 def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str, opacity: float) -> list[Mark]:
     x, y = view.time(curve.tau), drawable(view.height(curve.variance))
     lower, upper = band_edges(cast("WaveletVariance", curve), view)
-    # Where there are many values, symbols would hide the curve and its band.
+    # Symbols at many values would hide the curve and its band.
     shown = stroke if len(curve) <= 60 else replace(stroke, symbol=None, dash=())
     limits = f"{100 * curve.confidence:g} % confidence"
     return [
@@ -116,7 +117,7 @@ def _marks(curve: ClusterVariance, view: ClusterView, stroke: Stroke, label: str
 
 
 def with_guides(panel: Panel) -> Panel:
-    """The panel with a fan of the field's slopes in the corner that is emptiest."""
+    """The panel with guides for the slopes −1 to +1 in the emptiest corner."""
     if not panel.y.ticks:
         return panel
     wide = math.log10(panel.x.limits[1] / panel.x.limits[0])
@@ -137,7 +138,7 @@ def with_guides(panel: Panel) -> Panel:
 
 
 def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, float]:
-    """Where the fan starts, in shares of the panel: the corner with the fewest points of curves and bands near it."""
+    """Start of the slope guides, in fractions of the panel: the corner with the fewest points of curves and bands."""
     shares = [np.empty((2, 0))]
     for mark in panel.marks:
         for y in (mark.y,) if isinstance(mark, Line) else (mark.lower, mark.upper) if isinstance(mark, Band) else ():
@@ -154,16 +155,16 @@ def _emptiest_corner(panel: Panel, width: float, height: float) -> tuple[float, 
 
 
 def _share(values: Vector, limits: tuple[float, float]) -> Vector:
-    """Positions as shares of a logarithmic axis; NaN where there is no place."""
+    """Positions as fractions of a logarithmic axis; NaN for values that are not positive."""
     return np.asarray(np.log10(drawable(values) / limits[0]) / math.log10(limits[1] / limits[0]))
 
 
 def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides: bool = True) -> Panel:
-    """What `plot_avlr` draws, as data: the deviation, the fitted lines, and a symbol where each coefficient is read."""
+    """Return the plot of `plot_avlr` as data: the deviation, the fitted lines, and a symbol at each coefficient."""
     curve = regression.allan
     view = cluster_view(curve, units)
     bare = allan_panel({view.title: curve}, units=units, guides=False, title=axis_title(curve.axis))
-    # The curve without symbols, which here mark the coefficients.
+    # Draw the curve without symbols, because symbols mark the coefficients here.
     marks = [
         replace(mark, stroke=replace(mark.stroke, symbol=None)) if isinstance(mark, Line) else mark
         for mark in bare.marks
@@ -188,7 +189,7 @@ def avlr_panel(regression: AllanRegression, *, units: UnitSystem = "si", guides:
 
 
 def _stretched(panel: Panel, heights: Sequence[Vector]) -> Axis:
-    """The vertical axis of a panel, stretched within reason to hold further heights."""
+    """The vertical axis of a panel, extended to include further heights up to a factor of `MOST_ADDED` outside."""
     low, high = panel.y.limits
     wanted = [float(height) for height in heights if low / MOST_ADDED < height < high * MOST_ADDED]
     if all(low < height < high for height in wanted):

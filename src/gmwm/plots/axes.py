@@ -1,4 +1,4 @@
-"""Limits, ticks and grids of logarithmic axes, and how a number is written on them."""
+"""Limits, ticks and grids of logarithmic axes, and the format of their numbers."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ _DURATIONS = (
 )  # fmt: skip
 
 MANY_DECADES = 2.5
-"""From here on powers of ten are enough labels; below, 2 and 5 are labelled too."""
+"""From this number of decades on, only powers of ten are labelled. On shorter axes, 2 and 5 are labelled too."""
 MANY_SIDED = 5.0
-"""The same for an axis that is even about zero, where the even part counts as a decade on each side."""
+"""The same for an axis that is linear about zero. Its linear part counts as one decade on each side."""
 EMPTY = (1.0, 10.0)
-"""Limits of an axis on which nothing can be drawn; it has no ticks."""
+"""Limits of an axis without data. It has no ticks."""
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """A number in a few significant digits, with a power of ten outside 0.001 … 10 000.
+    """A number with `digits` significant digits, and with a power of ten outside 0.001 … 10 000.
 
     >>> number_text(0.0123456), number_text(7.1123e-7), number_text(0.0), number_text(2.0e6)
     ('0.0123', '7.11×10⁻⁷', '0', '2×10⁶')
@@ -42,7 +42,7 @@ def number_text(value: float, digits: int = 3) -> str:
 
 
 def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
-    """Limits around the positive finite values: a share `margin` of the decades more, one decade at least."""
+    """Limits around the positive finite values, wider by the fraction `margin` of the decades; at least one decade."""
     shown = drawable(values)
     if not np.any(np.isfinite(shown)):
         return EMPTY
@@ -52,10 +52,10 @@ def limits_of(values: Vector, *, margin: float = 0.05) -> tuple[float, float]:
 
 
 def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tuple[float, float]:
-    """Limits around `core`, stretched to hold the values `around` it by no more than a factor `reach`.
+    """Limits around the values `core`, extended by at most a factor `reach` to include the values `around`.
 
-    A confidence limit of the coarsest level, or the tail of a term that does not matter there, would else
-    decide the scale of the whole picture.
+    Without the factor, the confidence limit of the longest scale or a very small term could determine the scale of the
+    whole plot.
     """
     core = drawable(core)
     if not np.any(np.isfinite(core)):
@@ -67,7 +67,9 @@ def limits_near(core: Vector, around: Iterable[Vector], *, reach: float) -> tupl
 
 
 def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple[Tick, ...], tuple[float, ...]]:
-    """Labelled and unlabelled ticks at powers of ten, at most `at_most` labels; 1, 2, 5 on a short axis.
+    """Labelled and unlabelled ticks of a logarithmic axis: at powers of ten, or at 1, 2 and 5 on a short axis.
+
+    A long axis has at most `at_most` labels.
 
     >>> [tick.label for tick in power_ticks((0.004, 5000.0))[0]]
     ['0.01', '0.1', '1', '10', '100', '1000']
@@ -92,33 +94,33 @@ def power_ticks(limits: tuple[float, float], *, at_most: int = 7) -> tuple[tuple
 
 
 def _tick_texts(values: Sequence[float]) -> list[str]:
-    """Plain numbers if all of them are readable so, else all as powers of ten: one style for one axis."""
+    """Labels of ticks: plain numbers if all are between 0.001 and 10 000, else all as powers of ten."""
     if all(0.999e-3 <= value <= 1.001e4 for value in values):
         return [f"{value:.6g}" for value in values]
     return [power_text(value) for value in values]
 
 
 def power_text(value: float) -> str:
-    """A number of one digit with its power of ten, as 10⁻³ or 2×10⁶."""
+    """A number with one digit and a power of ten, for example 10⁻³ or 2×10⁶."""
     mantissa, _, exponent = f"{value:.0e}".partition("e")
     power = "10" + str(int(exponent)).translate(_SUPERSCRIPT)
     return power if mantissa == "1" else f"{mantissa}×{power}"
 
 
 def time_axis(times: Vector, label: str) -> Axis:
-    """The axis of scales in seconds: a grid line at every dyadic scale, minutes and hours on the other side.
+    """The horizontal axis in seconds: a grid line at each dyadic scale, minutes and hours on the opposite side.
 
     Parameters
     ----------
     times : (n,) array, s
-        The positions of the levels of all curves of the panel, in any order, repeated or not.
+        The positions of the levels of all curves of the panel, in any order, possibly repeated.
     label : str
-        What it says under the axis.
+        Label of the axis.
     """
     limits = limits_of(times, margin=0.03)
     ticks, _ = power_ticks(limits)
     scales = np.unique(times)
-    # Curves of two sampling rates have two dyadic grids, which together are no help to the eye.
+    # Curves of two sampling rates have two dyadic grids. Both together would be confusing.
     one_grid = bool(np.all(scales[1:] > 1.9 * scales[:-1]))
     grid = scales.tolist() if one_grid else [tick.value for tick in ticks]
     above = [Tick(value, text) for value, text in _DURATIONS if limits[0] <= value <= limits[1]]
@@ -126,7 +128,7 @@ def time_axis(times: Vector, label: str) -> Axis:
 
 
 def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> tuple[Tick, ...]:
-    """The ticks that keep a distance of a `share` of the axis from the one before."""
+    """The ticks that are at least the fraction `share` of the axis away from the previous tick."""
     kept: list[Tick] = []
     least = (limits[1] / limits[0]) ** share
     for tick in ticks:
@@ -136,31 +138,31 @@ def spaced(ticks: Sequence[Tick], limits: tuple[float, float], share: float) -> 
 
 
 def quiet(axis: Axis) -> Axis:
-    """The axis without its label and without numbers: another one beside it has them."""
+    """The axis without label and tick labels, for a panel next to one with the same axis."""
     return replace(axis, label="", ticks=tuple(Tick(tick.value, "") for tick in axis.ticks))
 
 
 def value_axis(limits: tuple[float, float], label: str) -> Axis:
-    """The vertical axis: powers of ten, with grid lines at the labels."""
+    """The vertical logarithmic axis, with grid lines at the labelled ticks."""
     ticks, minor = ((), ()) if limits == EMPTY else power_ticks(limits)
     return Axis(label, limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
 
 
 def signed_axis(values: Vector, label: str, *, linear: float, even: float, least: float = 0.0) -> Axis:
-    """An axis for values on both sides of zero, some of which may be large: even about zero, logarithmic beyond.
+    """An axis for positive and negative values of different size: linear about zero, logarithmic beyond.
 
     Parameters
     ----------
     values : (n,) array
-        What it has to hold; values that are not finite are left out.
+        The values to show; values that are not finite are ignored.
     label : str
         The quantity and its unit.
     linear : float
-        Where the even part ends.
+        End of the linear part.
     even : float
-        Up to here all of the axis is even.
+        If no value exceeds this one, the whole axis is linear.
     least : float
-        It reaches at least from −least to +least.
+        The axis extends at least from −least to +least.
 
     >>> [tick.label for tick in signed_axis(np.array([-0.4, 37.0]), "x", linear=1.0, even=5.0).ticks]
     ['0', '1', '2', '5', '10', '20', '50']
@@ -176,10 +178,10 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
         step = next(s for s in (0.2 * step, 0.5 * step, step, 2 * step) if (limits[1] - limits[0]) / s <= 8)
         places = [k * step for k in range(math.floor(low / step), math.ceil(high / step) + 1)]
     else:
-        # The scale gives its even part as much room as a decade.
+        # The linear part has the length of one decade.
         decades = sum(1 + math.log10(max(abs(end) / linear, 1.0)) for end in (low, high) if end)
         limits, reach = (_beyond(low, -1, 0.06 * decades, linear), _beyond(high, 1, 0.06 * decades, linear)), linear
-        # On a scale of many decades powers of ten have to do, though each side may have few.
+        # An axis with many decades in total has labels at powers of ten only, even if one side has few decades.
         reached = max(map(abs, limits))
         if decades >= MANY_SIDED:
             reached = max(reached, linear * 10**MANY_DECADES)
@@ -191,5 +193,5 @@ def signed_axis(values: Vector, label: str, *, linear: float, even: float, least
 
 
 def _beyond(end: float, side: int, decades: float, linear: float) -> float:
-    """The end of a signed axis with room for so many decades more."""
+    """The end of a signed axis, extended by `decades` decades."""
     return end * 10**decades if abs(end) > linear else end + side * decades * linear

@@ -1,4 +1,4 @@
-"""Any wavelet variances over one another, named by what tells them apart."""
+"""Plot of several wavelet variances in one panel, with labels that state what differs."""
 
 from __future__ import annotations
 
@@ -117,13 +117,13 @@ def automatic_labels(items: Sequence[Item]) -> list[str]:
 
 
 def _model(item: Item) -> str:
-    """The structure of a fitted model, "2*GM + WN"; nothing for a measurement."""
+    """The structure of a fitted model, for example "2*GM + WN"; "" for a measured curve."""
     model = getattr(item, "model", None)
     return "" if model is None else str(model.structure)
 
 
 def _estimators(results: Sequence[WaveletVariance]) -> list[str]:
-    """Classical or robust, with the efficiency where there is more than one."""
+    """Classical or robust, with the efficiency if the robust curves have different ones."""
     several = len({wv.efficiency for wv in results if wv.robust}) > 1
     return [
         (f"robust, efficiency {wv.efficiency:g}" if several else "robust") if wv.robust else "classical"

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 BEHIND, BAND, MIDDLE, ABOVE, FRONT = range(5)
-"""Layers: guides, limits, the model as a whole, its terms (thin, so that both are seen where they agree), data."""
+"""Layers from back to front: guides, confidence bands, the whole model, its terms (thin lines, so that the model behind
+them remains visible), data."""
 
 
 def view_for(wv: WaveletVariance, view: ViewName, units: UnitSystem) -> View:
@@ -55,11 +56,11 @@ def observed_marks(
     Parameters
     ----------
     wv : WaveletVariance
-        What was measured.
+        The measured curve.
     view : View
-        How it is shown.
+        Quantity and unit of the plot.
     stroke : Stroke, optional
-        How the curve looks; the band has its colour. By default that of a classical or of a robust estimate.
+        Style of the curve; the band has its colour. The default depends on whether the estimate is robust.
     label : str
         Entry in the legend; by default the name of the quantity.
     used : (J,) array of bool, optional
@@ -91,7 +92,7 @@ def observed_marks(
 
 
 def curves_then_bands(marks: Iterable[Mark], curves: int) -> list[Mark]:
-    """Marks in the order of a legend that names the curves first, and the limits of several in no curve's colour."""
+    """Sort marks for the legend: curves first, then bands. Bands of several curves have a grey legend entry."""
     ordered = sorted(marks, key=lambda mark: isinstance(mark, Band))
     return [replace(mark, swatch=GREY) if curves > 1 and isinstance(mark, Band) else mark for mark in ordered]
 
@@ -113,22 +114,22 @@ def closed_panel(
     names: Sequence[str] = ("",),
     title: str = "",
 ) -> Panel:
-    """A panel with axes that fit what was measured, and with a sign where a variance of zero has no place.
+    """A panel with axes that fit the measured curves, and with symbols at its lower border for variances of zero.
 
     Parameters
     ----------
     views : sequence of View
-        How each measured curve is shown; they share the quantity and the unit.
+        View of each measured curve; all have the same quantity and unit.
     measured : sequence of WaveletVariance
-        Decides the limits of the axes, together with their confidence limits, within the view's reach.
+        The measured curves. They and their confidence limits determine the limits of the axes.
     marks : iterable of Mark
-        What is drawn.
+        The marks of the panel.
     around : iterable of (n,) arrays
-        Further heights to which the axis may stretch, within the reach.
+        Further heights to include, up to a factor `View.reach` beyond the curves.
     strokes, names : sequences
-        Colour and name of each measured curve, for its zeros.
+        Stroke and name of each measured curve, for its zeros.
     title : str
-        Over the panel.
+        Title of the panel.
     """
     shown = list(zip(views, measured, strokes, names, strict=True))
     edges = [edge for view, wv, _, _ in shown for edge in band_edges(wv, view)]

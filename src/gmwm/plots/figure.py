@@ -1,7 +1,7 @@
-"""What is drawn, as plain data: a Figure is rows of Panels, a Panel is two Axes and its Marks.
+"""Plots as plain data: a Figure has rows of Panels, and a Panel has two Axes and Marks.
 
-Nothing here knows a drawing library; a renderer turns a Figure into a picture and decides nothing but how
-its library spells a line. All positions are in the units that the axis labels name.
+This module does not depend on a drawing library. A renderer for Matplotlib or Plotly translates a Figure without
+further decisions about its content. All positions are in the units of the axis labels.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 from gmwm._arrays import Vector
 
 Symbol = Literal["circle", "square", "diamond", "triangle", "down", "cross", "plus", "star"]
-"""The marks a renderer must know how to draw."""
+"""The symbols that each renderer must support."""
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """How a line looks.
+    """Style of a line: colour, width, dashes and symbols.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class Stroke:
     width : float
         In points.
     dash : tuple of float
-        Lengths on, off, on, off … in units of the width; empty is a solid line.
+        Lengths of dashes and gaps in turn, in units of the width; empty for a solid line.
     symbol : Symbol or None
-        What stands at each point.
+        Symbol at each point.
     filled : bool
-        Whether the symbol is filled; an open one stands for a point that was left out.
+        Whether the symbols are filled. Unfilled ones mark, for example, levels that a fit left out.
     """
 
     colour: str
@@ -44,18 +44,18 @@ class Stroke:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A curve y(x), broken where y is NaN; `width` 0 in its stroke leaves the symbols alone.
+    """A curve y(x), interrupted where y is NaN. If the width of its stroke is 0, only the symbols are drawn.
 
     Parameters
     ----------
     x, y : (n,) arrays
-        In the units of the axes.
+        Positions in the units of the axes.
     stroke : Stroke
-        How it looks.
+        Style of the line.
     label : str
         Its entry in the legend; "" for none.
     layer : int
-        Larger is nearer to the eye.
+        Marks of a higher layer are drawn in front.
     """
 
     x: Vector
@@ -67,12 +67,13 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A shaded region between `lower` and `upper` over x, for limits of confidence.
+    """A shaded region between `lower` and `upper` over x, for example between confidence limits.
 
     Parameters
     ----------
     x, lower, upper : (n,) arrays
-        In the units of the axes; NaN leaves a hole, 0 and infinity reach the border of the panel.
+        Positions in the units of the axes. NaN interrupts the band; edges at 0 on a logarithmic axis or at infinity
+        reach the border of the panel.
     colour : str
         "#rrggbb".
     opacity : float
@@ -80,9 +81,10 @@ class Band:
     label : str
         Its entry in the legend; "" for none.
     layer : int
-        Larger is nearer to the eye.
+        Marks of a higher layer are drawn in front.
     swatch : str
-        Colour of its entry in the legend, where that stands for bands of several colours; "" for its own.
+        Colour of the entry in the legend, if one entry describes bands of several colours; "" for the colour of the
+        band.
     """
 
     x: Vector
@@ -97,14 +99,14 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Foot:
-    """Symbols along the foot of the panel, for values that have no place on its vertical axis.
+    """Symbols along the lower border of the panel, for values that its vertical axis cannot show, such as zero.
 
     Parameters
     ----------
     x : (n,) array
-        In the units of the horizontal axis.
+        Positions in the unit of the horizontal axis.
     stroke : Stroke
-        How the symbols look.
+        Style of the symbols.
     label : str
         Its entry in the legend; "" for none.
     """
@@ -116,7 +118,7 @@ class Foot:
 
 @dataclass(frozen=True)
 class Text:
-    """A remark in the panel, at a position in fractions of its width and height."""
+    """A text in the panel, at a position in fractions of its width and height."""
 
     text: str
     x: float = 0.5
@@ -124,12 +126,12 @@ class Text:
 
 
 Mark: TypeAlias = Line | Band | Foot
-"""What carries data."""
+"""An element of a panel that shows data."""
 
 
 @dataclass(frozen=True)
 class Tick:
-    """A position on an axis and what is written there."""
+    """A position on an axis and its label."""
 
     value: float
     label: str
@@ -137,25 +139,25 @@ class Tick:
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis, complete: nothing is left to a library's automatic choice.
+    """One axis with all its limits and ticks, so that no renderer chooses any by itself.
 
     Parameters
     ----------
     label : str
         The quantity and its unit.
     limits : tuple of two floats
-        Both positive on a logarithmic axis.
+        Lower and upper end; both are positive on a logarithmic axis.
     ticks : tuple of Tick
         The labelled positions.
     minor : tuple of float
         Positions with a small tick and no label.
     grid : tuple of float
-        Where grid lines run.
+        Positions of grid lines.
     opposite : tuple of Tick
-        A second reading of the same scale on the opposite side (minutes and hours over seconds).
+        Ticks on the opposite side of the panel, for example minutes and hours if the axis is in seconds.
     linear : float
-        Positions up to so far from zero are evenly spaced, those beyond logarithmically: 0 is a logarithmic axis,
-        infinity a linear one.
+        The scale is linear between −`linear` and +`linear` and logarithmic beyond: 0 for a logarithmic axis, infinity
+        for a linear one.
     """
 
     label: str
@@ -169,7 +171,7 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One pair of axes and what is on it; the order of the marks is the order of the legend."""
+    """Two axes with their marks. The order of the marks is the order of the legend."""
 
     x: Axis
     y: Axis
@@ -189,7 +191,7 @@ class Panel:
 
     @property
     def feet(self) -> tuple[Foot, ...]:
-        """The symbols along the foot."""
+        """The symbols along the lower border."""
         return tuple(mark for mark in self.marks if isinstance(mark, Foot))
 
     @property
@@ -212,16 +214,16 @@ class Figure:
     Parameters
     ----------
     rows : tuple of tuple of Panel
-        The panels of a row share its width; None leaves a place empty. Panels stand in columns where all rows are of
-        one length.
+        The panels of a row have the same width; None leaves a place empty. If all rows have the same length, the panels
+        form columns.
     width, height : float
         Size in millimetres.
     title : str
-        Over all panels; "" for none.
+        Title above all panels; "" for none.
     legend_columns : int
-        How many entries stand side by side under the panels.
+        Columns of the legend below the panels.
     heights : tuple of float
-        Of the rows, as shares; empty where they are all of one height.
+        Relative heights of the rows; empty if all rows have the same height.
     """
 
     rows: tuple[tuple[Panel | None, ...], ...]
@@ -243,7 +245,7 @@ class Figure:
 
 
 def single_panel(panel: Panel, height: float = 80.0, legend_rows: int = 0) -> Figure:
-    """A figure of one panel `height` mm high, with room below for its legend, of at least so many rows."""
+    """A figure of one panel `height` mm high, with room below for a legend of at least `legend_rows` rows."""
     rows = max((len(panel.labels) + 1) // 2, legend_rows)
     return Figure(((panel,),), height=height + 4.0 * rows)
 

@@ -1,4 +1,4 @@
-"""A fitted model over the data: the implied curve, and each term by itself."""
+"""Plot of a fit: the measured wavelet variance, the curve of the fitted model, and the curve of each of its terms."""
 
 from __future__ import annotations
 
@@ -27,41 +27,42 @@ if TYPE_CHECKING:
 
 
 class HasNotes(Protocol):
-    """What is to be known of a fit."""
+    """Diagnostics of a fit, as far as the plot uses them."""
 
     @property
     def acts_as(self) -> Mapping[str, str]:
-        """Terms that act as another process."""
+        """Terms that act as another process, with the name of this process."""
 
 
 class Fitted(Protocol):
-    """What can be drawn: a fit to a wavelet variance, or one by maximum likelihood."""
+    """A result that can be drawn: a fit to a wavelet variance, or a fit by maximum likelihood."""
 
     @property
     def model(self) -> Model:
-        """With its estimates."""
+        """The model with its estimates."""
 
     @property
     def wavelet_variance(self) -> WaveletVariance:
-        """The data."""
+        """The measured wavelet variance."""
 
     @property
     def implied(self) -> Vector:
-        """The model's curve (J,)."""
+        """The wavelet variance of the fitted model (J,)."""
 
     @property
     def decomposition(self) -> Mapping[str, Vector]:
-        """That of each term."""
+        """The wavelet variance (J,) of each term of the fitted model."""
 
     @property
     def diagnostics(self) -> HasNotes:
-        """What is to be known of it."""
+        """Diagnostics of the fit."""
 
 
 REMARK = (0.5, 0.93)
-"""Where a panel says what is not seen in it: curves of inertial sensors fall from the left and rise to the right."""
+"""Position of the text that lists terms without a curve. Curves of inertial sensors fall on the left and rise on the
+right, so the top centre is free."""
 LINE = 28
-"""Characters in a line of such a remark."""
+"""Characters in a line of this text."""
 
 
 def fit_panel(
@@ -72,10 +73,10 @@ def fit_panel(
     decomposition: bool = True,
     alone: bool = True,
 ) -> Panel:
-    """What `plot_fit` draws, as data.
+    """Return the plot of `plot_fit` as data.
 
-    Where it is not alone, the legend names the terms without their parameters, as several panels with one
-    legend need it, and a term that is zero is told in the panel.
+    If `alone` is False, the panel shares a legend with other panels: the legend names the terms without their
+    parameters, and a text in the panel lists the terms that are zero.
     """
     wv = fit.wavelet_variance
     shown = view_for(wv, view, units)
@@ -86,13 +87,13 @@ def fit_panel(
     marks = [*observed_marks(wv, shown, used=getattr(fit, "used", None)), model, *terms]
     panel = closed_panel([shown], [wv], marks, around=[implied, *map(_summit, terms)], title=axis_title(wv.axis))
     if alone:
-        return _say_what_is_not_seen(panel, terms)
+        return _with_hidden_terms(panel, terms)
     zero = [term for term, variance in fit.decomposition.items() if not np.any(variance > 0)] if decomposition else []
     return replace(panel, texts=(*panel.texts, *_zero_text(zero)))
 
 
 def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
-    """The terms that are zero as a remark in a panel that may be narrow."""
+    """A text that lists the terms that are zero, wrapped for a narrow panel."""
     if not zero:
         return ()
     lines = wrap(f"{', '.join(zero)}: zero", LINE, break_long_words=False)
@@ -100,10 +101,10 @@ def _zero_text(zero: Sequence[str]) -> tuple[Text, ...]:
 
 
 def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ...]:
-    """The wavelet variance of every term, thin, over the model and behind the data.
+    """The wavelet variance of each term as a thin line, in front of the model and behind the data.
 
-    Where the plot is alone, they are named with their key parameters or the numbers of a datasheet, and those that were
-    estimated as zero, which have no curve, together in one entry.
+    If `alone` is True, the legend gives the key parameters or the datasheet values of each term. Terms that are
+    estimated as zero have no curve and share one entry of the legend.
     """
     times = view.time(fit.wavelet_variance.tau)
     processes = dict(zip(fit.model.terms, fit.model.processes, strict=True))
@@ -116,7 +117,7 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
             continue
         label = term
         if alone:
-            label = _told(term, processes[term], view, fit.wavelet_variance)
+            label = _term_entry(term, processes[term], view, fit.wavelet_variance)
             acting = fit.diagnostics.acts_as.get(term)
             label += f" (acts as {acting})" if acting else ""
         lines.append(Line(times, y, stroke=strokes[term], label=label, layer=ABOVE))
@@ -128,19 +129,19 @@ def term_lines(fit: Fitted, view: View, *, alone: bool = True) -> tuple[Line, ..
     return tuple(lines)
 
 
-def _told(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
-    """A term with what the units shown tell of it: numbers of a datasheet, or its key parameters."""
+def _term_entry(term: str, process: Process, view: View, wv: WaveletVariance) -> str:
+    """Legend entry of a term: with datasheet values if the plot has datasheet units, else with key parameters."""
     found = datasheet_label(term, process, wv.unit, wv.rate) if view.of_datasheets else ""
     return found or term_label(term, process, view, wv.rate)
 
 
 def _summit(line: Line) -> Vector:
-    """A little under the highest point of a term: enough of it to be seen."""
+    """Half of the highest value of a term. If the axis includes it, the top of the curve is visible."""
     return np.array([0.5 * np.nanmax(line.y)]) if np.any(np.isfinite(line.y)) else np.empty(0)
 
 
-def _say_what_is_not_seen(panel: Panel, terms: tuple[Line, ...]) -> Panel:
-    """Terms that lie under the lower border everywhere say so in the legend."""
+def _with_hidden_terms(panel: Panel, terms: tuple[Line, ...]) -> Panel:
+    """Mark terms that lie completely below the panel as such in the legend."""
     low = panel.y.limits[0]
     hidden = {id(line) for line in terms if np.any(line.y > 0) and not np.any(line.y >= low)}
     marks = tuple(

@@ -1,4 +1,4 @@
-"""A fleet: every number of every axis, unit by unit, with where a further unit lies and the units unlike the others."""
+"""Plot of a fleet: each quantity of each axis for all units, with outlier units and the range of a further unit."""
 
 from __future__ import annotations
 
@@ -31,28 +31,29 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
-"""Up to so many units each is a dot with its interval; more are a curve."""
+"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve."""
 POINTS = 400
-"""Of a curve of many units."""
+"""Largest number of points of a curve of many units."""
 HALF = 0.4
-"""Half of the width of an axis' strip, where strips are 1 apart."""
+"""Half of the width of the strip of an axis; the distance between two strips is 1."""
 COLUMNS = 3
 EVEN = 4.0
-"""Up to this ratio of the largest to the smallest an even axis is as good as a logarithmic one, and has more ticks."""
+"""Up to this ratio of the largest to the smallest value, a linear axis is as readable as a logarithmic one, and it has
+more ticks."""
 NAMED, LETTERS = 3, 14
-"""Outliers in a panel whose names are written, and how long those may be."""
+"""Largest number of outliers in a panel whose names are written, and the number of letters of a name."""
 CLEAR, LETTER = 0.07, 0.036
-"""Height of a name and width of a letter, as shares of a panel."""
+"""Height of a name and width of a letter, as fractions of the panel."""
 SMALL = 0.005
-"""Panels whose largest number is below are written with a power of ten."""
+"""Panels whose largest value is below this are written with a power of ten."""
 REACH = 3.0
-"""An interval stretches the picture by no more than this factor."""
+"""Largest factor by which a confidence interval may stretch the axis beyond the values."""
 ROW, BELOW = 52.0, 22.0
 """Height (mm) of a row of panels, and of the legend."""
 
 
 class FleetLike(Protocol):
-    """What is drawn of a fleet."""
+    """The data of a fleet that the plot uses."""
 
     @property
     def table(self) -> polars.DataFrame:
@@ -61,12 +62,15 @@ class FleetLike(Protocol):
 
     @property
     def statistics(self) -> FleetStatistics:
-        """What the units say together."""
+        """Statistics over all units."""
         ...
 
 
 def fleet_figure(fleet: FleetLike) -> Figure:
-    """What `plot_fleet` draws, as data: for each sensor a panel a number, in each panel a strip an axis."""
+    """Return the plot of `plot_fleet` as data.
+
+    There is a panel for each quantity of a sensor, and in each panel a strip for each axis.
+    """
     found = fleet.statistics
     if not found.rows:
         raise OptionError(
@@ -86,12 +90,12 @@ def fleet_figure(fleet: FleetLike) -> Figure:
         width = min(COLUMNS, len(panels))
         rows += [tuple(panels[k : k + width]) for k in range(0, len(panels), width)]
     odd = len({one.unit for one in found.outliers})
-    title = counted(found.units, "unit") + (f", {odd} not like the others" if odd else "")
+    title = counted(found.units, "unit") + (f", {counted(odd, 'outlier')}" if odd else "")
     return Figure(tuple(rows), width=PAGE, height=ROW * len(rows) + BELOW, title=title, legend_columns=3)
 
 
 def plot_fleet(fleet: FleetLike, *, path: str | os.PathLike[str] | None = None) -> MatplotlibFigure:
-    """Draw the numbers of all units: see `Fleet.plot`."""
+    """Draw the values of all units; see `Fleet.plot`."""
     from gmwm.plots.matplotlib import draw
 
     return draw(fleet_figure(fleet), path=path)
@@ -123,7 +127,7 @@ def _ticks(samples: Sequence[Sample]) -> tuple[Tick, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Strip:
-    """What is drawn of one axis, the heights that must be seen, and where the outliers are with their names."""
+    """The marks of one axis, the heights that the panel must show, and the positions and names of its outliers."""
 
     marks: list[Mark]
     heights: Vector
@@ -150,20 +154,28 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
         bars = np.repeat(across, 3), np.column_stack([low, high, np.full(order.size, np.nan)]).ravel()
         marks.append(Line(*bars, Stroke(stroke.colour, 0.8), "", BEHIND))
         dots = Stroke(stroke.colour, 0.0, symbol="circle")
-        marks.append(Line(across[alike], value[alike], stroke=dots, label="A unit, with its interval", layer=MIDDLE))
+        marks.append(
+            Line(across[alike], value[alike], stroke=dots, label="Unit, with its confidence interval", layer=MIDDLE)
+        )
         heights = np.concatenate([value, np.maximum(low, value / REACH), np.minimum(high, value * REACH)])
         heights = np.concatenate([value, low, high]) if row.signed else heights
     else:
         shown = np.flatnonzero(alike)
         some = shown[np.unique(np.linspace(0, shown.size - 1, POINTS).astype(int))]
         marks.append(
-            Line(across[some], value[some], stroke=Stroke(stroke.colour, 1.8), label="Units, in order", layer=MIDDLE)
+            Line(
+                across[some],
+                value[some],
+                stroke=Stroke(stroke.colour, 1.8),
+                label="Units, sorted by value",
+                layer=MIDDLE,
+            )
         )
         heights = value
     ends = place + np.array([-HALF, HALF])
     if row.predicted_low is not None and row.predicted_high is not None and row.typical is not None:
         edges = np.array([[factor * end] * 2 for end in (row.predicted_low, row.predicted_high)])
-        label = f"A further unit lies here ({100 * found.confidence:g} %)"
+        label = f"Range of a further unit ({100 * found.confidence:g} %)"
         marks.insert(
             0,
             Band(
@@ -179,7 +191,11 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
         )
         marks.append(
             Line(
-                ends, np.full(2, factor * row.typical), stroke=Stroke(BLACK, 0.9, DASHED), label="Typical", layer=BEHIND
+                ends,
+                np.full(2, factor * row.typical),
+                stroke=Stroke(BLACK, 0.9, DASHED),
+                label="Typical value",
+                layer=BEHIND,
             )
         )
         heights = np.concatenate([heights, edges.ravel()])
@@ -191,7 +207,7 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
                 spots[:, 0],
                 spots[:, 1],
                 stroke=Stroke(BLACK, 0.0, symbol="star"),
-                label="Not like the others",
+                label="Outlier",
                 layer=FRONT,
             )
         )
@@ -199,7 +215,7 @@ def _strip(place: int, sample: Sample, found: FleetStatistics, factor: float, un
 
 
 def _limited(place: int, sample: Sample, row: FleetNumber, factor: float) -> tuple[list[Mark], Vector]:
-    """Upper limits: a triangle each, or where they are many a bar that reaches over the middle 90 %."""
+    """Upper limits: a triangle for each, or a line over the middle 90 % of them if there are many."""
     if row.signed or not np.any(sample.limited):
         return [], np.array([])
     high = np.sort(factor * sample.high[sample.limited])
@@ -226,7 +242,7 @@ def _stroke(place: int, axis: str) -> Stroke:
 
 
 def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
-    """Logarithmic, but even for numbers with a sign and for those that are close together."""
+    """The vertical axis: logarithmic, but linear for signed values and for values of similar size."""
     shown = values[np.isfinite(values)]
     if signed:
         return even_axis(float(shown.min(initial=0.0)), float(shown.max(initial=0.0)), label, margin=0.1, at_most=6)
@@ -235,14 +251,14 @@ def _height_axis(values: Vector, label: str, *, signed: bool) -> Axis:
         return value_axis(limits_of(shown), label)
     low, high = float(shown.min()), float(shown.max())
     if high < EVEN * low:
-        # Room above for the names of outliers.
+        # Leave room above for the names of outliers.
         return even_axis(low, high, label, margin=0.16, at_most=6)
     room = (high / low) ** 0.16
     return value_axis((low / room, high * room), label)
 
 
 def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple[Text, ...]:
-    """Names beside the stars, as far as there is room for them."""
+    """Names of outliers beside their stars, if there is room."""
     texts: list[Text] = []
     for across, tall, unit in stars:
         low, high = y.limits
@@ -259,7 +275,7 @@ def _names(stars: Sequence[tuple[float, float, str]], x: Axis, y: Axis) -> tuple
 
 
 def _short(unit: str) -> str:
-    """The end of a name, without folder and suffix: what most names of files differ in.
+    """The last part of a file name, without folder and suffix: most file names differ there.
 
     >>> _short("lot2/unit_0005.csv"), _short("a_recording_of_unit_0005.csv")
     ('unit_0005', '…g_of_unit_0005')

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PAGE = 174.0
 """Width of two printed columns (mm)."""
 SINGLE = 120.0
-"""Width of a panel by itself (mm): reduced to a column of 85 mm its text is still 5 points high."""
+"""Width of a single panel (mm). If it is reduced to a column of 85 mm, its text is still 5 points high."""
 
 
 def imu_figure(
@@ -122,7 +122,7 @@ def _grid(items: Mapping[str, Item | dict[str, Item]], view: ViewName, units: Un
 
 
 def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
-    """Lines that look the same under one entry of the legend: the GM of one axis, the GM[1] of another."""
+    """Merge the legend entries of lines with the same stroke, for example GM of one axis and GM[1] of another."""
     entries: dict[Stroke, dict[str, None]] = {}
     lines = [mark for panel in panels.values() for mark in panel.marks if isinstance(mark, Line) and mark.label]
     for line in lines:
@@ -137,7 +137,7 @@ def _alike_together(panels: Mapping[str, Panel]) -> dict[str, Panel]:
 
 
 def _with_room(drawn: Figure, entries: int) -> Figure:
-    """A figure that is higher by the entries of its legend beyond so many."""
+    """The figure, higher by the rows of the legend that are needed for more than `entries` entries."""
     more = -(-max(len(drawn.labels) - entries, 0) // drawn.legend_columns)
     return replace(drawn, height=drawn.height + 4.0 * more)
 
@@ -174,7 +174,7 @@ def _arranged(panels: Mapping[str, Panel]) -> list[tuple[Panel | None, ...]]:
 
 
 def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
-    """Panels of one quantity side by side get one vertical scale, so that axes compare at a glance."""
+    """Give the panels of a row a common vertical scale if they show the same quantity, so that axes can be compared."""
     present = [panel for panel in row if panel is not None and panel.y.ticks]
     if len({panel.y.label for panel in present}) != 1:
         return row
@@ -185,7 +185,7 @@ def _one_scale(row: tuple[Panel | None, ...]) -> tuple[Panel | None, ...]:
 
 
 def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """Labels once: of a scale that a row shares at its left, of the time under the lowest panel."""
+    """Remove repeated labels: a common vertical scale is labelled at the left, the time below the lowest panel."""
     result: list[tuple[Panel | None, ...]] = []
     for i, row in enumerate(rows):
         done: list[Panel | None] = []
@@ -206,7 +206,7 @@ def _shared(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | Non
 
 
 def _sparse(panel: Panel) -> Panel:
-    """A narrow panel has room for fewer durations above it."""
+    """The panel with fewer ticks on its upper side, for a narrow panel."""
     return replace(panel, x=replace(panel.x, opposite=spaced(panel.x.opposite, panel.x.limits, 0.2)))
 
 

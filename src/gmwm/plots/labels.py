@@ -1,4 +1,4 @@
-"""Words for the reader: titles of axes, and terms of a model with the parameters that say what they are."""
+"""Texts in plots: titles of axes, and legend entries of terms with their parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _SENSORS = {"gyro": "Gyroscope", "accel": "Accelerometer", "mag": "Magnetometer"}
 
-# Unit, its length, and the shortest duration told in it (s).
+# Unit, its length (s), and the shortest duration that is written in this unit (s).
 _DURATIONS = (
     ("d", 86400.0, 172800.0),
     ("h", 3600.0, 7200.0),
@@ -28,9 +28,9 @@ _DURATIONS = (
 )
 
 DIGITS = 2
-"""Significant digits in a legend; the numbers to use are in the summary of the fit."""
+"""Significant digits in a legend. The summary of the fit has more digits."""
 KEY_PARAMETERS = 2
-"""How many parameters of a term its entry in a legend shows."""
+"""Number of parameters of a term in its legend entry."""
 
 
 def sensor_and_letter(axis: str) -> tuple[str, str]:
@@ -63,21 +63,21 @@ def axis_title(axis: str) -> str:
 
 
 def term_label(term: str, process: Process, view: View, rate: float) -> str:
-    """A term with its key parameters: standard deviations in the unit shown, correlation times, not rates.
+    """A term with its key parameters, in readable form.
 
-    What is not the square of anything, as the power of a line, is told by the number in continuous time that is in the
-    unit of the signal, as its amplitude.
+    Variances appear as standard deviations in the unit of the plot, and rates as correlation times. The power of a
+    sinusoid, which is not the square of another parameter, appears as its amplitude.
 
     Parameters
     ----------
     term : str
         Name of the term, such as "GM[1]".
     process : Process
-        The term with its estimates; says what its parameters are.
+        The term with its estimates.
     view : View
-        Gives the unit and the factor from the unit of the data.
+        Unit of the plot, and the factor from the unit of the data.
     rate : float
-        Samples a second, in Hz.
+        Sampling rate (Hz).
 
     >>> from gmwm.processes import GM, SIN
     >>> view = View("allan", "rad/s", 1.0)
@@ -95,7 +95,7 @@ def term_label(term: str, process: Process, view: View, rate: float) -> str:
 
 
 def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
-    """A term with its numbers in continuous time, in the terms and units of datasheets; "" where it has none.
+    """A term with its continuous-time values in the symbols and units of datasheets; "" if it has none.
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     process : Process
         The term with its estimates.
     unit : str
-        That of the signal.
+        Unit of the signal.
     rate : float
-        Samples a second, in Hz.
+        Sampling rate (Hz).
 
     >>> from gmwm.processes import GM, SIN, WN
     >>> datasheet_label("WN", WN(sigma2=4e-7), "rad/s", rate=100.0)
@@ -121,7 +121,7 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
 
 
 def _physical_text(number: Physical, unit: str) -> str:
-    """One number of a datasheet; a frequency needs no symbol."""
+    """One datasheet value with symbol and unit; a frequency has no symbol."""
     if not number.signal_power:
         if number.time_power < 0:
             return f"{_three_digits(number.value)} Hz"
@@ -132,7 +132,7 @@ def _physical_text(number: Physical, unit: str) -> str:
 
 
 def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: float) -> str:
-    """The number in the unit of the signal that a parameter in its square stands for; "" where there is none."""
+    """The amplitude that belongs to a power parameter, in the unit of the signal; "" if the process has none."""
     if (parameter.signal_power, parameter.time_power) != (2, 0) or parameter.symbol.endswith("²"):
         return ""
     for number in process.physical(rate):
@@ -142,9 +142,9 @@ def _amplitude_text(parameter: Parameter, process: Process, view: View, rate: fl
 
 
 def parameter_text(parameter: Parameter, value: float, view: View) -> str:
-    """One estimate: the root of what is written as a square, the inverse of a rate, anything else as it is.
+    """One estimate: a variance as its square root, a rate as its inverse, anything else unchanged.
 
-    A frequency needs no symbol.
+    A frequency has no symbol.
     """
     unit = f" {view.unit}" if view.unit else ""
     if parameter.signal_power == 2 and parameter.time_power == 0:
@@ -164,12 +164,12 @@ def parameter_text(parameter: Parameter, value: float, view: View) -> str:
 
 
 def _three_digits(value: float) -> str:
-    """Three digits, zeros among them."""
+    """A number with three significant digits, including trailing zeros."""
     return f"{value:#.3g}".rstrip(".") if 1e-3 <= value < 999.5 else number_text(value)
 
 
 def duration_text(seconds: float) -> str:
-    """A duration in the unit in which it reads well.
+    """A duration in a readable unit.
 
     >>> duration_text(0.0042), duration_text(53.0), duration_text(5400.0), duration_text(40000.0)
     ('4.2 ms', '53 s', '90 min', '11 h')
@@ -181,7 +181,7 @@ def duration_text(seconds: float) -> str:
 
 
 def model_text(terms: Iterable[str]) -> str:
-    """A model in short, from the names of its terms.
+    """A short name of a model, from the names of its terms.
 
     >>> model_text(["GM[1]", "GM[2]", "WN"])
     '2·GM + WN'

@@ -1,4 +1,4 @@
-"""Words that always fit: a legend in as many columns as the picture holds, and long lines on several."""
+"""Legends and titles that fit: a legend in as many columns as the figure can hold, with long entries wrapped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 MILLIMETRE = 1 / 25.4
 EDGE = 2.0
-"""What stays free at the left and the right border (mm): a text is not equally wide in every format."""
+"""Free margin at the left and right border (mm), because the width of a text depends on the file format."""
 LEGEND_SIZE = 6.6
 _HANDLE, _PAD, _BETWEEN, _BORDER, _AROUND = 3.0, 0.6, 1.2, 0.4, 0.5
 _LOOK: dict[str, Any] = {
@@ -25,16 +25,16 @@ _LOOK: dict[str, Any] = {
     "columnspacing": _BETWEEN, "labelspacing": 0.3, "borderaxespad": _AROUND,
 }  # fmt: skip
 _SAFE = 0.97
-"""Texts are measured without hinting, which changes their width a little."""
-# Spaces at which a line may break: not beside "=", and not between a number and its unit.
+"""Factor on the available width: texts are measured without hinting, which changes their width slightly."""
+# Spaces at which a line may be wrapped: not next to "=", and not between a number and its unit.
 _BREAKS = re.compile(r"(?<![=\d⁰¹²³⁴-⁹]) (?!=)")
 
 
 def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns: int) -> None:
-    """One legend under all panels, in as many columns up to `columns` as the width holds.
+    """Draw one legend below all panels, in as many columns as the width can hold, at most `columns`.
 
-    The height of the picture was chosen for a legend in all its columns: it grows by what the legend takes more, so
-    that the panels keep theirs.
+    The height of the figure was chosen for a legend with `columns` columns. If the legend needs more height, the figure
+    grows, so that the panels keep their size.
     """
     room = picture.bbox.width - 2 * EDGE * MILLIMETRE * picture.dpi
     layouts = list(_layouts([*handles], columns, 72 * room / picture.dpi))
@@ -50,12 +50,15 @@ def legend_below(picture: MatplotlibFigure, handles: dict[str, Artist], columns:
 
 
 def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[list[str], int]]:
-    """Entries and numbers of columns to be tried in a width of so many points, the best first, one that fits last."""
+    """Layouts to try for a width of `room` points: entries and number of columns, the best first.
+
+    The last one always fits.
+    """
     for ncols in range(columns, 1, -1):
         yield list(names), ncols
     halves = [folded(name, _text_room(room, 2), LEGEND_SIZE) for name in names]
     broken = sum("\n" in half for half in halves)
-    # Where most entries are long, a column of long lines reads better.
+    # If most entries are long, one column with long lines is easier to read.
     if columns > 1 and 2 * broken <= len(names) and all(half.count("\n") < 2 for half in halves):
         yield halves, 2
     yield list(names), 1
@@ -63,32 +66,32 @@ def _layouts(names: Sequence[str], columns: int, room: float) -> Iterator[tuple[
 
 
 def _text_room(room: float, columns: int) -> float:
-    """The width (points) that the text of an entry has, of that of the whole legend."""
+    """The width (points) for the text of an entry, if the legend is `room` points wide."""
     besides = 2 * _BORDER + (columns - 1) * _BETWEEN + columns * (_HANDLE + _PAD)
     return _SAFE * (room - besides * LEGEND_SIZE) / columns
 
 
 def legend_inside(ax: Axes, handles: dict[str, Artist]) -> None:
-    """A legend in the axes, its entries on several lines where they are narrow."""
+    """Draw a legend inside the axes, with entries wrapped if the axes are narrow."""
     room = 72 * ax.bbox.width / ax.figure.dpi - 2 * _AROUND * LEGEND_SIZE
     names = [folded(name, _text_room(room, 1), LEGEND_SIZE) for name in handles]
     ax.legend([*handles.values()], names, **_LOOK)
 
 
 def folded(text: str, room: float, size: float) -> str:
-    """A text on as many lines as a width of so many points asks for.
+    """Wrap a text to a width of `room` points at the font size `size` (points).
 
     >>> folded("GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s (acts as WN)", 140.0, 6.6).split("\\n")
     ['GM[1]: T = 17 ms, σ = 3.6×10⁻⁴ rad/s', '(acts as WN)']
     """
-    # However narrow, a line holds a few letters.
+    # A line has room for a few letters, even in a very narrow figure.
     room = max(room, 6 * size)
     lines = [line for given in text.split("\n") for line in _lines(given, room, size)]
     return "\n".join(lines)
 
 
 def _lines(text: str, room: float, size: float) -> Iterator[str]:
-    """The lines of a text, broken at spaces, or anywhere in a word that is longer than a line."""
+    """The lines of a text, wrapped at spaces, or within a word that is longer than a line."""
     line = ""
     for word in _BREAKS.split(text):
         longer = f"{line} {word}" if line else word
@@ -106,5 +109,5 @@ def _lines(text: str, room: float, size: float) -> Iterator[str]:
 
 
 def width_of(text: str, size: float) -> float:
-    """The width of a text (points) in letters of so many points."""
+    """The width of a text (points) at the font size `size` (points)."""
     return float(text_to_path.get_text_width_height_descent(text, FontProperties(size=size), False)[0])

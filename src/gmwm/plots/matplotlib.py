@@ -39,19 +39,19 @@ TEXT_SIZE = 8.0
 SMALL_SIZE = 7.0
 FOOT = 0.03
 BESIDE = 18.0
-"""Width (mm) that the numbers and the label beside a panel take, and as much as that on its other side."""
+"""Width (mm) of the tick labels and the axis label beside a panel, on both sides together."""
 
 _SYMBOLS: dict[Symbol, str] = {
     "circle": "o", "square": "s", "diamond": "D", "triangle": "^", "down": "v", "cross": "x", "plus": "+",
     "star": "*",
 }  # fmt: skip
 
-# Where a date or a random identifier would make two pictures of the same data differ.
+# Metadata without dates, so that two pictures of the same data have the same bytes.
 _METADATA: dict[str, dict[str, None]] = {".png": {}, ".pdf": {"CreationDate": None}, ".svg": {"Date": None}}
 
 
 class Picture(MatplotlibFigure):
-    """A Matplotlib figure that shows itself in a notebook, though pyplot does not know it."""
+    """A Matplotlib figure that notebooks display although it is not registered with pyplot."""
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
@@ -92,9 +92,10 @@ def draw(figure: Figure, *, ax: Axes | None = None, path: str | os.PathLike[str]
 
 
 def save(picture: MatplotlibFigure, path: str | os.PathLike[str]) -> None:
-    """Write a picture in the format that `path` ends in; the same picture gives the same bytes."""
+    """Write a picture in the format of the suffix of `path`; the same picture gives the same bytes."""
     suffix = Path(path).suffix.lower()
-    # Text in a PDF stays text (font type 42), as journals ask; the salt fixes the identifiers in an SVG.
+    # Text in a PDF stays text (font type 42), as journals require. The salt makes the identifiers in an SVG
+    # reproducible.
     settings: Any = {"svg.hashsalt": "gmwm", "pdf.fonttype": 42}
     with written_whole(path) as temporary, matplotlib.rc_context(settings):
         picture.savefig(temporary, format=suffix[1:], dpi=PRINT_DPI, metadata=_METADATA[suffix])
@@ -157,7 +158,7 @@ def _onto(figure: Figure, ax: Axes) -> MatplotlibFigure:
 
 
 def draw_panel(panel: Panel, ax: Axes) -> dict[str, Artist]:
-    """Draw one panel on axes; returns what stands for each entry of the legend."""
+    """Draw one panel on axes; return the artist for each entry of the legend."""
     ax.set_xscale(_scale(panel.x))
     ax.set_yscale(_scale(panel.y))
     handles: dict[str, Artist] = {}
@@ -208,18 +209,18 @@ def _draw_mark(mark: Mark, ax: Axes, far: tuple[float, float]) -> Artist:
 
 
 def _swatch(mark: Mark) -> Artist | None:
-    """What stands for a mark in the legend, where that is not the mark itself."""
+    """The artist for a mark in the legend, if it is not the artist of the mark itself."""
     if not isinstance(mark, Band) or not mark.swatch:
         return None
     return Patch(color=mark.swatch, alpha=0.25, linewidth=0)
 
 
 def _draw_band(band: Band, ax: Axes, far: tuple[float, float]) -> Artist:
-    # Edges at zero or infinity have no place on the axis: far outside the panel serves as well.
+    # Edges at zero or infinity cannot be drawn, so they are moved far outside the panel.
     lower, upper = (np.clip(edge, *far) for edge in (band.lower, band.upper))
     style: dict[str, Any] = {"color": band.colour, "alpha": band.opacity, "zorder": 2 + band.layer / 10}
     there = np.isfinite(lower) & np.isfinite(upper)
-    # A point without neighbours has an interval but no area: a bar stands for it.
+    # A single point between missing values has no area, so a bar is drawn instead.
     beside = np.concatenate([[False], there, [False]])
     alone = there & ~beside[:-2] & ~beside[2:]
     if np.any(alone):
@@ -252,7 +253,7 @@ def _dress(axis: MatplotlibAxis, data: Axis) -> None:
 
 
 def _opposite(axis: MatplotlibAxis, ticks: tuple[Tick, ...]) -> None:
-    """Write a second reading of a scale on the axis opposite to its own."""
+    """Give the secondary axis on the opposite side its ticks."""
     for spine in axis.axes.spines.values():
         spine.set_visible(False)
     axis.set_major_locator(FixedLocator([tick.value for tick in ticks]))

@@ -109,7 +109,7 @@ def _curve(name: str, item: Item, view: View, stroke: Stroke) -> list[Mark]:
 
 
 def _faint(mark: Mark) -> Mark:
-    """Bands over bands need more air."""
+    """The mark with lower opacity if it is a band, because several bands overlap."""
     return replace(mark, opacity=0.15) if isinstance(mark, Band) else mark
 
 

@@ -1,4 +1,4 @@
-"""Relative standard errors over the length of the recording: how long one must record."""
+"""Plot of relative standard errors against the length of the recording, to choose how long to record."""
 
 from __future__ import annotations
 
@@ -26,15 +26,18 @@ if TYPE_CHECKING:
 HIGHEST = 2.0
 """Largest relative error that is drawn."""
 FURTHER = (2.0, 100.0)
-"""The curves run on to where all have the accuracy wanted, at least and at most so many times the duration."""
+"""The curves end where all parameters have reached the accuracy, but at least at 2 and at most at 100 times the
+planned duration."""
 PER_DECADE = 8
+"""Points of a curve for each decade of duration."""
 SYMBOLS: tuple[Symbol, ...] = ("circle", "square", "triangle", "diamond", "star", "plus", "cross", "down")
 OPEN: tuple[Symbol, ...] = ("square", "triangle", "diamond", "star", "down")
-"""These serve empty too; an empty circle shows where the accuracy is reached."""
+"""Symbols that are also used unfilled. The unfilled circle is not one of them: it marks where the accuracy is
+reached."""
 
 
 def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
-    """What `plot_plan` draws, as data: a curve a parameter, and where it comes down to the accuracy."""
+    """Return the plot of `plot_plan` as data: a curve for each parameter, with a circle at the chosen accuracy."""
     wanted, needed = as_accuracy(accuracy), plan.needed(accuracy)
     times, curves = _curves(plan, needed)
     strokes = _strokes(plan)
@@ -42,8 +45,8 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
     y = value_axis(limits_of(np.append(np.minimum(heights, 100 * HIGHEST), [100 * HIGHEST, 50 * wanted])), _LABEL)
     x = time_axis(times, "Length of the recording (s)")
     across, along = np.array(x.limits), np.array(y.limits)
-    length = f"{duration_text(plan.duration)}, as planned"
-    unseen = f"above {100 * SEEN:g} %: not to be seen"
+    length = f"{duration_text(plan.duration)}: planned duration"
+    unseen = f"above {100 * SEEN:g} %: not determined by the data"
     marks: list[Mark] = []
     for name, curve in curves.items():
         label = f"{name}: {_need_text(name, needed[name], plan, wanted)}"
@@ -62,7 +65,7 @@ def plan_panel(plan: Plan, *, accuracy: float = 0.1) -> Panel:
             across,
             np.full(2, 100 * wanted),
             stroke=Stroke(BLACK, 0.7),
-            label=f"{100 * wanted:g} %, as wanted",
+            label=f"{100 * wanted:g} %: chosen accuracy",
             layer=BEHIND,
         ),
         Line(np.full(2, plan.duration), along, stroke=Stroke(GREY, 1.1, DOTTED), label=length, layer=BEHIND),
@@ -83,7 +86,10 @@ _LABEL = "Relative standard error (%)"
 
 
 def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vector]]:
-    """Errors from where the first parameter is known to a factor, to beyond where the last is known well enough."""
+    """Durations and the relative errors of each parameter there.
+
+    The durations start where the first error falls below `HIGHEST` and end after the last error reaches the accuracy.
+    """
     furthest = max((t for t in needed.values() if math.isfinite(t)), default=0.0)
     least, most = (plan.duration * factor for factor in FURTHER)
     end = min(max(1.5 * furthest, least), most, plan.horizon)
@@ -98,7 +104,11 @@ def _curves(plan: Plan, needed: dict[str, float]) -> tuple[Vector, dict[str, Vec
 
 
 def _strokes(plan: Plan) -> dict[str, Stroke]:
-    """Every parameter in the stroke of its term; those of its shape solid, in the colour of the term, with symbols."""
+    """The stroke of each parameter.
+
+    A scale parameter has the stroke of its term. The other parameters have solid lines in the colour of the term, with
+    symbols.
+    """
     strokes = {}
     symbols = cycle([*((symbol, True) for symbol in SYMBOLS), *((symbol, False) for symbol in OPEN)])
     by_term = term_strokes(plan.model.terms, plan.model.processes)

@@ -1,4 +1,4 @@
-"""A ranking of models: their curves over the data, where they leave them, and their criteria."""
+"""Plot of a ranking of models: their curves with the data, their distances from the data, and their criteria."""
 
 from __future__ import annotations
 
@@ -27,22 +27,23 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 LISTED = 10
-"""So many criteria are drawn, and those of all equivalent candidates."""
+"""Number of candidates whose criterion is drawn, in addition to all equivalent candidates."""
 MOST_CURVES = 8
+"""Largest number of candidates whose curve can be drawn."""
 NAME = 44
-"""Characters in a line of a model beside its row."""
+"""Characters in a line of the name of a model."""
 FIRST = replace(IMPLIED, symbol="circle")
 """The stroke of the recommended candidate."""
 SYMBOLS: tuple[Symbol, ...] = ("square", "triangle", "diamond", "down", "star", "plus", "cross")
 OTHER = Stroke(GREY, 0.0, symbol="circle", filled=False)
-"""Of candidates whose curve is not drawn."""
+"""Stroke of candidates whose curve is not drawn."""
 
 EVEN_DIFFERENCE, EVEN_DISTANCE = 1.0, 5.0
-"""Up to here the scales of differences and of distances are even, and so are whole axes that end before."""
+"""End of the linear part of the axis of differences, and the largest value up to which a whole axis is linear."""
 
 
 def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
-    """What `plot_ranking` draws, as data."""
+    """Return the plot of `plot_ranking` as data."""
     if isinstance(limit, bool) or not isinstance(limit, (int, np.integer)) or not 1 <= limit <= MOST_CURVES:
         raise OptionError(argument="limit", expected=f"a whole number from 1 to {MOST_CURVES}", got=limit)
     drawn = [c for k, c in enumerate(ranking.distinct) if k < limit or c.recommended]
@@ -69,7 +70,7 @@ def ranking_figure(ranking: Ranking, *, limit: int = 4, view: ViewName = "wavele
 
 
 def candidates_figure(comparison: Comparison, *, view: ViewName = "wavelet", units: UnitSystem = "si") -> Figure:
-    """What `plot_candidates` draws, as data."""
+    """Return the plot of `plot_candidates` as data."""
     pair = (comparison.first, comparison.second)
     strokes = [FIRST, _stroke(0)]
     curves = _curves(pair, strokes, view, units)
@@ -92,7 +93,7 @@ def _stroke(place: int) -> Stroke:
 
 
 def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """The data and the implied curves; the legend takes their entries from the distances, with symbols."""
+    """The panel of the data and the curves of the models. Their legend entries come from the panel of the distances."""
     wv = candidates[0].fit.wavelet_variance
     shown = view_for(wv, view, units)
     marks: list[Mark] = list(observed_marks(wv, shown, stroke=replace(OBSERVED, width=0.0)))
@@ -104,7 +105,7 @@ def _curves(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: Vi
 
 
 def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view: ViewName, units: UnitSystem) -> Panel:
-    """How far each model is above or below the data, where the confidence limits are at −1 and 1."""
+    """The panel of the distances of each model from the data, scaled so that the confidence limits are at −1 and 1."""
     wv = candidates[0].fit.wavelet_variance
     times = view_for(wv, view, units).time(wv.tau)
     x = time_axis(times, view_for(wv, view, units).time_label)
@@ -134,9 +135,10 @@ def _distances(candidates: Sequence[Candidate], strokes: Sequence[Stroke], view:
 
 
 def distance(wv: WaveletVariance, implied: Vector) -> Vector:
-    """(ν²(θ̂) − ν̂²) (J,) in units of the distance from ν̂² to its upper limit, if positive, or to its lower one.
+    """Distance (J,) of the model from the data, ν²(θ̂) − ν̂², relative to the confidence interval.
 
-    NaN where a level has no limits.
+    The unit is the distance from ν̂² to its upper confidence limit if the model is above the data, and to its lower
+    limit if it is below. NaN at levels without limits.
     """
     above = implied - wv.variance
     room = np.where(above > 0, wv.upper - wv.variance, wv.variance - wv.lower)
@@ -145,7 +147,7 @@ def distance(wv: WaveletVariance, implied: Vector) -> Vector:
 
 
 def _criteria(listed: Sequence[Candidate], strokes: dict[int, Stroke]) -> Panel:
-    """The differences to the best, a row for each candidate, with the numbers on the right."""
+    """The panel of differences to the best criterion: a row for each candidate, with the values on the right."""
     places = np.arange(len(listed), 0, -1.0)
     name = _score_name(listed[0])
     marks: list[Mark] = []
@@ -188,8 +190,8 @@ def _name(candidate: Candidate) -> str:
 
 
 def _row_name(candidate: Candidate) -> str:
-    """A model beside its row, a long one on several lines: the criteria need room as well."""
-    # No line starts with a plus.
+    """The name of a model beside its row, wrapped to leave room for the criteria."""
+    # The no-break space prevents lines that start with a plus sign.
     name = model_text(candidate.model.terms).replace(" + ", "\N{NO-BREAK SPACE}+ ")
     return "\n".join(wrap(name, NAME, break_long_words=False)).replace("\N{NO-BREAK SPACE}", " ")
 

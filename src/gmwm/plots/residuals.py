@@ -1,4 +1,4 @@
-"""Standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
+"""Plots of the standardised innovations of a model: over time, against normal quantiles, and their autocorrelation."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 LEVEL = 0.95
+"""Confidence level of all limits."""
 FEW = 200
-"""So many lags at most have a dot each."""
+"""Largest number of lags that are drawn with a dot each."""
 LEAST_P = 1e-6
-"""Smaller p-values are not told apart."""
+"""Smaller p-values are shown as "p < 10⁻⁶"."""
 LINE = Stroke(BLUE, 0.5)
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 LIMIT = Stroke(VERMILLION, 0.9)
@@ -38,13 +39,13 @@ EXPECTED = Stroke(BLACK, 0.8)
 
 
 def residuals_figure(residuals: Residuals, lags: int | None = None) -> Figure:
-    """What `plot_residuals` draws, as data."""
+    """Return the plot of `plot_residuals` as data."""
     below = (quantile_panel(residuals), correlation_panel(residuals, lags))
     return Figure(((time_panel(residuals),), below), width=PAGE, height=126.0, heights=(0.8, 1.0), legend_columns=4)
 
 
 def time_panel(residuals: Residuals) -> Panel:
-    """The residuals over time, and the size that the largest of so many has with a probability of 5 % only."""
+    """The residuals over time, with the limit that the largest of them exceeds with a probability of 5 %."""
     z = residuals.observed
     largest = NormalDist().inv_cdf((1 + LEVEL ** (1 / z.size)) / 2)
     one = even_trace(residuals.values, residuals.rate, 1.0, round(DOTS * PAGE))
@@ -67,12 +68,12 @@ def time_panel(residuals: Residuals) -> Panel:
 
 
 def quantile_panel(residuals: Residuals) -> Panel:
-    """Observed against normal quantiles: on the diagonal, within the limits, where the model is right."""
+    """Observed against normal quantiles. If the model is right, the points lie near the diagonal, within the limits."""
     normal, observed = residuals.quantiles()
     lower, upper = order_limits(normal, residuals.observed.size)
     reach = float(np.max(np.abs(normal)))
     x = even_axis(-reach, reach, "Normal quantile", margin=0.05, at_most=7)
-    # The limits of the outermost points may leave the panel, the points may not.
+    # The panel shows all points, but the limits of the outermost points may lie outside.
     low, high = min(-reach, float(np.min(observed))), max(reach, float(np.max(observed)))
     y = even_axis(low, high, "Observed quantile", margin=0.08, at_most=7)
     normality = residuals.normality()
@@ -93,9 +94,18 @@ def quantile_panel(residuals: Residuals) -> Panel:
 
 
 def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vector, Vector]:
-    """Limits (n,) for the sorted ones of `count` normal numbers, whose expected places are the quantiles `normal`.
+    """Confidence limits (n,) of order statistics of a standard normal sample.
 
-    The k-th of N has a probability Φ(z) that is beta(k, N − k + 1).
+    The k-th smallest value z of N has a Φ(z) with the distribution Beta(k, N − k + 1).
+
+    Parameters
+    ----------
+    normal : (n,) array
+        Normal quantiles at which the order statistics are expected.
+    count : int
+        Sample size N.
+    level : float
+        Probability that an order statistic lies within its limits.
 
     >>> low, high = order_limits(np.array([-2.0, 2.0]), 10_000)
     >>> print(*(f"{a:.3f} to {b:.3f};" for a, b in zip(low, high, strict=True)))
@@ -103,7 +113,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
     """
     from scipy.special import betaincinv, ndtr, ndtri
 
-    # In the lower half, where probabilities keep their digits.
+    # Computed in the lower half, where small probabilities have full relative precision.
     mirrored = -np.abs(normal)
     place = np.clip(np.round(ndtr(mirrored) * count + 0.5), 1, count)
     ends = [ndtri(betaincinv(place, count - place + 1, share)) for share in ((1 - level) / 2, (1 + level) / 2)]
@@ -112,7 +122,7 @@ def order_limits(normal: Vector, count: int, level: float = LEVEL) -> tuple[Vect
 
 
 def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
-    """The autocorrelation from lag 1 on, with the limits that it has where nothing is correlated."""
+    """The autocorrelation from lag 1 on, with the confidence limits for uncorrelated residuals."""
     r = residuals.acf(lags)[1:]
     lag = np.arange(1.0, r.size + 1)
     limit = NormalDist().inv_cdf((1 + LEVEL) / 2) * residuals.acf_error(r.size)
@@ -140,6 +150,7 @@ def correlation_panel(residuals: Residuals, lags: int | None = None) -> Panel:
 
 
 def _whiteness(residuals: Residuals, lags: int | None) -> str:
+    """The result of the Ljung-Box test as a title."""
     if (residuals.usual_lags if lags is None else lags) <= residuals.estimated:
         return f"No Ljung-Box test: {residuals.estimated} parameters were estimated"
     test = residuals.ljung_box(lags)

@@ -1,4 +1,4 @@
-"""Signals over time: a recording, one signal, or a simulated signal over the latent processes that it is made of."""
+"""Plots over time: one signal, all axes of a recording, or a simulated signal with its latent processes."""
 
 from __future__ import annotations
 
@@ -29,15 +29,16 @@ if TYPE_CHECKING:
 PAGE = 174.0
 """Width of two printed columns (mm)."""
 DOTS = 15.0
-"""Columns of dots in a millimetre, about 400 in an inch."""
+"""Columns of dots per millimetre, about 400 per inch."""
 WIDTH = 0.5
 """Width of the line through a long signal, in points."""
 FEW = 60
-"""So few samples are drawn with a symbol each."""
+"""Largest number of samples that are drawn with a symbol each."""
 ALIKE = 8.0
-"""Panels whose spans differ by no more than this factor get one scale: more, and the smallest would be a flat line."""
+"""Panels whose spans differ by at most this factor share a scale. With a larger factor, the signal with the smallest
+span would look constant."""
 ONE_POWER = 1e3
-"""Panels whose values differ by no more than this factor are written with one power of ten."""
+"""Panels whose largest values differ by at most this factor share a power of ten."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
@@ -45,7 +46,7 @@ NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}
 
 
 def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAGE) -> Panel:
-    """What `plot_signal` draws, as data."""
+    """Return the plot of `plot_signal` as data."""
     shown = view_of(signal.unit, "allan", units)
     one = trace(signal, shown.factor, round(DOTS * width))
     mean = removed(one)
@@ -54,7 +55,7 @@ def signal_panel(signal: Signal, *, units: UnitSystem = "si", width: float = PAG
 
 
 def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
-    """What `plot_recording` draws, as data: a column of panels for each sensor, a row for each letter."""
+    """Return the plot of `plot_recording` as data: a column of panels for each sensor, a row for each axis letter."""
     places = {axis: sensor_and_letter(axis) for axis in imu}
     named = all(sensor for sensor, _ in places.values())
     sensors = list(dict.fromkeys(sensor for sensor, _ in places.values())) if named else [""]
@@ -71,7 +72,7 @@ def recording_figure(imu: Imu, *, units: UnitSystem = "si") -> Figure:
 
 
 def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: float) -> list[Panel]:
-    """Panels of the axes of a sensor, with one scale where none of them would be flat under it."""
+    """Panels of the axes of a sensor, with a common scale if their spans are similar."""
     panels: dict[str, Panel] = {}
     for unit in dict.fromkeys(imu[axis].unit for axis in axes):
         members = [axis for axis in axes if imu[axis].unit == unit]
@@ -88,7 +89,7 @@ def _sensor_panels(imu: Imu, axes: Sequence[str], units: UnitSystem, width: floa
 
 
 def components_figure(simulated: SimulatedSignal, *, units: UnitSystem = "si") -> Figure:
-    """What `plot_components` draws, as data: the signal, and under it each of its terms."""
+    """Return the plot of `plot_components` as data: the signal, and below it each term of its model."""
     signal, model = simulated.signal, simulated.model
     shown = view_of(signal.unit, "allan", units)
     columns = round(DOTS * PAGE)
@@ -116,7 +117,7 @@ class _Row:
 
 
 def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
-    """Panels of one quantity over one time: one scale, or at least one power of ten, where that serves them all."""
+    """Panels of one quantity over the same time, with a common scale or at least a common power of ten if possible."""
     seconds = np.array([[np.min(row.trace.seconds), np.max(row.trace.seconds)] for row in rows])
     unit, size = time_unit(float(np.max(seconds) - np.min(seconds)))
     label = f"Time since the first sample ({unit})"
@@ -143,7 +144,7 @@ def _panels(rows: Sequence[_Row], shown: View, name: str = "") -> list[Panel]:
 
 
 def _marks(row: _Row, size: float, scale: float) -> tuple[Mark, ...]:
-    """The line, and a dot for each sample that has no neighbour to be joined to."""
+    """The line, and a dot for each sample between two gaps, which a line cannot show."""
     x, y = row.trace.seconds / size, row.trace.y / scale
     stroke = row.stroke if x.size > FEW else replace(row.stroke, width=0.8, symbol="circle")
     alone = isolated(y)
@@ -159,7 +160,7 @@ def _stroke(axis: str) -> Stroke:
 
 
 def _without_mean(title: str, mean: float, unit: str) -> str:
-    """A title that says what was taken off."""
+    """A title that states the mean that was subtracted."""
     return f"{title} less its mean of {_number(mean)} {unit}".strip() if mean else title
 
 
@@ -173,12 +174,12 @@ def _name(unit: str) -> str:
 
 
 def _row_height(rows: int, usual: float) -> float:
-    """Height of a row (mm): that all of them fit on a printed page, as long as they can be read then."""
+    """Height of a row (mm): all rows fit on a printed page, but each is at least 20 mm high, to be readable."""
     return max(min(usual, 235.0 / rows), 20.0)
 
 
 def _time_once(rows: Sequence[tuple[Panel | None, ...]]) -> tuple[tuple[Panel | None, ...], ...]:
-    """The panels with the time under the lowest of each column alone."""
+    """The panels with a time axis only below the lowest panel of each column."""
     lowest = {k: i for i, row in enumerate(rows) for k, panel in enumerate(row) if panel is not None}
     return tuple(
         tuple(

@@ -1,6 +1,6 @@
-"""Colours, dashes and symbols: safe for colour-blind readers (Okabe and Ito, 2008) and told apart in grey.
+"""Colours, dashes and symbols that colour-blind readers can distinguish (Okabe and Ito, 2008), also in greyscale.
 
-No two curves of one panel differ by colour alone; dash or symbol differ as well.
+Two curves of a panel never differ by colour alone: their dashes or symbols differ as well.
 """
 
 from __future__ import annotations
@@ -47,28 +47,29 @@ LONG_SHORT = (8.0, 1.6, 2.5, 1.6)
 OBSERVED = Stroke(BLUE, 0.9, SOLID, "circle")
 """The estimate from the data."""
 ROBUST = Stroke(BLUE, 0.9, SOLID, "diamond")
-"""The robust one."""
+"""The robust estimate from the data."""
 IMPLIED = Stroke(ORANGE, 2.6, SOLID)
-"""What the fitted model says."""
+"""The curve of the fitted model."""
 
-# Twelve colours and nine dashes: a pair first repeats after 108 terms, a colour after twelve, a dash alone (as in
-# grey) after nine. The last three colours are those that other processes take first.
+# Twelve colours and nine dashes: a pair repeats after 108 terms, a colour after twelve, a dash (which is all that
+# remains in greyscale) after nine. The last three colours are the first choice for further processes, see `_FURTHER`.
 _MORE_COLOURS = (WINE, INDIGO, OLIVE)
 _TERM_COLOURS = (GREEN, VERMILLION, PURPLE, SKY, BLACK, GREY, BROWN, MAGENTA, FOREST, *_MORE_COLOURS)
 _TERM_DASHES = (DASHED, DOTTED, DASH_DOT, LONG, DASH_DOT_DOT, SHORT, LONG_DOT, SPARSE, LONG_SHORT)
 
 _ALONE = 4
-"""How many processes of inertial sensors cannot be repeated."""
-# Every other process: in colours of its own (P. Tol's muted scheme), first with the three dashes that the terms of few
-# models have; neighbours in the list differ in colour and dash. Last what no other term of the model has taken.
+"""Number of processes of inertial sensors that a model can contain only once."""
+# Strokes of all further processes. They have three colours of their own (P. Tol's muted scheme), first with the three
+# dashes that few models use otherwise. Neighbours in the list differ in colour and dash. The remaining pairs of colour
+# and dash are at the end.
 _FURTHER = tuple(
     Stroke(_MORE_COLOURS[k % 3], 1.0, dashes[(k + k // len(dashes)) % len(dashes)])
     for dashes in (_TERM_DASHES[6:], _TERM_DASHES[:6])
     for k in range(3 * len(dashes))
 ) + tuple(Stroke(colour, 1.0, dash) for colour in _TERM_COLOURS[8::-1] for dash in _TERM_DASHES[::-1])
 
-# x, y, z are red, green, blue by the field's habit; here vermillion, bluish green and blue, with their own
-# symbols and dashes, so that the habit survives colour blindness and a photocopier.
+# By convention, x, y and z are red, green and blue. Here they are vermillion, bluish green and blue, with different
+# symbols and dashes, for colour-blind readers and greyscale prints.
 _LETTERS: dict[str, tuple[str, tuple[float, ...], Symbol]] = {
     "x": (VERMILLION, SOLID, "circle"),
     "y": (GREEN, DASHED, "square"),
@@ -86,21 +87,22 @@ _CURVES: tuple[tuple[str, tuple[float, ...], Symbol], ...] = (
 
 
 def term_stroke(index: int) -> Stroke:
-    """The index-th of the strokes for terms of a model: thin, behind the data."""
+    """The stroke number `index` for terms of a model."""
     colour = _TERM_COLOURS[index % len(_TERM_COLOURS)]
-    # Both counts are divisible by three: without the shift a pair would repeat after 36.
+    # The numbers of colours and dashes are both divisible by three. Without the shift, a pair would repeat after 36
+    # terms.
     dash = _TERM_DASHES[(index + index // 36) % len(_TERM_DASHES)]
     return Stroke(colour, 1.0, dash)
 
 
 def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str, Stroke]:
-    """The stroke of each term of a model, which it has in every model and in every picture.
+    """The stroke of each term of a model. A term has the same stroke in all models and plots, if possible.
 
-    The processes of inertial sensors, first in the registry, have strokes that go by their place there, and by the
-    number of the term where one can be repeated. Any other process has one of further strokes, by its name: what else
-    is in the registry does not change it. Only where another term of the model has its stroke or its dash, it takes
-    the next that is free: up to nine terms differ in colour and in dash. Two parametrisations of one process look
-    alike.
+    The processes of inertial sensors are first in the registry. Their stroke follows from their position there, and
+    from the number of the term if the process can be repeated. The stroke of any other process follows from its name
+    and does not depend on the rest of the registry. Only if another term of the model already has this stroke or its
+    dash, the next free stroke is used. Up to nine terms differ in both colour and dash. Two parametrisations of a
+    process have the same stroke.
 
     >>> from gmwm.processes import GM, RW, WN
     >>> one, other = (term_strokes(m.terms, m.processes) for m in (WN() + RW() + GM(), 2 * GM() + RW()))
@@ -114,19 +116,19 @@ def term_strokes(terms: Sequence[str], processes: Sequence[Process]) -> dict[str
         if kind in settled:
             strokes[term] = term_stroke(settled[kind] + seen[kind])
             seen[kind] += 1
-    # In an order that does not hang on that of the terms.
+    # Sorted, so that the result does not depend on the order of the terms.
     for term in sorted(kinds.keys() - strokes.keys()):
         strokes[term] = _free(crc32(kinds[term].encode()), list(strokes.values()))
     return {term: strokes[term] for term in terms}
 
 
 def _kind(process: type[Process] | Process) -> str:
-    """The name that the parametrisations of one process share, and the orders of one ordered process."""
+    """The common name of all parametrisations of a process, and of all orders of an ordered process."""
     return process.parametrises or process.name.partition("(")[0]
 
 
 def _settled() -> dict[str, int]:
-    """Places of the first strokes: of the four processes that stand alone, then of the first that is repeated."""
+    """Stroke numbers of the inertial processes: the four that cannot be repeated, then the first repeatable one."""
     alone = dict.fromkeys(_kind(process) for process in registry.values() if not process.repeatable)
     repeated = dict.fromkeys(_kind(process) for process in registry.values() if process.repeatable)
     first = list(alone)[:_ALONE]
@@ -134,7 +136,10 @@ def _settled() -> dict[str, int]:
 
 
 def _free(start: int, taken: Sequence[Stroke]) -> Stroke:
-    """The first of the further strokes, from `start` on, whose dash, and then whose colour, none of those taken has."""
+    """The best further stroke, searched from position `start` on.
+
+    A stroke whose dash differs from those already used is best, then one whose colour differs.
+    """
     preferred = 3 * len(_TERM_DASHES[6:])
     turned = [_FURTHER[(start + k) % preferred] for k in range(preferred)]
     dashes, colours = {stroke.dash for stroke in taken}, {stroke.colour for stroke in taken}
@@ -153,6 +158,6 @@ def letter_stroke(letter: str) -> Stroke | None:
 
 
 def curve_stroke(index: int) -> Stroke:
-    """The stroke of the index-th of several curves that are compared."""
+    """The stroke of curve number `index` in a comparison."""
     colour, dash, symbol = _CURVES[index % len(_CURVES)]
     return Stroke(colour, 1.1, dash, symbol)

@@ -1,7 +1,7 @@
-"""Of a long signal, the samples that are enough to draw it.
+"""Reduction of a long signal to the samples that its plot needs.
 
-Each column of dots keeps its first, least, greatest and last sample: what is drawn is what a line through all samples
-would be (U. Jugel et al., *M4: a visualization-oriented time series data aggregation*, 2014).
+Each column of dots keeps its first, smallest, largest and last sample. A line through them looks the same as a line
+through all samples (U. Jugel et al., *M4: a visualization-oriented time series data aggregation*, 2014).
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from gmwm.time_base import begins_of
 
 
 def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
-    """Indices of the first, least, greatest and last of each of `columns` runs of one length, in ascending order.
+    """Indices of the first, smallest, largest and last value of each of `columns` equal parts, in ascending order.
 
-    All indices where these would be no fewer.
+    If there are at most 4 values for each part, all indices are returned.
 
     >>> extremes(np.array([0.0, 5.0, 1.0, -3.0, 2.0, 2.0, 2.0, 2.0, 9.0, 2.0]), 2)
     array([0, 1, 3, 4, 5, 8, 9])
@@ -40,18 +40,18 @@ def extremes(values: Vector, columns: int) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A signal as it is drawn: some of its samples, and NaN where samples are missing.
+    """The samples of a signal that are drawn, with NaN where samples are missing.
 
     Parameters
     ----------
     seconds : (n,) array, s
-        Since the first sample.
+        Times since the first sample.
     y : (n,) array
-        In the unit shown; NaN breaks the line.
+        Values in the unit of the plot; NaN interrupts the line.
     low, high : float
-        The least and the greatest sample.
+        The smallest and the largest sample.
     mean : float
-        Of all samples.
+        Mean of all samples.
     """
 
     seconds: Vector
@@ -62,19 +62,22 @@ class Trace:
 
     @property
     def span(self) -> float:
-        """From the least sample to the greatest."""
+        """Difference between the largest and the smallest sample."""
         return self.high - self.low
 
     def less(self, amount: float) -> Trace:
-        """The trace without a constant."""
+        """The trace with a constant subtracted."""
         return Trace(
             self.seconds, self.y - amount, low=self.low - amount, high=self.high - amount, mean=self.mean - amount
         )
 
 
 def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Trace:
-    """The samples of a signal that `columns` columns of dots show, times `factor`; the first is at `left` (s)."""
-    # Counted from the first sample: a time of day in seconds since 1970 has no digits left for a microsecond.
+    """The trace of a signal for a plot with `columns` columns of dots.
+
+    The values are multiplied by `factor`, and the first sample is at the time `left` (s).
+    """
+    # Times count from the first sample: seconds since 1970 in double precision cannot resolve a microsecond.
     starts = [left + begin for begin in begins_of(signal.rate, signal.segments, signal.starts)]
     clock = Signal(signal.values, signal.rate, segments=signal.segments, starts=starts)
     seconds: list[Vector] = []
@@ -90,7 +93,7 @@ def trace(signal: Signal, factor: float, columns: int, left: float = 0.0) -> Tra
 
 
 def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trace:
-    """The same of samples at equal steps, NaN where one is missing."""
+    """The trace of evenly sampled values in which NaN marks missing samples."""
     index = extremes_there(values, columns)
     y = factor * values[index]
     mean = factor * float(np.mean(values, where=np.isfinite(values)))
@@ -98,7 +101,7 @@ def even_trace(values: Vector, rate: float, factor: float, columns: int) -> Trac
 
 
 def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
-    """As `extremes`, of the samples that are there; of a run without any, one that is missing, to break the line.
+    """Indices as by `extremes`, but without NaN; of a part that is all NaN, one index, which interrupts the line.
 
     >>> extremes_there(np.array([0.0, 5.0, 1.0, np.nan, np.nan, np.nan, np.nan, np.nan, 9.0, 2.0]), 2)
     array([0, 1, 2, 8, 9])
@@ -121,9 +124,9 @@ def extremes_there(values: Vector, columns: int) -> NDArray[np.int64]:
 
 
 def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector, Vector]:
-    """Places and ends of a band as it is drawn: of each of `columns` runs of samples, its lowest and highest end.
+    """Positions, lower and upper edges of a band, reduced to the extremes of each of `columns` parts.
 
-    NaN where no sample of a run has finite ends; all samples where the runs would be no fewer.
+    An edge is NaN if no sample of the part has finite edges. If there are at most `columns` samples, all are returned.
 
     >>> envelope(np.array([0.0, -1.0, 2.0, 3.0]), np.array([1.0, 2.0, np.inf, 5.0]), 2)
     (array([0., 3.]), array([-1.,  3.]), array([2., 5.]))
@@ -133,12 +136,12 @@ def envelope(lower: Vector, upper: Vector, columns: int) -> tuple[Vector, Vector
     if n <= columns:
         return np.arange(float(n)), low, high
     starts = np.linspace(0, n, columns + 1).astype(np.int64)[:-1]
-    # Runs are narrower than what is seen: they may be stretched so that the band reaches both ends.
+    # A part is narrower than a visible dot, so the positions are stretched until the band reaches both ends.
     return np.linspace(0.0, n - 1.0, columns), np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
 
 
 def isolated(y: Vector) -> NDArray[np.bool_]:
-    """Which values have no neighbour that a line could join them to.
+    """Mask of finite values whose neighbours are all missing, so that a line cannot show them.
 
     >>> isolated(np.array([1.0, np.nan, 2.0, 3.0])).tolist()
     [True, False, False, False]
@@ -148,9 +151,9 @@ def isolated(y: Vector) -> NDArray[np.bool_]:
 
 
 def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
-    """Runs of samples that are drawn as one line, with their shares of the columns.
+    """Ranges of samples that are drawn as one line, with their number of columns: (start, stop, columns).
 
-    A gap that is narrower than a column has nowhere to be seen.
+    Gaps that are narrower than a column are invisible, so the line continues across them.
     """
     ends = [start + (b - a) / signal.rate for start, (a, b) in zip(signal.starts, signal.segments, strict=True)]
     total = max(ends) - min(signal.starts)
@@ -165,11 +168,11 @@ def _runs(signal: Signal, columns: int) -> Iterator[tuple[int, int, int]]:
 
 
 def removed(one: Trace) -> float:
-    """What is taken off a trace: its mean, in few digits, where zero is far from its samples; else nothing."""
+    """The constant to subtract from a trace: its rounded mean if all samples are far from zero, else 0."""
     return 0.0 if one.low - one.span <= 0 <= one.high + one.span else in_digits(one.mean, one.span)
 
 
 def in_digits(mean: float, span: float) -> float:
-    """The mean to a fraction of the span: short enough to be printed, so that what is said is what is done."""
+    """The mean, rounded to a small fraction of the span, so that the title can state exactly what was subtracted."""
     digits = math.ceil(math.log10(abs(mean) / span)) + 2 if mean and span else 6
     return float(f"{mean:.{min(max(digits, 2), 6) - 1}e}")

@@ -1,4 +1,4 @@
-"""Hidden processes over time, each with its band: the record with its bias, and under it the tracks one by one."""
+"""Plot of estimated latent processes over time: the record with its bias, and below it each track with its band."""
 
 from __future__ import annotations
 
@@ -36,12 +36,13 @@ TRACK = Stroke(BLUE, 1.1)
 TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
 SETTLED = 2.0
-"""A filter's first errors are as large as the noise: the scale is chosen from where they come down to so many times the
-usual one."""
+"""The first errors of a filter are large. The vertical scale ignores the time until the standard error has fallen to
+this many times its median."""
 DENSE = 0.03
-"""A line whose drawn points lie so large a share of the panel apart, on average, fills an area."""
+"""If neighbouring points of a line are on average this fraction of the panel height apart, the line fills an area."""
 FAR = 50.0
-"""Where values are so many times larger than their span, their numbers would be too long for an axis."""
+"""If values are more than this many times their span, a constant is subtracted, because tick labels would be too
+long."""
 
 
 # --- what is drawn, as data ---------------------------------------------------------------------------
@@ -56,7 +57,7 @@ def tracks_figure(
     units: UnitSystem = "si",
     record: bool = True,
 ) -> Figure:
-    """What `plot_tracks` draws, as data: the record with the bias, where there is one, and a panel for each track."""
+    """Return the plot of `plot_tracks` as data: the record with its bias, if available, and a panel for each track."""
     chosen, known = _as_labels(tracks, labels), _as_truth(tracks, truth)
     shown = view_of(tracks.unit, "allan", units)
     panels: list[Panel] = []
@@ -76,7 +77,7 @@ def tracks_figure(
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """A track, its truth (N,) where that is known, and how it is shown."""
+    """A track, its true path (N,) if known, and the view."""
 
     tracks: Tracks
     label: str
@@ -86,7 +87,7 @@ class _Drawn:
 
 
 def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
-    """The record with its bias over it, and what was taken off both."""
+    """The panel of the record with its bias, and the constant that was subtracted from both."""
     one = even_trace(tracks.data, tracks.rate, shown.factor, COLUMNS)
     mean = removed(one)
     one = one.less(mean)
@@ -108,13 +109,13 @@ def _record_panel(tracks: Tracks, shown: View) -> tuple[Panel, float]:
 
 
 def _track_panel(drawn: _Drawn, less: float) -> Panel:
-    """A track in its band, at the scale of both."""
+    """The panel of a track with its confidence band."""
     tracks, shown = drawn.tracks, drawn.shown
     mean = shown.factor * _there(tracks, drawn.label)
     lower, upper = (shown.factor * end for end in tracks.band(drawn.label, drawn.level))
     truth = None if drawn.truth is None else shown.factor * drawn.truth
     low, high = _ends(tracks, drawn.label, lower=lower, upper=upper, truth=truth)
-    # Only what holds the level of the record holds what was taken off it.
+    # Subtract the same constant as from the record, but only from tracks that include the level of the record.
     less = less if abs(low - less) < abs(low) else 0.0
     if max(abs(low - less), abs(high - less)) > FAR * (high - low) > 0:
         less = in_digits((low + high) / 2, high - low)
@@ -154,7 +155,7 @@ def _track_panel(drawn: _Drawn, less: float) -> Panel:
 
 
 def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vector | None) -> tuple[float, float]:
-    """The least and the greatest value that a panel has to hold: all but what a filter says before it has settled."""
+    """The smallest and the largest value that the panel must show, without the first values of an unsettled filter."""
     error = tracks.error[label]
     there = np.isfinite(error)
     if tracks.kind == "filter" and np.any(there):
@@ -164,24 +165,24 @@ def _ends(tracks: Tracks, label: str, lower: Vector, upper: Vector, truth: Vecto
 
 
 def _dense(values: Vector, height: float) -> bool:
-    """Whether a line goes up and down so fast that it fills an area, and would hide what is under it."""
+    """Whether a line oscillates so fast that it fills an area and would hide the curves behind it."""
     index = extremes_there(values, COLUMNS)
     steps = np.abs(np.diff(values[index]))
     return index.size > COLUMNS and bool(np.nanmean(steps) > DENSE * height)
 
 
 def _there(tracks: Tracks, label: str) -> Vector:
-    """The expected values, NaN where nothing is known of them."""
+    """The estimated values, NaN where they have no finite standard error."""
     return np.where(np.isfinite(tracks.error[label]), tracks.mean[label], math.nan)
 
 
 def _first_time(tracks: Tracks) -> float:
-    """Of the first sample, on the axis of time (s): what is predicted begins a step after the record."""
+    """The time of the first value (s). A prediction starts one step after the end of the record."""
     return 1 / tracks.rate if tracks.kind == "predict" else 0.0
 
 
 def _time_axis(tracks: Tracks) -> tuple[Axis, float]:
-    """The axis of time, and the length of its unit (s)."""
+    """The time axis, and the length of its unit (s)."""
     unit, size = time_unit(len(tracks) / tracks.rate)
     first = _first_time(tracks)
     since = "the end of the record" if first else "the first sample"

@@ -81,7 +81,7 @@ class View:
 
     @property
     def reach(self) -> float:
-        """How far limits and models may stretch the vertical axis beyond the data: a factor."""
+        """Largest factor by which confidence limits and models may extend the vertical axis beyond the data."""
         return 10**0.5 if self.name == "allan" else 10.0
 
 

@@ -1,8 +1,8 @@
-"""Gaussian paths of any stationary autocovariance, exact, by Fourier transform.
+"""Exact Gaussian paths for any stationary autocovariance, by circulant embedding.
 
-The autocovariance r(0), …, r(M), mirrored, is the first row of a circulant matrix, whose eigenvalues are its Fourier
-transform; where none is negative, white noise through their roots has that matrix for its covariance (Davies and Harte
-1987, Dietrich and Newsam 1997). O(N log N) for N samples.
+The mirrored autocovariance r(0), …, r(M) is the first row of a circulant matrix, and its Fourier transform gives the
+eigenvalues of this matrix. If no eigenvalue is negative, white noise filtered by the square roots of the eigenvalues
+has this covariance matrix (Davies and Harte 1987, Dietrich and Newsam 1997). The cost is O(N log N) for N samples.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from gmwm._arrays import Vector
 from gmwm.errors import MissingTheoryError
 
 ROUNDING = 1e-9
-"""Share of the largest eigenvalue up to which negative ones are rounding, or too small to be seen in a path."""
+"""Negative eigenvalues up to this share of the largest one are rounding errors, or have no visible effect on a path."""
 LARGEST = 1 << 21
-"""Half of the longest circle that an autocovariance is looked for on."""
+"""Largest M: half of the size of the largest circulant matrix."""
 
 
 def half_period(n: int) -> int:
-    """The power of two M ≥ n that paths of n samples are embedded by."""
+    """The smallest power of two M ≥ n, for paths of n samples."""
     return 1 << max(n - 1, 1).bit_length()
 
 
 def amplitudes(autocovariance: Callable[[Vector], Vector], half: int) -> Vector:
-    """Roots of the eigenvalues (M + 1,) of the circulant matrix of r(0) … r(M), M = `half`.
+    """Square roots of the eigenvalues (M + 1,) of the circulant matrix of r(0) … r(M), M = `half`.
 
-    Eigenvalues below zero are rounding for every autocovariance that this is used for, and count as zero.
+    For the autocovariances of all callers, negative eigenvalues are rounding errors. They are set to zero.
     """
     return np.asarray(np.sqrt(np.maximum(_eigenvalues(autocovariance, half), 0.0)))
 
@@ -41,12 +41,12 @@ def _eigenvalues(autocovariance: Callable[[Vector], Vector], half: int) -> Vecto
 
 
 def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vector:
-    """`amplitudes` for paths of n samples of any autocovariance: the circle is doubled until it has that covariance.
+    """`amplitudes` for any autocovariance: M is doubled until no eigenvalue is negative.
 
     Raises
     ------
     MissingTheoryError
-        If no circle of up to 2^22 samples has it: the autocovariance is none, or does not die away before.
+        If negative eigenvalues remain at 2^22 samples: the function is not an autocovariance, or it decays too slowly.
     """
     half = half_period(n)
     while half <= LARGEST:
@@ -62,7 +62,7 @@ def safe_amplitudes(autocovariance: Callable[[Vector], Vector], n: int) -> Vecto
 
 
 def paths(roots: Vector, n: int, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Gaussian paths (count, n) of the circulant matrix with these roots of its eigenvalues, n ≤ M + 1."""
+    """Gaussian paths (count, n), n ≤ M + 1, from the square roots of the eigenvalues of the circulant matrix."""
     half = roots.size - 1
     out = np.empty((count, n))
     weight = roots * math.sqrt(half)

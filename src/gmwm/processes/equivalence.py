@@ -1,4 +1,4 @@
-"""A process in the words of another one that the data cannot tell it from."""
+"""Replace a process by another one that the data cannot distinguish from it."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ def likeness(
     filter: WaveletFilter = HAAR,
     matrix: Matrix | None = None,
 ) -> Process | None:
-    """The process called `name` whose wavelet variance is nearest to that of `process`: c = sᵀΩν² / sᵀΩs.
+    """The process of the kind `name` whose wavelet variance is closest to that of `process`.
 
-    Where `process` acts as that one, both curves are the same to the data.
+    Its scale is c = sᵀΩν² / sᵀΩs, with its wavelet variance s at scale 1. If `process` acts as this kind, the data
+    cannot distinguish the two curves.
 
     Parameters
     ----------
     process : Process
-        With all its values: a Gauss-Markov process with a correlation time beyond the record, say.
+        A process with all its values, for example a Gauss-Markov process whose correlation time exceeds the recording.
     name : str
-        Of a registered process that has no shape to find.
+        Name of a registered process without shape parameters.
     levels : (J,) int array
         Wavelet levels.
     rate : float
         Samples per second (Hz).
     filter : WaveletFilter
     matrix : (J, J) array, optional
-        Ω; by default all levels count alike, each by its own size.
+        Weighting matrix Ω; by default all levels have the same weight, relative to their variance.
 
     Returns
     -------
     Process or None
-        None where there is no such process.
+        None if there is no such process.
 
     Examples
     --------
@@ -58,7 +59,7 @@ def likeness(
     if matrix is None:
         scale = float(np.mean(variance[shape > 0] / shape[shape > 0]))
     else:
-        # The root of Ω's diagonal is taken out: Ω may be of the order of 1e300.
+        # Scale by the square root of the diagonal of Ω, because Ω may be of the order of 1e300.
         root = np.sqrt(np.diag(matrix))
         share = matrix / np.outer(root, root)
         seen, wanted = root * shape, root * variance

@@ -40,10 +40,14 @@ _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
 """Distance between a root of φ and a root of θ below which they nearly cancel."""
 _MANY = 2.5
+<<<<<<< HEAD
 _SLOW = 64
 """Lags beyond which the exponential of a real root is a closed form."""
 _SEPARATE = 0.1
 """Distance of a root from all others, relative to its distance from the unit circle, that allows this."""
+=======
+"""Largest artanh of a partial autocorrelation of φ and Φ in the scan for starting values: 0.987, see `Lagged.scan`."""
+>>>>>>> main
 
 
 class Lagged(Ordered, abstract=True, listed=False):
@@ -138,7 +142,10 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     @classmethod
     def room(cls, nonlinear: Matrix) -> Matrix:
-        """Return half the minimum modulus on the unit circle; by Rouché's theorem no root crosses within this step."""
+        """Return a step size that keeps each polynomial stationary or invertible, by Rouché's theorem.
+
+        It is half the minimum modulus of the polynomial on the unit circle.
+        """
         result = np.empty(np.shape(nonlinear))
         for part, span in cls._factors():
             result[:, span] = rational.clearance(_sign(part) * np.asarray(nonlinear)[:, span])[:, None]
@@ -278,7 +285,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return band_numbers(lambda f: self.psd(f, rate), rate, slopes, free=free)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
-        """Return the full φ and θ, the predictors of lower order than φ, and their standard errors at σ² = 1."""
+        """Return the full φ and θ, the predictors of lower orders, and their error standard deviations at σ² = 1."""
         p, q, seasonal_p, seasonal_q, period = self.full_orders()
         size = p + period * seasonal_p
         phi, theta, predictors = np.empty(size), np.empty(q + period * seasonal_q), np.empty((size, size))

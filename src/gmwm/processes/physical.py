@@ -1,4 +1,4 @@
-"""What a process says of itself in continuous time."""
+"""Parameters of a process in continuous time."""
 
 from __future__ import annotations
 
@@ -8,22 +8,23 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Physical:
-    """One number of a process in continuous time, as datasheets tell it.
+    """A continuous-time value of a process, as in datasheets.
 
     Parameters
     ----------
     symbol : str
-        Its symbol, "N".
+        Symbol, for example "N".
     title : str
-        What it is, "white noise density".
+        Name, for example "white noise density".
     value : float
-        In (unit of the signal)^`signal_power` · s^`time_power`; with a sign only where its process has one.
+        Value in (unit of the signal)^`signal_power` · s^`time_power`. Only values such as the slope of a drift can be
+        negative.
     time_power : float
         1, ½, 0, −½ or −1.
     signal_power : int
-        1, or 0 for a time.
+        1, or 0 for a time or a frequency.
     slopes : mapping of parameter name to float
-        ∂ ln|value| / ∂ ln|θ| of each parameter that it depends on.
+        ∂ ln|value| / ∂ ln|θ| for each parameter on which the value depends.
     """
 
     symbol: str

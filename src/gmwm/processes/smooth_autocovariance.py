@@ -21,13 +21,15 @@ from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.filters import WaveletFilter
 
 NODES = 20
-"""Chebyshev points per octave. The branch point at 0 is 1.5 a from the centre of [a, 2a]: the error is 5.8^−20."""
+"""Chebyshev points per octave [a, 2a]. The singularity at lag 0 is 1.5 a away from the centre of the octave, so the
+interpolation error is about 5.8^−20."""
 _SPILL = 8
-"""First octave in which the filter overlaps the next octave so little that the polynomial is extrapolated."""
+"""From this octave on, the filter is so short compared with the octave that lags slightly outside the next octave are
+computed by extrapolation of its polynomial."""
 _SHORT = 64
 """Number of lags that are summed individually."""
 _TOGETHER = 2**14
-"""Number of lags that are interpolated at once, so that they fit in the cache."""
+"""Number of lags that are interpolated at once, so that they fit into the cache."""
 
 Levels = NDArray[np.int64]
 
@@ -113,7 +115,7 @@ def _far_step(filter: WaveletFilter, reach: int, octaves: int) -> NDArray[np.flo
 
 
 def partial_sums(known: Callable[[Vector], Matrix], ends: NDArray[np.int64]) -> tuple[Matrix, Matrix]:
-    """Compute Σ_{k = 1 … m} f(k) and Σ k f(k), (functions, ends) each, for functions smooth in each octave.
+    """Compute Σ_{k = 1 … m} f(k) and Σ k f(k), (functions, ends) each, for functions that are smooth in each octave.
 
     Each octave, the last one up to m, is summed by a Gauss rule for sums over integers.
 

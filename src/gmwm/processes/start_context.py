@@ -1,4 +1,4 @@
-"""What starting values are drawn by: the data in a few numbers."""
+"""Summary of the data from which random starting values are drawn."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from gmwm.filters import HAAR, WaveletFilter
 
 Dominant = Literal["quantization", "white", "markov"]
-"""What the first two levels look like: a fall faster than that of white noise, as fast, or slower."""
+"""Noise type of the first two levels: their variance falls faster than for white noise, as fast, or more slowly."""
 
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """The data as the starting values of the paper's Algorithms 2 and 3 see them.
+    """Quantities of the data that the starting values of Algorithms 2 and 3 of the paper use.
 
     Attributes
     ----------
@@ -25,9 +25,9 @@ class Occasion:
     spread : float, in unit per sample
         (max x − min x)/N.
     dominant : "quantization", "white" or "markov"
-        What dominates the first levels.
+        The noise type that dominates the first levels.
     first : (draws,) int array
-        1 or 2: the condition of Algorithm 3 with which the first autoregression of each draw begins.
+        1 or 2: the condition of Algorithm 3 for the first autoregression of each draw.
     levels : (J,) int array
     samples : int
         Length N of the record.

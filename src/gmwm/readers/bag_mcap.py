@@ -1,7 +1,8 @@
 """MCAP files, as ROS 2 records them.
 
-A file is a row of records: one byte for the kind, eight for the length, the content. Messages stand in them as they
-are, or in chunks that may be compressed. Source: MCAP format specification, version 0 (mcap.dev/spec).
+A file is a sequence of records. A record has one byte for its kind, eight bytes for its length, and its content.
+Messages are records, either directly in the file or inside chunks, which may be compressed. Source: MCAP format
+specification, version 0 (mcap.dev/spec).
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ MAGIC = b"\x89MCAP0\r\n"
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
 _HEAD = Struct("<BQ")
-# Head of a message record and the fixed part of its content, 31 bytes. Times are unsigned by the specification, and
-# taken as signed, which they are everywhere else: the two part in the year 2262.
+# Head of a message record and the fixed part of its content, 31 bytes. The specification has unsigned times. They are
+# read as signed integers, like all other times here; the two differ from the year 2262 on.
 _WHOLE = Struct("<BQHIqQ")
 _FIXED = Struct("<HIqQ")
 _CHUNK_HEAD = Struct("<QQQI")
@@ -51,7 +52,7 @@ class McapStorage(Storage):
     """One MCAP file."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """By the summary at the end; without one, by a pass over the whole file."""
+        """The topics, from the summary at the end of the file, or from a pass over the whole file if it has none."""
         with self.path.open("rb") as file:
             try:
                 start = self._summary(file)
@@ -69,7 +70,7 @@ class McapStorage(Storage):
                 raise self._damaged(error) from error
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Messages chunk by chunk, in each by the time of recording."""
+        """The messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
         ids = frozenset(topic.ids)
         times: list[int] = []
         messages: list[bytes] = []
@@ -97,7 +98,7 @@ class McapStorage(Storage):
             yield in_order(times, messages)
 
     def _summary(self, file: BinaryIO) -> int:
-        """Where the summary begins, 0 if there is none; an error if the file does not end as it should."""
+        """Position of the summary, or 0 if there is none; raises an error if the end of the file is invalid."""
         file.seek(0, 2)
         end = file.tell()
         tail = _HEAD.size + 20 + len(MAGIC)
@@ -111,11 +112,11 @@ class McapStorage(Storage):
             )
         start = int(_LONG.unpack_from(footer, _HEAD.size)[0])
         if start > end:
-            raise ReadError(f"{self.path} is damaged: its summary lies behind its end")
+            raise ReadError(f"{self.path} is damaged: the position of its summary is after its end")
         return start
 
     def _records(self, file: BinaryIO, wanted: Set[int]) -> Iterator[tuple[int, bytes]]:
-        """Kind and content of the wanted records from here to the end."""
+        """Kind and content of the wanted records from the current position to the end."""
         while True:
             head = file.read(_HEAD.size)
             kind, length = _HEAD.unpack(head)
@@ -156,7 +157,7 @@ class McapStorage(Storage):
 
 
 def in_order(times: list[int], messages: list[bytes]) -> Batch:
-    """A batch by the time of recording; writers with several threads swap neighbours."""
+    """A batch sorted by the time of recording, because writers with several threads may swap neighbouring messages."""
     if sorted(times) == times:
         return times, messages
     order = sorted(range(len(times)), key=times.__getitem__)
@@ -164,7 +165,7 @@ def in_order(times: list[int], messages: list[bytes]) -> Batch:
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of some channels. The loop that a recording spends its time in: nothing in it is for show."""
+    """Append the messages of some channels. Most of the reading time is spent in this loop, so it is optimised."""
     position, end = 0, len(records)
     unpack, fixed = _WHOLE.unpack_from, _WHOLE.size
     while position < end:
@@ -185,7 +186,7 @@ def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[byt
 
 
 class _Found:
-    """Schemas, channels and counts as they come."""
+    """Schemas, channels and message counts found so far."""
 
     def __init__(self) -> None:
         self.schemas: dict[int, tuple[str, str, str]] = {}
@@ -219,7 +220,10 @@ class _Found:
 
 
 def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]:
-    """A text behind its length, and where it ends. (Schemas of other encodings are no text at all.)"""
+    """Read a text that follows its length; return it with its end. If not `strict`, invalid bytes are replaced.
+
+    Schemas of other encodings are not text.
+    """
     (length,) = _WORD.unpack_from(content, position)
     end = position + 4 + length
     if end > len(content):
@@ -228,5 +232,5 @@ def _text(content: bytes, position: int, strict: bool = True) -> tuple[str, int]
 
 
 def sniffed(path: Path, head: bytes) -> bool:
-    """Whether a file begins as MCAP does."""
+    """Whether a file begins with the magic bytes of MCAP."""
     return head.startswith(MAGIC)

@@ -1,7 +1,8 @@
 """Bags of ROS 1, format 2.0.
 
-A file is a row of records: a header of fields `name=value` behind its length, and data behind theirs. Messages stand
-in chunks that may be compressed; the index at the end lists topics and chunks. Source: ROS wiki, "Bags/Format/2.0".
+A file is a sequence of records. A record has a header with fields `name=value` and data, each preceded by its length.
+Messages are inside chunks, which may be compressed. The index at the end lists topics and chunks. Source: ROS wiki,
+"Bags/Format/2.0".
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class Ros1Storage(Storage):
     """One bag of ROS 1."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """By the index at the end."""
+        """The topics, from the index at the end of the file."""
         with self.path.open("rb") as file:
             try:
                 return self._index(file)[0]
@@ -45,7 +46,7 @@ class Ros1Storage(Storage):
                 raise self._damaged(error) from error
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Messages chunk by chunk, in each by the time of recording."""
+        """The messages of a topic, chunk by chunk; within a chunk they are sorted by the time of recording."""
         ids = frozenset(topic.ids)
         times: list[int] = []
         messages: list[bytes] = []
@@ -68,7 +69,7 @@ class Ros1Storage(Storage):
             yield in_order(times, messages)
 
     def _index(self, file: BinaryIO) -> tuple[tuple[Topic, ...], list[tuple[int, dict[int, int]]]]:
-        """The topics, and for each chunk where it begins and how many messages of whom it holds."""
+        """The topics, and for each chunk its position and the number of messages of each connection."""
         file.seek(len(MAGIC))
         head, _ = self._record(file, _BAG)
         position = _LONG.unpack(head["index_pos"])[0]
@@ -95,7 +96,7 @@ class Ros1Storage(Storage):
         return merged(_topic(info, data, counts) for info, data in records), sorted(places, key=lambda place: place[0])
 
     def _seek(self, file: BinaryIO, position: int) -> None:
-        """Go to a place that the index names."""
+        """Go to a position from the index, after a check that it is inside the file."""
         if position > self.path.stat().st_size:
             raise ReadError(
                 f"{self.path} is damaged or cut off: its index points behind its end", advice="Copy the file again."
@@ -141,7 +142,7 @@ def _fields(header: bytes) -> Iterator[tuple[str, bytes]]:
 
 
 def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic:
-    """A topic from its connection record; the type by the name that it has in ROS 2."""
+    """A topic from its connection record, with the ROS 2 name of its type."""
     (number,) = _WORD.unpack(info["conn"])
     fields = dict(_fields(data))
     package, _, name = fields["type"].decode().partition("/")
@@ -159,7 +160,7 @@ def _topic(info: dict[str, bytes], data: bytes, counts: dict[int, int]) -> Topic
 
 
 def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[bytes]) -> None:
-    """Append the messages of some connections. Their headers are alike: the first says where the values stand."""
+    """Append the messages of some connections. Their headers have the same layout, which follows from the first one."""
     position, end = 0, len(records)
     shape = _Shape(b"")
     while position < end:
@@ -181,7 +182,7 @@ def _collect(records: bytes, ids: Set[int], times: list[int], messages: list[byt
 
 
 class _Shape:
-    """Where the values stand in the header of a message, and what stands around them."""
+    """Layout of the header of a message: the positions of its values, and the constant bytes around them."""
 
     def __init__(self, header: bytes) -> None:
         self.length = len(header)

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 MAGIC = b"SQLite format 3\0"
 _PAGE, _WORD = Struct(">H"), Struct(">I")
-_FIRST, _MOST = 256, 1 << 11  # rows in the first batch, and in any: few, that Python may take the same memory again
+_FIRST, _MOST = 256, 1 << 11  # rows in the first and in the largest batch: few, so that Python can reuse the memory
 
 
 class SqliteStorage(Storage):
     """One file of a ROS 2 bag in SQLite."""
 
     def topics(self) -> tuple[Topic, ...]:
-        """By the table of topics; definitions of the types are there since ROS 2 Iron."""
+        """The topics, from the table of topics. It contains the definitions of the types since ROS 2 Iron."""
         import sqlite3
 
         with closing(self._connected()) as base:
@@ -48,7 +48,7 @@ class SqliteStorage(Storage):
         return merged(iter(found))
 
     def batches(self, topic: Topic) -> Iterator[Batch]:
-        """Messages by the time of recording, for which the table has an index."""
+        """The messages of a topic, sorted by the time of recording, for which the table has an index."""
         import sqlite3
 
         marks = ",".join("?" * len(topic.ids))
@@ -69,11 +69,11 @@ class SqliteStorage(Storage):
                 raise self._damaged(error) from error
 
     def _connected(self) -> sqlite3.Connection:
-        """The database, only to be read, with nothing in it trusted."""
+        """Open the database read-only, with settings for untrusted files."""
         import sqlite3
 
         log = self.path.with_name(self.path.name + "-wal")
-        # Beside a log of what is not yet in the file, the file alone would be a part of the recording.
+        # If there is a write-ahead log next to the file, the file alone contains only a part of the recording.
         frozen = "" if log.exists() and log.stat().st_size else "&immutable=1"
         if frozen:
             self._require_whole()
@@ -82,7 +82,7 @@ class SqliteStorage(Storage):
         except (sqlite3.Error, UnicodeDecodeError) as error:
             raise self._damaged(error) from error
         try:
-            # Also what SQLite says of a damaged table may quote bytes that are no text: such errors are caught with it.
+            # The error messages of SQLite about a damaged table can contain invalid text; these errors are caught too.
             base.text_factory = lambda text: text.decode("utf-8", "replace")
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
             base.execute("PRAGMA trusted_schema=OFF")
@@ -99,11 +99,11 @@ class SqliteStorage(Storage):
         return base
 
     def _require_whole(self) -> None:
-        """An error where the file has fewer bytes than its header says it has pages; SQLite is more lenient."""
+        """Raise an error if the file is shorter than its header states; SQLite would accept it."""
         with self.path.open("rb") as file:
             head = file.read(100)
         if len(head) < 100:
-            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are no database")
+            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are not a complete database")
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
         size = 65536 if size == 1 else size
@@ -115,7 +115,7 @@ class SqliteStorage(Storage):
 
     @staticmethod
     def _table(base: sqlite3.Connection, name: str) -> bool:
-        """Whether there is such a table, a real one: a view may be a program."""
+        """Whether the database has a table of this name. A view is not accepted, because it could run arbitrary SQL."""
         query = "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?"
         row = base.execute(query, (name,)).fetchone()
         return row is not None and str(row[0]).upper().startswith("CREATE TABLE")
@@ -125,7 +125,7 @@ class SqliteStorage(Storage):
 
 
 def _indexed(base: sqlite3.Connection) -> bool:
-    """Whether the messages have an index by time; without one, sorting would need as much room as the file."""
+    """Whether the messages have an index by time; without an index, sorting would need as much space as the file."""
     for row in base.execute("PRAGMA index_list(messages)").fetchall():
         columns = base.execute("SELECT name FROM pragma_index_info(?)", (row[1],)).fetchall()
         if columns and columns[0][0] == "timestamp":

@@ -1,4 +1,4 @@
-"""Message types of ROS recordings: from the definition in the file, or from those that ROS comes with."""
+"""Message types of ROS recordings: from the definition in the file, or from the definitions that ROS includes."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from gmwm.readers.bagfiles import TEXT_LIMIT, Topic
 from gmwm.readers.cdr import Definition, Description
 
 ENCODINGS = ("cdr", "ros1")
-"""How the messages are serialised that can be read."""
+"""Serialisations of messages that can be read."""
 
 IMU = "sensor_msgs/msg/Imu"
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _TYPE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)+")
-_LARGEST = 4096  # elements of an array of texts or messages: the general decoder makes a line of code of each
-_EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # how CDR has a message without fields
+_LARGEST = 4096  # elements of an array of texts or messages: the general decoder generates a line of code for each
+_EMPTY = (("structure_needs_at_least_one_member", (1, ("uint8", 0))),)  # CDR stores a message without fields like this
 
 
 def definition(topic: Topic) -> Definition | None:
-    """The type of a topic's messages, or None where nobody defines it or its messages cannot be read.
+    """The type of the messages of a topic, or None if it is not defined or its messages cannot be read.
 
     Raises
     ------
     ReadError
-        If the definition in the file is not understood.
+        If the definition in the file cannot be parsed.
     """
     if topic.encoding not in ENCODINGS:
         return None
@@ -39,7 +39,7 @@ def definition(topic: Topic) -> Definition | None:
 
 
 def _builtin(ros1: bool) -> Mapping[str, Sequence[tuple[str, Description]]]:
-    """The types that ROS comes with: recordings before ROS 2 Iron do not define theirs."""
+    """The types that ROS includes, for recordings before ROS 2 Iron, which do not contain definitions."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
@@ -47,7 +47,7 @@ def _builtin(ros1: bool) -> Mapping[str, Sequence[tuple[str, Description]]]:
 
 
 def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
-    """The types that a text defines."""
+    """The types in the definition text of a topic."""
     from rosbags.typesys import Stores, get_typestore
 
     if len(topic.text) > TEXT_LIMIT:
@@ -56,7 +56,7 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
     try:
         for text in _idl_parts(topic.text) if topic.language == "ros2idl" else (topic.text,):
             found |= _parse(text, topic)
-    except Exception as error:  # of a library, on a text of a stranger: any kind
+    except Exception as error:  # a library can raise any error on an invalid definition
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ReadError(
             f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})"

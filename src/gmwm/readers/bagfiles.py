@@ -1,4 +1,4 @@
-"""Files of ROS recordings: what topics are in them, and the bytes of the messages of one, in batches.
+"""Files of ROS recordings: the topics in a file, and the bytes of the messages of one topic, in batches.
 
 Three containers: the bag of ROS 1, the SQLite database and the MCAP file of ROS 2. Each is a `Storage`.
 """
@@ -16,19 +16,19 @@ from gmwm.errors import ReadError
 from gmwm.readers.byte_sources import ZSTD, zstd_library
 
 Batch = tuple[list[int], list[bytes]]
-"""Messages in the order of recording: when each was recorded (ns), and its bytes."""
+"""Messages in the order of recording: their times of recording (ns), and their bytes."""
 
 BATCH_BYTES = 2 << 20
-"""Bytes of messages in a batch, roughly."""
+"""Approximate size of the messages in a batch (bytes)."""
 
 CHUNK_LIMIT = 256 << 20
-"""Bytes of a chunk when unpacked; recorders write 0.8 to 16 MB."""
+"""Largest size of a decompressed chunk (bytes); recorders write 0.8 to 16 MB."""
 
 MESSAGE_LIMIT = 1 << 20
-"""Bytes of a message when unpacked: those of inertial sensors have some hundred."""
+"""Largest size of a decompressed message (bytes); messages of inertial sensors have some hundred bytes."""
 
 TEXT_LIMIT = 1 << 20
-"""Characters of a message definition, and bytes of a record that holds one."""
+"""Largest length of a message definition (characters), and of a record that contains one (bytes)."""
 
 TOPIC_LIMIT = 10_000
 
@@ -40,17 +40,17 @@ class Topic:
     Parameters
     ----------
     name : str
-        As "/imu/data".
+        For example "/imu/data".
     type : str
-        As "sensor_msgs/msg/Imu", also for ROS 1.
+        For example "sensor_msgs/msg/Imu", also for ROS 1.
     encoding : str
-        How messages are serialised: "cdr", "ros1", or another that is not read here.
+        Serialisation of the messages: "cdr", "ros1", or another one, which cannot be read.
     text, language : str
-        Definition of the type, and in what it is written: "ros1msg", "ros2msg", "ros2idl", or "" for none.
+        Definition of the type and its language: "ros1msg", "ros2msg", "ros2idl", or "" for none.
     ids : tuple of int
-        By what the container knows it.
+        Numbers of the topic in the container.
     count : int or None
-        Messages, where the container says so.
+        Number of messages, if the container states it.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Storage(ABC):
 
     @abstractmethod
     def topics(self) -> tuple[Topic, ...]:
-        """What was recorded."""
+        """The recorded topics."""
 
     @abstractmethod
     def batches(self, topic: Topic) -> Iterator[Batch]:
@@ -78,21 +78,21 @@ class Storage(ABC):
 
 
 def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
-    """The content of a chunk, which must have the size that the file says.
+    """Decompress a chunk, and check that it has the size that the file states.
 
     Parameters
     ----------
     data : bytes
-        As it stands in the file.
+        The bytes in the file.
     compression : str
         "", "none", "lz4", "bz2" or "zstd".
     size : int
-        Bytes when unpacked.
+        Expected size after decompression (bytes).
 
     Raises
     ------
     ReadError
-        If it is damaged, of another size, larger than any recorder writes, or packed in another way.
+        If the chunk is damaged, has a different size, is too large, or has another compression.
     """
     if size > CHUNK_LIMIT:
         raise ReadError(f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once")
@@ -100,24 +100,26 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
         content = data
     elif compression in ("lz4", "bz2", "zstd"):
         try:
-            # One byte more than there should be is enough to see that there are too many.
+            # One byte more than expected is enough to detect that the chunk is too large.
             content = _decompressor(compression).decompress(data, max_length=size + 1)
-        except Exception as error:  # of three libraries, on bytes of a stranger: any kind
+        except Exception as error:  # three libraries can raise any error on invalid data
             raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
     else:
-        raise ReadError(f"{path}: its chunks are packed with {compression!r}; none, lz4, bz2 and zstd are read")
+        raise ReadError(
+            f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none"
+        )
     if len(content) != size:
         raise ReadError(f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}")
     return bytes(content)
 
 
 def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
-    """Messages that a recorder compressed one by one; no CDR begins as Zstandard does."""
+    """Decompress messages that were compressed one by one. A CDR message cannot begin with the bytes of Zstandard."""
     if not messages[0].startswith(ZSTD):
         return messages
     try:
         found = [_decompressor("zstd").decompress(message, max_length=MESSAGE_LIMIT) for message in messages]
-    except Exception as error:  # of a library, on bytes of a stranger: any kind
+    except Exception as error:  # a library can raise any error on invalid data
         raise ReadError(f"{path}: a compressed message is damaged ({error})", advice="Copy the file again.") from error
     if sum(map(len, found)) > CHUNK_LIMIT:
         raise ReadError(f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them")
@@ -125,13 +127,13 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
 
 
 def require_checksum(content: bytes, checksum: int, path: Path) -> None:
-    """An error where a chunk is not what was written."""
+    """Raise an error if a chunk does not match its checksum."""
     if checksum and zlib.crc32(content) != checksum:
         raise ReadError(f"{path}: a chunk is damaged: its checksum is wrong", advice="Copy the file again.")
 
 
 def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
-    """Topics with the ids of all who wrote on them: two publishers on one topic are one stream."""
+    """Merge topics of the same name, because several publishers of a topic are one recording."""
     found: dict[tuple[str, str, str], Topic] = {}
     for topic in topics:
         key = (topic.name, topic.type, topic.encoding)

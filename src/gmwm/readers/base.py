@@ -70,7 +70,7 @@ class Layout:
     units : mapping
         Units that the file states for a whole quantity: "gyro", "accel" or "time".
     remarks : tuple of Remark
-        How the file was understood.
+        Remarks on how gmwm reads the file.
     state : object
         Data of the reader, to find the numbers.
     inertial : bool
@@ -134,7 +134,7 @@ class Reader(ABC):
 
     @abstractmethod
     def sniff(self, path: Path, head: bytes) -> float:
-        """How well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
+        """Score how well the first bytes fit the format: 1 for a signature, 0.5 for plausible content, 0 for no match.
 
         The content decides. If two formats match equally well, the extension decides.
         """

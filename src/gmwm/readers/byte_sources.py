@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 MAX_BYTES = 64 << 30
-"""Most bytes of an unpacked recording: ten days of six axes at 1 kHz as text."""
+"""Largest size of a decompressed recording (bytes): ten days of six axes at 1 kHz as text."""
 
 MAX_RATIO = 200
 """Largest compression ratio of a recording; noise compresses by a factor of 20 at most. Pinned by
@@ -32,10 +32,10 @@ RATIO_FROM = 64 << 20
 """Unpacked bytes from which the ratio is checked: a small file may be very regular."""
 
 MAX_MEMBERS = 1000
-"""Most files in an archive: phones export some ten tables."""
+"""Largest number of files in an archive: phones export some ten tables."""
 
 GZIP, ZSTD, ZIP = b"\x1f\x8b", b"\x28\xb5\x2f\xfd", b"PK\x03\x04"
-"""The first bytes of what is unpacked here."""
+"""The first bytes of compressed files and archives."""
 
 
 class PackedError(ReadError):
@@ -76,11 +76,11 @@ class CompressedSource(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is known when all was unpacked."""
+        """No: the end is known only after everything was decompressed."""
         return False
 
     def open(self) -> BinaryIO:
-        """The unpacked bytes, counted."""
+        """Open the decompressed bytes, with limits on their number."""
         with super().open() as file:
             magic = file.read(4)
         packed = self.path.stat().st_size
@@ -100,11 +100,11 @@ class MemberSource(FileSource):
 
     @property
     def seekable(self) -> bool:
-        """No: the end is known when all was unpacked."""
+        """No: the end is known only after everything was decompressed."""
         return False
 
     def open(self) -> BinaryIO:
-        """The unpacked bytes, counted."""
+        """Open the decompressed bytes, with limits on their number."""
         archive = open_archive(self.path)
         info = archive.getinfo(self.member)
         if info.flag_bits & 1:
@@ -128,7 +128,7 @@ def zstd_library() -> ModuleType:
 
 
 def open_archive(path: Path) -> zipfile.ZipFile:
-    """A zip archive, its members counted."""
+    """Open a zip archive, after a check of the number of its members."""
     try:
         archive = zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, NotImplementedError, ValueError) as error:
@@ -154,7 +154,7 @@ def require_ratio(unpacked: int, packed: int, name: object) -> None:
     Raises
     ------
     PackedError
-        If they are.
+        If the ratio is too large.
     """
     if unpacked > MAX_BYTES or (unpacked > RATIO_FROM and unpacked > MAX_RATIO * packed):
         raise PackedError(
@@ -175,7 +175,7 @@ class _Counted(io.RawIOBase):
         self._count = 0
 
     def readable(self) -> bool:
-        """Yes."""
+        """Always true: the bytes can be read."""
         return True
 
     def tell(self) -> int:
@@ -198,7 +198,7 @@ class _Counted(io.RawIOBase):
         return len(data)
 
     def close(self) -> None:
-        """Close the file beneath, too."""
+        """Close the compressed file, too."""
         if not self.closed:
             self._stream.close()
             if self._owner is not None:

@@ -1,10 +1,10 @@
-"""Messages of ROS as bytes, and their numbers: many at a time where they are laid out alike.
+"""Decode the numbers in serialised ROS messages, many messages at once if they have the same layout.
 
-ROS 2 serialises a message as CDR: values one after another, each aligned to its own size behind a head of four
-bytes that says the byte order. ROS 1 does without head and alignment. In both, only lengths of strings and
-sequences move what stands behind them. So the first message tells where each number stands, and holds for every
-message of the same size and byte order whose lengths are the same; their columns are read with one stride.
-What is left over goes through the decoder of rosbags, a message at a time.
+ROS 2 serialises a message as CDR: a head of four bytes that states the byte order, and then the values one after
+another, each aligned to its own size. ROS 1 has no head and no alignment. In both, the positions of the values depend
+only on the lengths of the strings and sequences before them. Therefore the positions in one message are valid for all
+messages of the same size and byte order whose strings and sequences have the same lengths, and their numbers are read
+as strided columns. The decoder of rosbags decodes all other messages one by one.
 
 Sources: OMG Common Data Representation (formal/02-06-51, 15.3); ROS wiki, "msg", serialization.
 """
@@ -22,45 +22,45 @@ from numpy.typing import NDArray
 from gmwm.errors import ReadError
 
 Encoding = Literal["cdr", "ros1"]
-"""How messages are serialised."""
+"""Serialisation of messages."""
 
 SIZES = {
     "bool": "b1", "byte": "u1", "char": "u1", "octet": "u1", "uint8": "u1", "int8": "i1", "uint16": "u2", "int16": "i2",
     "uint32": "u4", "int32": "i4", "uint64": "u8", "int64": "i8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
-"""Types that are one number, and how NumPy names them."""
+"""Types that are a single number, and their names in NumPy."""
 
 TIME = "builtin_interfaces/msg/Time"
 """The type of a time stamp: seconds and nanoseconds, 32 bits each."""
 
-_DEPTH = 32  # of messages in messages: a definition that holds itself has no end
-_LONG = 16  # an array of more numbers is no set of channels
+_DEPTH = 32  # largest nesting depth: a definition that contains itself would have no end
+_LONG = 16  # longer arrays of numbers are not channels
 _LEAVES = 512
-_STEPS = 100_000  # parts of one message that are looked at to find where its numbers stand
-_LENGTHS = 256  # of texts and sequences in one message: more of them are hardly ever the same in the next
-_TEMPLATES = 8  # layouts tried in one batch before the general decoder takes the rest
-_TIME_WORDS = ("i4", "u4")  # of seconds and nanoseconds; without sign in ROS 1, which matters from 2038 on
+_STEPS = 100_000  # largest number of parts of a message
+_LENGTHS = 256  # texts and sequences in a message: with more, the next message hardly ever has the same lengths
+_TEMPLATES = 8  # layouts to try in a batch before the general decoder decodes the rest
+_TIME_WORDS = ("i4", "u4")  # seconds and nanoseconds; unsigned in ROS 1, which matters from 2038 on
 _WORDS = {"<": Struct("<I"), ">": Struct(">I")}
 
-# What rosbags calls the kinds of a field; the numbers are part of its interface.
+# Kinds of a field in rosbags; the numbers are part of its interface.
 _BASE, _NAME, _ARRAY, _SEQUENCE = 1, 2, 3, 4
 
 Description = Any
-"""A field's type as rosbags has it: (kind, (type, …)), nested for arrays."""
+"""Type of a field in the form of rosbags: (kind, (type, …)), nested for arrays."""
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A message type with all types that it holds.
+    """A message type with all types that it contains.
 
     Parameters
     ----------
     name : str
-        The type, as "sensor_msgs/msg/Imu".
+        Name of the type, for example "sensor_msgs/msg/Imu".
     types : mapping
         For each type its fields: names and descriptions.
     encoding : "cdr" or "ros1"
-        How its messages are serialised.
+        Serialisation of the messages.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Definition:
     encoding: Encoding
 
     def leaves(self) -> tuple[str, ...]:
-        """Names of the numbers that every message has, as "angular_velocity.x" and "gyro[0]".
+        """Names of the numbers in every message, for example "angular_velocity.x" and "gyro[0]".
 
         A time stamp is one number, in nanoseconds. Texts, sequences and long arrays are left out.
         """
@@ -112,7 +112,7 @@ class Definition:
 
 @dataclass(frozen=True)
 class Template:
-    """Where the numbers of a message stand, and what must be the same in another for that to hold there too.
+    """Positions of the numbers in a message, valid for all messages with the same lengths of strings and sequences.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class Template:
 
 @dataclass
 class _Walk:
-    """One pass over a message: where am I, and what have I seen."""
+    """State of a pass over a message: the current position, and the numbers and lengths found so far."""
 
     definition: Definition
     message: bytes
@@ -219,7 +219,7 @@ class _Walk:
 
 
 def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> Template:
-    """Where the numbers of a message stand.
+    """Find the positions of the numbers in a message.
 
     Raises
     ------
@@ -251,26 +251,26 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
 
 
 class Decoder:
-    """Numbers of messages of one type.
+    """Decodes the numbers of messages of one type.
 
     Parameters
     ----------
     definition : Definition
-        Their type.
+        The type of the messages.
     wanted : sequence of str
-        Which of its `leaves`.
+        The `leaves` to decode.
     """
 
     def __init__(self, definition: Definition, wanted: Sequence[str]) -> None:
         self.definition = definition
         self.wanted = tuple(wanted)
         self.slow = 0
-        """How many messages the general decoder had to take."""
+        """Number of messages that the general decoder decoded."""
         self._known: list[Template] = []
         self._store: Any = None
 
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """The wanted numbers of messages, each (N,), int64 or float64.
+        """Decode the wanted numbers of messages: for each name an array (N,) of int64 or float64.
 
         Raises
         ------
@@ -285,7 +285,7 @@ class Decoder:
                 break
             first = messages[int(left[0])]
             alike = left[sizes[left] == len(first)]
-            # Usually all of them: then nothing needs to be picked out.
+            # Usually all messages fit, so no selection is needed.
             rows = messages if alike.size == len(messages) else [messages[k] for k in alike.tolist()]
             plan = self._template(first)
             if len(plan.words) > _LENGTHS:
@@ -300,7 +300,7 @@ class Decoder:
         return out
 
     def _template(self, message: bytes) -> Template:
-        """A template that fits a message, of those known or a new one."""
+        """A template that fits a message: a known or a new one."""
         for plan in self._known:
             if plan.size == len(message) and bool(self._strided(message, plan)[1][0]):
                 return plan
@@ -309,7 +309,7 @@ class Decoder:
         return plan
 
     def _strided(self, joined: bytes, plan: Template) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
-        """The numbers of messages of one size by their offsets, and for which of them these hold."""
+        """The numbers of messages at the offsets of the template, and a mask of the messages that fit the template."""
         names, formats, offsets = [], [], []
         for name, (kind, offset) in plan.places.items():
             for k, word in enumerate(_TIME_WORDS if kind == "time" else (kind,)):
@@ -344,7 +344,7 @@ class Decoder:
         return numbers, fits
 
     def general(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
-        """The same as `decode`, by the decoder of rosbags, a message at a time.
+        """Decode the same numbers as `decode` with the decoder of rosbags, one message at a time.
 
         Raises
         ------
@@ -361,7 +361,7 @@ class Decoder:
         for message in messages:
             try:
                 decoded = decode(message, name)
-            except Exception as error:  # of a library, on bytes of a stranger: any kind
+            except Exception as error:  # a library can raise any error on invalid data
                 raise ReadError(f"a message of {len(message)} bytes does not fit its type {name}: {error}") from error
             for leaf, path in paths:
                 found[leaf].append(_follow(decoded, path))
@@ -380,7 +380,7 @@ def _put(out: dict[str, NDArray[Any]], name: str, values: NDArray[Any], rows: ND
 
 
 def _wide(values: NDArray[Any]) -> NDArray[Any]:
-    """Integers as int64 where they fit, all else as float64."""
+    """Convert integers to int64 if they fit, and everything else to float64."""
     if values.dtype.kind == "u" and values.dtype.itemsize == 8 and values.size and int(values.max()) > 2**63 - 1:
         return values.astype(np.float64)
     return values.astype(np.int64 if values.dtype.kind in "iub" else np.float64)
@@ -405,14 +405,15 @@ def _follow(message: Any, path: Sequence[str | int]) -> Any:
 
 
 def _store(definition: Definition) -> Any:
-    """The types as rosbags' decoder wants them."""
+    """The types in the form for the decoder of rosbags."""
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.EMPTY)
     try:
         known = set(store.fielddefs)
-        # Its constants are of no use here, and less is better where code is made of what a file says.
+        # Constants are not needed. They are omitted, because the decoder generates code from the definition in the
+        # file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
-    except Exception as error:  # of a library, on a text of a stranger: any kind
+    except Exception as error:  # a library can raise any error on an invalid definition
         raise ReadError(f"the message type {definition.name} is not understood: {error}") from error
     return store

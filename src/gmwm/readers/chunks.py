@@ -28,11 +28,11 @@ class Chunk:
     ----------
     values : mapping of axis name to (n,) array, in rad/s or m/s²
     first : int
-        Number of the first of them in the recording, from 0.
+        Number of the first sample in the recording, from 0.
     segment : int
-        Number of the segment that they are of, from 0: another one than that of the chunk before where there was a gap.
+        Number of their segment, from 0. It increases if there is a gap between the previous chunk and this one.
     start : float
-        Time of the first of them (s), on the recording's own clock.
+        Time of the first sample (s), on the clock of the recording.
     """
 
     values: Mapping[str, Vector]
@@ -54,17 +54,17 @@ class Interpretation:
     Attributes
     ----------
     choice : Choice
-        The columns that are read, without temperature.
+        The columns to read, without temperature.
     words : mapping
         Name of each column in messages.
     factors : mapping of axis to factors
-        Factors by which the numbers of the file are multiplied, one after the other.
+        Factors by which the numbers in the file are multiplied, one after the other.
     timing : Timing
         Rate and segments of the first rows.
     pace : Pace or None
-        Their time stamps, if there are any.
+        The pace of their time stamps; None without time stamps.
     remarks : tuple of Remark
-        How the file was understood.
+        Remarks on how gmwm read the file.
     """
 
     choice: Choice
@@ -82,18 +82,18 @@ class Interpretation:
 
 @dataclass(frozen=True, eq=False)
 class RowSummary:
-    """Summary of consecutive rows: their time stamps, and which axes had one value only.
+    """Summary of consecutive rows: their time stamps, and the axes with constant values.
 
     Attributes
     ----------
     first, stop : int
-        Numbers of the first row, and of the one behind the last.
+        Number of the first row, and of the row after the last one.
     parted : bool
         Whether there is a gap before the first row.
     alike : mapping of axis to number
-        The axes that had one value only, as it stands in the file.
+        The axes that were constant so far, with their value in the file.
     counted : Counted
-        What the time stamps say.
+        Sums over the intervals of the time stamps.
     """
 
     first: int
@@ -103,13 +103,13 @@ class RowSummary:
     counted: Counted
 
     def followed_by(self, later: RowSummary) -> RowSummary:
-        """Of these rows and those that follow."""
+        """Merge with the summary of the rows that directly follow."""
         alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
         counted = self.counted.followed_by(later.counted)
         return RowSummary(self.first, later.stop, parted=self.parted, alike=alike, counted=counted)
 
     def time_base(self, found: Interpretation) -> TimeBase:
-        """What the time stamps of all rows say."""
+        """The time base of the recording, from the time stamps of all rows."""
         return found.timing.base if found.pace is None else found.pace.base(self.counted)
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
@@ -118,7 +118,7 @@ class RowSummary:
         Raises
         ------
         DataError
-            If an axis has one value from the first row to the last.
+            If an axis has the same value in all rows.
         """
         for axis, value in self.alike.items():
             raise constant(found.words[axis], axis, value, self.stop)
@@ -126,18 +126,18 @@ class RowSummary:
 
 
 class ChunkBuilder:
-    """Builds the chunks of a recording from its rows, beginning with any row.
+    """Builds the chunks of a recording from its rows, starting at any row.
 
     Parameters
     ----------
     found : Interpretation
-        What the first rows of the recording say.
+        Columns, units and rate from the first rows of the recording.
     size : int
-        Samples in a chunk, at the most.
+        Largest number of samples in a chunk.
     first : int
-        Number of the first row that will come.
+        Number of the first row that will be added.
     before : (n,) array, optional
-        The stamps of the rows before it, as `RunningClock` needs them; none from the first row of the recording on.
+        The time stamps of the rows before it, as `RunningClock` needs them; None for the first row of the recording.
     """
 
     def __init__(self, found: Interpretation, size: int, first: int = 0, before: NDArray[Any] | None = None) -> None:
@@ -150,12 +150,12 @@ class ChunkBuilder:
         self._parted = False
 
     def add(self, rows: Rows) -> Iterator[Chunk]:
-        """Add the rows that follow; yields the chunks whose segments are settled by them.
+        """Add the next rows, and yield the chunks whose segments are now known.
 
         Raises
         ------
         ReadError, DataError
-            At what `read` refuses.
+            If `read` would refuse the rows.
         """
         found, columns = self._found, self._found.choice.columns
         for role, k in columns.items():
@@ -174,7 +174,7 @@ class ChunkBuilder:
         yield from self._settled(settled)
 
     def end(self, behind: NDArray[Any] | None = None) -> Iterator[Chunk]:
-        """The last chunks; `behind` are the stamps of the rows that follow in the recording, if there are any."""
+        """Yield the last chunks. `behind` has the time stamps of the next rows of the recording, if there are any."""
         settled = Settled(self._came, (), ()) if self._clock is None else self._clock.end(behind)
         yield from self._settled(settled)
 
@@ -199,7 +199,7 @@ class ChunkBuilder:
                 yield Chunk({axis: v[part] for axis, v in ready.items()}, k, self._segment, start)
 
     def _compare(self, numbers: Mapping[str, NDArray[Any]]) -> None:
-        """Strike off the axes that now have had another value than their first."""
+        """Remove the axes whose values now differ from the list of constant axes."""
         for axis in list(self._alike):
             column, known = numbers[axis], self._alike[axis]
             value = float(column[0]) if known is None and column.size else known

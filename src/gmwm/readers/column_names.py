@@ -1,7 +1,7 @@
-"""What the name of a column says: which axis it is, and in which unit.
+"""Find the axis and the unit in the name of a column.
 
-A name is cut into words; a word for the sensor ("gyro", "omega", "w") and a letter for the axis make an
-axis, in any of the usual spellings: gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX, xgyro.
+A name is split into words. A word for the sensor ("gyro", "omega", "w") and a letter for the axis determine the axis,
+in any of the usual spellings: gyro_x, Gyr_X, gx, w_RS_S_x, angular_velocity.x, GyroX, xgyro.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from gmwm.units import TIME_WORDS, find_time_unit, find_unit
 
-# Spellings that only a column name has: there is no slash in gyro_x_rad_s.
+# Spellings of units that only occur in column names, which have no slash: gyro_x_rad_s.
 _UNIT_WORDS = {
     "mrads": "mrad/s", "mradps": "mrad/s", "degmin": "deg/min", "mms2": "mm/s²", "mmps2": "mm/s²",
     "rads": "rad/s", "radps": "rad/s", "radpersec": "rad/s",
@@ -40,7 +40,7 @@ _TIME = {
 }  # fmt: skip
 _TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
 
-# What stands in brackets and is no unit: whose numbers they are, of which clock, and that they have no unit yet.
+# Texts in brackets that are not units: the source of the data, the clock, or a note that the data are raw.
 _REMARKS = {
     "raw", "counts", "count", "lsb", "lsbs", "adc", "digits", "bits", "cal", "calibrated", "uncalibrated", "body",
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
@@ -52,14 +52,14 @@ _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
 @dataclass(frozen=True)
 class ColumnName:
-    """What the name of a column says.
+    """Axis and unit in the name of a column.
 
     Parameters
     ----------
     axis : str
-        "gyro_x" … "accel_z", "time", "temperature", or "" where the name says nothing.
+        "gyro_x" … "accel_z", "time", "temperature", or "" if the name is not recognised.
     unit : str
-        Unit of it, in the spelling of `gmwm.units` or of time units; "" where the name says nothing.
+        Unit in the spelling of `gmwm.units` or of time units; "" if the name has none.
     ros : bool
         Whether this is a field of the ROS message sensor_msgs/Imu, whose units REP-103 fixes.
     """
@@ -70,7 +70,7 @@ class ColumnName:
 
 
 def recognise(name: str) -> ColumnName:
-    """What a column name says of axis and unit.
+    """Recognise axis and unit in a column name.
 
     >>> recognise("w_RS_S_x [rad s^-1]")
     ColumnName(axis='gyro_x', unit='rad/s', ros=False)
@@ -86,24 +86,24 @@ def recognise(name: str) -> ColumnName:
     tail_unit = ""
     axis = _axis(words)
     while not axis and len(words) > 1:
-        # Words behind the axis can only be its unit: gyro_x_rad_s, time_us.
+        # Words after the axis can only be its unit: gyro_x_rad_s, time_us.
         tail_unit, words = words[-1] + tail_unit, words[:-1]
         axis = _axis(words)
     if not axis:
         return ColumnName()
     unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
     if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
-        return ColumnName()  # gyro_x_std, accel_x_bias and their like are something else
+        return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
     joined = "".join(words)
     if joined == "ts" and unit_of(unit_text, "temperature") == "°C":
-        return ColumnName("temperature", "°C")  # as the Epson units write it; elsewhere ts is a time stamp
+        return ColumnName("temperature", "°C")  # the spelling of Epson units; otherwise ts is a time stamp
     if axis == "time" and joined.startswith("sec"):
         unit = unit or "s"
     return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
 
 
 def named_unit(name: str, axis: str) -> str:
-    """The unit that a column name carries for the axis its column was taken for; "" if it carries none.
+    """The unit in a column name, if it is a unit of the axis of this column; otherwise "".
 
     >>> named_unit("ch3 [dps]", "gyro_x")
     'deg/s'
@@ -119,7 +119,7 @@ def named_unit(name: str, axis: str) -> str:
 
 
 def unknown_unit(name: str, stated: str, axis: str) -> str:
-    """The text that stands where the unit of a column does and names none that its axis can have; "" if none does.
+    """The text in the place of the unit of a column, if it is not a unit of its axis; otherwise "".
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
     stated : str
         Unit that the file states beside the name; "" for none.
     axis : str
-        What the column was taken for.
+        Axis of the column.
 
     >>> unknown_unit("gyro_x [furlong/s]", "", "gyro_x"), unknown_unit("gyro_x [deg/s]", "", "gyro_x")
     ('furlong/s', '')
@@ -143,7 +143,7 @@ def unknown_unit(name: str, stated: str, axis: str) -> str:
 
 
 def unit_of(text: str, axis: str) -> str:
-    """The unit a text names, if it is one that `axis` can have; "" otherwise."""
+    """The unit in a text, if it is a unit of `axis`; otherwise ""."""
     key = text.strip().strip("[](){}<>").casefold().replace(" ", "")
     if axis == "time":
         return find_time_unit(text)
@@ -154,7 +154,7 @@ def unit_of(text: str, axis: str) -> str:
 
 
 def is_unit(text: str) -> bool:
-    """Whether a cell is a unit and nothing else, as in a row of units under the header."""
+    """Whether a cell contains only a unit, as in a row of units below the header."""
     key = text.strip().strip("[](){}<>").strip()
     return bool(key) and (
         any(unit_of(key, axis) for axis in ("time", "gyro", "accel")) or unit_of(key, "temperature") == "°C"
@@ -162,7 +162,7 @@ def is_unit(text: str) -> bool:
 
 
 def clean(name: str) -> str:
-    """A name without quotes, blanks around it, and the comment sign some headers begin with."""
+    """A name without quotes, surrounding blanks and the comment sign at the beginning of some headers."""
     return name.strip().lstrip("#%").strip().strip("\"'").lstrip("#%").strip()
 
 
@@ -171,13 +171,13 @@ def _harmless(text: str) -> bool:
 
 
 def _words(text: str) -> list[str]:
-    """The words of a name, lower case: cut at signs, at camelCase and before digits that are not a power."""
+    """The words of a name in lower case, split at signs, at camelCase, and before digits that are not an exponent."""
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     return [word.casefold() for word in re.split(r"[^\w²°µμ]+|_", text) if word]
 
 
 def _axis(words: list[str]) -> str:
-    """The axis that words name, or ""."""
+    """The axis for the words of a name, or ""."""
     joined = "".join(words)
     if joined in _TIME:
         return "time"
@@ -193,7 +193,7 @@ def _axis(words: list[str]) -> str:
 
 
 def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
-    """Ways to split words into an axis letter and the words for the sensor."""
+    """All ways to split words into an axis letter and the words for the sensor."""
     splits = []
     if words[-1] in {"x", "y", "z"}:
         splits.append((words[-1], words[:-1]))
@@ -209,13 +209,13 @@ def _letters(words: list[str]) -> list[tuple[str, list[str]]]:
 
 
 def _quantity(words: list[str]) -> str:
-    """Which sensor words name, "gyro" or "accel", or ""."""
+    """The sensor for the words of a name, "gyro" or "accel", or ""."""
     joined = "".join(words)
     long = [word for word in words if len(word) > 1]
     if "angular" in joined and "acceleration" in joined:
         return ""
     for quantity, names in (("gyro", _GYRO), ("accel", _ACCEL)):
-        # A single letter (w, a) is a sensor only where the name begins with it: w_RS_S_x.
+        # A single letter (w, a) is a sensor only at the beginning of the name: w_RS_S_x.
         if joined in names or any(joined.endswith(n) for n in names if len(n) > 7):
             return quantity
         if any(word in names or word.rstrip("0123456789") in names for word in long):

@@ -15,7 +15,7 @@ from gmwm.readers.text import TextReader
 
 @register
 class CompressedReader(Reader):
-    """Any of the text formats inside .gz or .zst."""
+    """Text formats that are compressed as .gz or .zst."""
 
     name: ClassVar[str] = "compressed"
     extensions: ClassVar[tuple[str, ...]] = (".gz", ".zst", ".zstd")

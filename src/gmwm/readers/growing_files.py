@@ -1,4 +1,4 @@
-"""Text that is still being written: a file that grows, or standard input, as a stream."""
+"""Stream text that is still being written: a growing file, or standard input."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from gmwm.readers.streams import Stream, first_rows, streamed, understand
 from gmwm.readers.text import TextReader
 
 POLL = 0.2
-"""Seconds between two looks for more."""
+"""Seconds between two checks for new data."""
 BLOCK = 1 << 20
-"""Bytes that are taken at once."""
+"""Largest number of bytes in one read."""
 LINES = 256
-"""Lines by which units, rate and time stamps are understood, if they come soon enough."""
+"""Number of lines from which units, rate and time stamps are determined, if they arrive soon enough."""
 FEWEST = 24
-"""Lines by which they are understood after some seconds."""
+"""Number of lines that are sufficient after some seconds."""
 
 Take = Callable[[], bytes | None]
-"""The bytes that came since, none yet, or None: there will be no more."""
+"""Function that returns the bytes since its last call, possibly none, or None at the end of the data."""
 
 
 class GrowingFile:
-    """What is appended to a file, from its beginning on; `trouble` says why it ended, where it did."""
+    """The content of a growing file, from its beginning. `trouble` is the reason if it ended."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.trouble = path, ""
@@ -47,7 +47,7 @@ class GrowingFile:
         self._taken = 0
 
     def __call__(self) -> bytes | None:
-        """The bytes that came since; None after the file was cut or another one took its place."""
+        """The bytes since the last call; None after the file was truncated or replaced."""
         if self.trouble:
             return None
         here = os.fstat(self._file.fileno())
@@ -61,7 +61,7 @@ class GrowingFile:
         return None if self.trouble else b""
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
     def _replaced(self, here: os.stat_result) -> str:
@@ -75,7 +75,7 @@ class GrowingFile:
 
 
 class GrowingPipe:
-    """What comes out of a pipe, read by a thread of its own, so that there is time for other things."""
+    """The content of a pipe, read in a separate thread, so that the caller does not block."""
 
     trouble = ""
 
@@ -85,7 +85,7 @@ class GrowingPipe:
         threading.Thread(target=self._pump, args=(stream,), daemon=True).start()
 
     def __call__(self) -> bytes | None:
-        """The bytes that came since; None at the end."""
+        """The bytes since the last call; None at the end."""
         if self._ended:
             return None
         try:
@@ -96,10 +96,10 @@ class GrowingPipe:
         return data or None
 
     def close(self) -> None:
-        """Nothing to do: the pipe is its owner's."""
+        """Do nothing, because the caller owns the pipe."""
 
     def _pump(self, stream: BinaryIO) -> None:
-        # A buffer would be locked while it waits, and the interpreter could not end.
+        # Read without a buffer: a buffer stays locked while it waits, and the interpreter could not exit.
         read = getattr(stream, "raw", stream).read
         data = b"-"
         while data:
@@ -111,14 +111,14 @@ class GrowingPipe:
 
 
 class Lines:
-    """Whole lines of what grows; a line that is half written waits for its rest.
+    """Complete lines of growing text. An incomplete line is kept until the rest of it arrives.
 
     Parameters
     ----------
     take : callable
-        Gives the bytes that came since.
+        Returns the bytes since its last call.
     breathe : callable
-        Called while waiting and after every look; False ends the lines.
+        Called before each check for new data; if it returns False, the lines end.
     """
 
     def __init__(self, take: Take, breathe: Callable[[], bool]) -> None:
@@ -126,13 +126,13 @@ class Lines:
         self.ended = False
 
     def look(self) -> bytes:
-        """The whole lines that came since, maybe none."""
+        """The complete lines since the last call, possibly none."""
         goes_on = self._breathe()
         data = self._take() if goes_on else None
         if data is None:
             self.ended = True
             return b""
-        # Only what is new is searched: a line without an end may be long.
+        # Search only the new bytes, because an incomplete line may be long.
         cut = data.rfind(b"\n") + 1
         if not cut:
             self.rest += data
@@ -141,7 +141,7 @@ class Lines:
         return out
 
     def wait(self) -> bytes:
-        """The next whole lines; none at the end."""
+        """Wait for the next complete lines; empty at the end."""
         while not self.ended:
             if lines := self.look():
                 return lines
@@ -151,13 +151,13 @@ class Lines:
 
 
 class _Live(io.RawIOBase):
-    """A file whose reads give what there is, and wait where there is nothing; `begin` is there already."""
+    """A file object whose reads return the available bytes, first `begin`, and wait if there are none."""
 
     def __init__(self, begin: bytes, lines: Lines) -> None:
         self._ready, self._lines = begin, lines
 
     def read(self, size: int = -1) -> bytes:
-        """Some bytes, `size` at the most; none at the end."""
+        """Read at most `size` bytes; empty at the end."""
         if not self._ready:
             self._ready = self._lines.wait()
         size = len(self._ready) if size < 0 else size
@@ -165,62 +165,62 @@ class _Live(io.RawIOBase):
         return out
 
     def readline(self, size: int | None = -1) -> bytes:
-        """The next line: of a header, which is there."""
+        """The next line. Only lines of the header are read like this, which are available already."""
         end = self._ready.find(b"\n") + 1
         return self.read(end or len(self._ready))
 
 
 @dataclass(frozen=True)
 class _Head(FileSource):
-    """The bytes that came first."""
+    """The first bytes of a growing text."""
 
     bytes: bytes
 
     @property
     def seekable(self) -> bool:
-        """No end is known yet."""
+        """No: the end is not known yet."""
         return False
 
     def open(self) -> BinaryIO:
-        """They from the first on."""
+        """Open these bytes."""
         return io.BytesIO(self.bytes)
 
 
 @dataclass(frozen=True)
 class _Whole(FileSource):
-    """The bytes that came first and those that follow; to be read once."""
+    """The first bytes of a growing text and all that follow. They can be read only once."""
 
     begin: bytes
     lines: Lines
 
     @property
     def seekable(self) -> bool:
-        """No."""
+        """No: the end is not known yet."""
         return False
 
     def open(self) -> BinaryIO:
-        """All from the first on."""
+        """Open the text from its first byte on."""
         return cast("BinaryIO", _Live(self.begin, self.lines))
 
 
 def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None, *, patience: float = 5.0) -> Stream:
-    """A growing text as a stream, to be iterated over once; waits for the first lines.
+    """Make a stream from a growing text, after its first lines have arrived. It can be iterated over once.
 
     Parameters
     ----------
     lines : Lines
-        Its lines as they come.
+        The lines of the text.
     path : Path
-        What it is called in messages.
+        Name of the text in messages.
     options : ReadOptions, optional
-        Of these rate, columns, units, scale and increments.
+        Only rate, columns, units, scale and increments are used.
     patience : float
-        Seconds after which a few lines must do to understand it.
+        Seconds after which `FEWEST` lines are sufficient.
 
     Raises
     ------
     ReadError, UnitError, DataError, OptionError
-        As `read`.
+        As for `read`.
     """
     options = ReadOptions() if options is None else options
     head = _first_lines(lines, patience)
@@ -237,7 +237,7 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
 
 
 def _first_lines(lines: Lines, patience: float) -> bytes:
-    """The lines by which the rest is understood."""
+    """The first lines, from which columns, units and rate are determined."""
     parts: list[bytes] = []
     count, since = 0, time.monotonic()
     while count < LINES and not lines.ended:
@@ -253,7 +253,7 @@ def _first_lines(lines: Lines, patience: float) -> bytes:
 
 
 def _text_layout(path: Path, head: bytes) -> tuple[TextReader, Layout]:
-    """The reader of text whose signs the first lines show, and their columns."""
+    """The reader for the text dialect of the first lines, and their columns."""
     readers = [reader for reader in registered() if isinstance(reader, TextReader)]
     best = max(readers, key=lambda reader: reader.sniff(path, head))
     if best.sniff(path, head) <= 0:

@@ -1,8 +1,8 @@
-"""The numbers in a MATLAB file of versions 5 to 7, by the format's own description.
+"""Read numbers from a MATLAB file of versions 5 to 7.
 
-SciPy reads these files too, but a damaged one can end the whole process there. Here every length is checked
-against the bytes that are there. Matrices of numbers and structures are read; texts, cells, logical values,
-sparse and complex matrices, objects and functions are stepped over.
+SciPy reads these files too, but a damaged file can crash the process there. Here, each length is checked against the
+number of available bytes. Numeric matrices and structures are read. Texts, cells, logical values, sparse and complex
+matrices, objects and functions are skipped.
 
 Source: The MathWorks, MAT-File Format (Level 5).
 """
@@ -29,12 +29,12 @@ _LOGICAL_OR_COMPLEX = 0x0A
 _STORED = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 _DEPTH = 4
-_PIECE = 1 << 14  # packed bytes at a time: they unpack to 16 MB at most
+_PIECE = 1 << 14  # compressed bytes at a time: they decompress to at most 16 MB
 _MAX_FIELDS = 1000
 
 
 def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The matrices of numbers in a file, those in structures under "structure/field".
+    """The numeric matrices in a file; matrices in structures are named "structure/field".
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
     Raises
     ------
     ReadError
-        If it is cut off or damaged, or packs more than any recording holds.
+        If the file is cut off or damaged, or decompresses to more than any recording.
     """
     with path.open("rb") as file:
         head = file.read(_HEADER)
@@ -67,7 +67,7 @@ def variables(path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
 
 @dataclass(frozen=True)
 class _Element:
-    """A piece of a file: its kind, its bytes, and where the next one begins."""
+    """An element of a file: its kind, its bytes, and the position of the next element."""
 
     kind: int
     data: memoryview
@@ -75,7 +75,7 @@ class _Element:
 
 
 def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
-    """The element that begins at a place; short ones have their bytes in the tag."""
+    """The element at a position. Short elements have their bytes in the tag."""
     tag = data[at : at + 8]
     if len(tag) < 8:
         raise _cut(path)
@@ -88,12 +88,12 @@ def _element(data: memoryview, at: int, order: str, path: Path) -> _Element:
     begin, end = at + 8, at + 8 + size
     if end > len(data):
         raise _cut(path)
-    # All but packed elements end on a multiple of eight bytes.
+    # All elements except compressed ones end at a multiple of eight bytes.
     return _Element(kind, data[begin:end], end if kind == _COMPRESSED else end + -size % 8)
 
 
 def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) -> Iterator[tuple[str, NDArray[Any]]]:
-    """The numbers of a matrix, or those in the fields of a structure."""
+    """The numbers of a matrix, or the matrices in the fields of a structure."""
     if not len(data):
         return  # an empty field
     parts = []
@@ -127,7 +127,7 @@ def _matrix(data: memoryview, order: str, path: Path, where: str, depth: int) ->
 
 
 def _numbers(element: _Element, kind: str, shape: tuple[int, ...], order: str, path: Path, name: str) -> NDArray[Any]:
-    """A matrix; its numbers may be stored in a smaller type than its own."""
+    """A matrix. Its numbers may be stored in a smaller type than the type of the matrix."""
     values = _stored(element, order, path)
     if values.size != int(np.prod(shape, dtype=object)):
         raise ReadError(f"{path} is damaged: {name} has {values.size} numbers, expected {'×'.join(map(str, shape))}")
@@ -139,7 +139,7 @@ def _stored(element: _Element, order: str, path: Path) -> NDArray[Any]:
         raise ReadError(f"{path} is damaged: numbers of the unknown type {element.kind}")
     kind = np.dtype(f"{order}{_STORED[element.kind]}")
     if len(element.data) % kind.itemsize:
-        raise ReadError(f"{path} is damaged: {len(element.data)} bytes for numbers of {kind.itemsize}")
+        raise ReadError(f"{path} is damaged: {len(element.data)} bytes for numbers of {kind.itemsize} bytes each")
     return np.frombuffer(element.data, kind)
 
 
@@ -152,7 +152,7 @@ def _text(data: memoryview) -> str:
 
 
 def _unpack(data: memoryview, packed: int, unpacked: int, path: Path) -> bytes:
-    """A packed element, counted together with those before it."""
+    """Decompress an element, and check the total size of all elements so far."""
     unpacker = zlib.decompressobj()
     out = bytearray()
     try:

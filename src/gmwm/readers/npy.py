@@ -50,11 +50,11 @@ class NpyReader(Reader):
         return chunks_of(layout, wanted, path)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Any row."""
+        """Marks for blocks of rows, because reading can begin at any row."""
         return marks_of(layout)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Rows from one on."""
+        """The rows from a mark on."""
         return chunks_of(layout, wanted, path, mark.row)
 
 

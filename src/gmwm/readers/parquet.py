@@ -66,7 +66,7 @@ class ParquetReader(Reader):
         return (*(Mark(row) for row in range(0, rows, ROWS)), Mark(rows))
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """The chunks from a row on."""
+        """The chunks that start at a mark."""
         import polars as pl
 
         names = [layout.channels[k].name for k in wanted]

@@ -1,7 +1,7 @@
-"""Parts of a long recording that follow one another: each is read by itself, in another process or on another machine.
+"""Consecutive parts of a long recording that can be read independently, in other processes or on other machines.
 
-A part knows its file, its rows and what the first rows of the recording say. It looks at the time stamps of some rows
-on either side, so that gaps are those of one pass, one at a seam too.
+A part contains its file name, its rows, and the columns, units and rate of the recording. It also reads the time stamps
+of some rows before and after it, so that gaps are found as in a single pass, also between two parts.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from gmwm.readers.running_clock import KEPT
 from gmwm.readers.streams import Stream
 
 SHORTEST = 2 * KEPT
-"""Rows of a part, at least: gaps are settled by the rows around them."""
+"""Smallest number of rows of a part, because a gap is identified with the rows around it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Consecutive rows of a recording in a file: small, and to be sent to other processes.
+    """Description of consecutive rows of a recording in a file. It is small and can be sent to other processes.
 
     Iterate over it for its chunks, as over a Stream. Their segments are counted from 0 for the one that the part before
     ends with, so that a part with a gap right before it begins with segment 1.
@@ -39,21 +39,21 @@ class Part:
     path : Path
         The file.
     bytes : int
-        Its size, by which it is known again.
+        Size of the file, to detect that it has changed.
     format : str
-        The reader's name.
+        Name of the reader.
     topic : str or None
-        Which recording of the file, if it was asked for.
+        The recording in the file, if it was chosen.
     found : Interpretation
-        What the first rows of the recording say.
+        Columns, units and rate from the first rows of the recording.
     size : int
-        Samples in a chunk, at the most.
+        Largest number of samples in a chunk.
     back, begin, end : Mark
-        From where on time stamps are looked at, where its rows begin and where they end.
+        Where reading of time stamps begins, and where the rows of the part begin and end.
     last : bool
-        Whether the recording ends with it.
+        Whether this is the last part of the recording.
     whole : bool
-        Whether it is all of the recording.
+        Whether the part is the whole recording.
     """
 
     path: Path
@@ -70,12 +70,12 @@ class Part:
 
     @property
     def first(self) -> int:
-        """Number of its first row in the recording, from 0."""
+        """Number of the first row of the part in the recording, from 0."""
         return self.begin.row
 
     @property
     def stop(self) -> int | None:
-        """Number of the row behind its last one; None for a whole recording whose rows were not counted."""
+        """Number of the row after the last one; None for a whole recording whose rows were not counted."""
         return None if self.whole else self.end.row
 
     def __iter__(self) -> Iterator[Chunk]:
@@ -92,7 +92,7 @@ class PartReader:
     Raises
     ------
     ReadError, DataError
-        At what `read` refuses, when it is reached; and if the file is not there, or is not the same any more.
+        If `read` would refuse the rows, and if the file is missing or has changed.
     """
 
     summary: RowSummary
@@ -124,21 +124,21 @@ class PartReader:
         self.summary = builder.summary()
 
     def _before(self) -> NDArray[Any] | None:
-        """The stamps of the rows before the first, those that say of it whether it begins a segment."""
+        """The time stamps of the rows before the first row, which show whether there is a gap before it."""
         part = self._part
         if part.found.pace is None or part.first == 0:
             return None
         return self._stamps(part.back, part.first)[-part.found.pace.before :]
 
     def _behind(self) -> NDArray[Any] | None:
-        """The stamps of the rows behind the last."""
+        """The time stamps of the rows after the last row."""
         part = self._part
         if part.found.pace is None or part.last:
             return None
         return self._stamps(part.end, part.end.row + part.found.pace.behind)
 
     def _stamps(self, mark: Mark, stop: int) -> NDArray[Any]:
-        """The stamps from a mark up to a row."""
+        """The time stamps from a mark up to a row."""
         column, row, taken = self._part.found.choice.columns["time"], mark.row, []
         for chunk in self._reader.chunks_from(self._part.path, self._layout, [column], mark):
             taken.append(chunk[column][: stop - row])
@@ -196,7 +196,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
 
 
 def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
-    """The marks at which parts begin, but for the first."""
+    """The marks at which parts begin, without the first part."""
     rows = [mark.row for mark in marks]
     cuts, last = list[int](), 0
     for k in range(1, count) if rows else ():
@@ -209,23 +209,23 @@ def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
 
 
 def _back(marks: Sequence[Mark], begin: int, reach: int) -> Mark:
-    """The last mark that has so many rows before another one, or the first."""
+    """The last mark that is at least `reach` rows before the mark `begin`, or the first mark."""
     before = [mark for mark in marks[: begin + 1] if mark.row <= marks[begin].row - reach]
     return before[-1] if before else marks[0]
 
 
 def _opened(part: Part) -> tuple[Reader, Layout]:
-    """The reader and what it says of the file, which must be the one that was divided."""
+    """The reader and the layout of the file, after a check that the file has not changed."""
     try:
         path = existing_file(part.path)
     except ReadError as error:
-        raise ReadError(f"{error}: a part of a recording is read where the same path leads to its file") from None
+        raise ReadError(f"{error}: the file of this part of a recording does not exist on this machine") from None
     if path.stat().st_size != part.bytes:
         raise ReadError(
-            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided: is it another file "
-            "here, or was it written to meanwhile?"
+            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: it was "
+            "changed since then, or another file has this path on this machine"
         )
     reader = find_reader(path, part.format)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # all was told when the stream was made
+        warnings.simplefilter("ignore")  # the warnings were given when the stream was made
         return reader, one_layout(reader, path, part.topic)

@@ -71,7 +71,7 @@ class Origin:
     topic: str | None
 
     def chunks(self) -> Iterator[Rows]:
-        """All rows."""
+        """Iterate over all rows."""
         return self.reader.chunks(self.path, self.layout, self.wanted)
 
 

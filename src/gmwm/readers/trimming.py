@@ -18,14 +18,15 @@ Kept = Sequence[tuple[float, float]]
 def trimmed(
     chunks: Iterable[Chunk], kept: Kept, rate: float, base: Callable[[], TimeBase], ended: Callable[[TimeBase], None]
 ) -> Iterator[Chunk]:
-    """The samples of the chunks that lie in the kept ranges: those that `Imu.between` keeps.
+    """Yield the samples of chunks that lie in the kept time ranges, the same samples as `Imu.between`.
 
-    Behind the last range nothing more is read. `ended` is told the time base that there is then, from that of `base`.
+    Reading ends after the last range. Then `ended` is called with the time base of the kept samples, which is derived
+    from the time base that `base` returns.
 
     Raises
     ------
     DataError
-        At the end, if no segment of 8 samples or more was left, or what was to be skipped lies behind the end.
+        At the end, if no segment of at least 8 samples is left, or a range to skip is after the end of the recording.
     """
     clock, cursor, left = _Clock(rate), _Cursor(rate), math.nan
     for chunk in chunks:
@@ -42,7 +43,7 @@ def trimmed(
 
 
 class _Clock:
-    """Seconds from the first sample, over gaps too; where the clock was set back as if nothing had happened."""
+    """Time since the first sample, including gaps. If the clock was set back, the time continues without a step."""
 
     def __init__(self, rate: float) -> None:
         self._rate, self._segment = rate, -1
@@ -50,7 +51,7 @@ class _Clock:
         self._first, self._begin = 0, 0.0
 
     def update(self, chunk: Chunk) -> None:
-        """The chunk that follows."""
+        """Add the next chunk."""
         if self._segment < 0:
             self._origin = chunk.start
         if chunk.segment != self._segment:
@@ -61,7 +62,7 @@ class _Clock:
         self.end = self._begin + (chunk.first + len(chunk) - self._first) / self._rate
 
     def time(self, chunk: Chunk, k: int) -> float:
-        """When its sample k was taken."""
+        """Time (s) of sample k of the current chunk."""
         return self._begin + (chunk.first + k - self._first) / self._rate
 
     def inside(self, chunk: Chunk, kept: Kept) -> Iterator[tuple[int, int]]:
@@ -77,16 +78,16 @@ class _Clock:
 
 
 class _Cursor:
-    """Numbers of what is kept."""
+    """Numbers the kept samples and segments."""
 
     def __init__(self, rate: float) -> None:
         self.starts: list[float] = []
         self.sizes: list[int] = []
         self._rate, self._count = rate, 0
-        self._next = (-1, -1)  # segment and number in the recording of what would follow without a gap
+        self._next = (-1, -1)  # segment and number of the sample that would follow without a gap
 
     def numbered(self, chunk: Chunk, a: int, b: int) -> Chunk:
-        """A part of a chunk as a chunk of what is kept."""
+        """The samples a to b of a chunk as a chunk of the kept recording."""
         start = chunk.start + a / self._rate
         if self._next != (chunk.segment, chunk.first + a):
             self.starts.append(start)

@@ -27,7 +27,7 @@ _COMBINED = {f"gyro_rad[{k}]": f"gyro_{axis}" for k, axis in enumerate(_AXES)} |
 _MESSAGES = {"sensor_combined": _COMBINED, "sensor_gyro": _GYRO, "sensor_accel": _ACCEL}
 _STAMPS = ("timestamp_sample", "timestamp")  # µs; the time of the sample is preferred to that of its publication
 _UNITS = {"gyro": "rad/s", "accel": "m/s²", "temperature": "°C"}
-_MOST_FIELDS = 2000  # of a message: sensors have some ten, and nested types could fill any memory
+_MOST_FIELDS = 2000  # of a message: sensors have some ten; deeply nested types could exhaust the memory
 
 
 class _Watched(io.BufferedReader):
@@ -37,7 +37,7 @@ class _Watched(io.BufferedReader):
 
     def read(self, size: int | None = -1, /) -> bytes:
         data = super().read(size)
-        # The file ends properly if there is nothing where the three bytes of the next size and type would be.
+        # The file is complete if it ends exactly before the three bytes of the size and type of the next message.
         self.cut |= len(data) < (size or 0) and not (size == 3 and not data)
         return data
 

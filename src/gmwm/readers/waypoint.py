@@ -53,15 +53,15 @@ class RecordReader(Reader):
         return (_layout(path, self.kind, self.kind.name),)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Counts and times as they stand in the file."""
+        """The counts and times in the file, unchanged."""
         return record_chunks(path, self.kind.dtype, 0, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Any record."""
+        """Marks for blocks of records, because reading can begin at any record."""
         return record_marks(path, self.kind.dtype)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Records from one on."""
+        """The records from a mark on."""
         return record_chunks(path, self.kind.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
@@ -106,16 +106,16 @@ class ImuReader(Reader):
         )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
-        """Counts and times as they stand in the file."""
+        """The counts and times in the file, unchanged."""
         kind: RecordType = layout.state
         return record_chunks(path, kind.dtype, 0, wanted)
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
-        """Any record."""
+        """Marks for blocks of records, because reading can begin at any record."""
         return record_marks(path, layout.state.dtype)
 
     def chunks_from(self, path: Path, layout: Layout, wanted: Sequence[int], mark: Mark) -> Iterator[Rows]:
-        """Records from one on."""
+        """The records from a mark on."""
         return record_chunks(path, layout.state.dtype, offset=0, wanted=wanted, first=mark.row)
 
 
@@ -174,14 +174,14 @@ def require_times(
     path, dtype, offset
         The file, the type of a record, and the size of the header (bytes).
     advice : str
-        Template of what to do, with the fact `formats`.
+        Template of the advice, with the fact `formats`.
     formats : tuple of str
         Values of the `format` option that fit better.
 
     Raises
     ------
     ReadError
-        If they have not, so that the records are of another type.
+        If they do not, because the records are of another type.
     """
     with path.open("rb") as file:
         file.seek(offset)

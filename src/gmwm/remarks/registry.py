@@ -26,7 +26,7 @@ SECTIONS: Mapping[str, str] = {
     "plan": "A planned recording",
     "files": "Files for other programs",
 }
-"""Where a remark belongs, in the order of the documentation."""
+"""Sections of the documentation of remarks, in their order."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ Text = str | Choice
 
 @dataclass(frozen=True)
 class Message:
-    """What the registry says about one code.
+    """The entry of a code in the registry.
 
     Attributes
     ----------
@@ -62,12 +62,12 @@ class Message:
         One of `SECTIONS`.
     severity : Severity
     sentence, advice : str or Choice
-        Templates of what happened, and of what to do. `{subjects}` stands for what the remark is about; a sentence
-        without it is headed by the subjects.
+        Templates of what happened, and of what to do. `{subjects}` is replaced by the subjects of the remark. If a
+        sentence does not contain it, the subjects are written before the sentence.
     detail : str
-        Template of what is said of each subject by itself, in parentheses behind its name.
+        Template of the text in parentheses after the name of each subject.
     meaning : str
-        What it means for each number, for the documentation, in Markdown.
+        What the remark means for the results, in Markdown, for the documentation.
     example : mapping of name to fact
         Facts and subject with which the documentation shows the message.
     """
@@ -90,14 +90,14 @@ class Message:
         return self.advice.of(facts) if isinstance(self.advice, Choice) else self.advice
 
     def needs(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Names of the facts that the message needs, those given included."""
+        """Names of all facts that the message needs."""
         named = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
         if named - facts.keys():
             return named
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
     def shared(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Names of the facts that are said of all subjects together."""
+        """Names of the facts in the sentence and the advice, which must be the same for all merged subjects."""
         return set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
 
 
@@ -113,7 +113,7 @@ def _fields(*templates: str) -> Iterator[str]:
 
 
 def message(code: str) -> Message:
-    """What the registry says about a code.
+    """The entry of a code in the registry.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A remark: something that a user should know about a result, as data."""
+"""Remarks: information about a result that a user needs, as data."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from gmwm.remarks.severity import Severity
 
 @dataclass(frozen=True)
 class Remark:
-    """Something to know before using a result.
+    """Information that a user needs before using a result, as data.
 
     Attributes
     ----------
     code : str
-        One of the registry, `gmwm.remarks.messages()`.
+        A code from the registry, `gmwm.remarks.messages()`.
     subject : str
-        The axis, term, scale or file that it is about; "" for the whole.
+        The axis, term, scale or file that the remark is about; "" for the whole result.
     facts : mapping of name to fact
-        The numbers, with their units, and names that the sentence needs.
+        The values, with their units, and the names in the sentence.
     severity : Severity
     advice : str
-        Template of what to do.
+        Template of the advice: what to do.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class Remark:
 
     @property
     def message(self) -> Message:
-        """What the registry says about its code."""
+        """The entry of the code in the registry."""
         return message(self.code)
 
     def about(self, subject: str) -> Remark:
@@ -64,13 +64,13 @@ class Remark:
         return replace(self, subject=subject)
 
     def text(self, dialect: Dialect = Dialect.PYTHON) -> str:
-        """The sentence and what to do, for one kind of reader."""
+        """The sentence and the advice, for Python, the shell or HTML."""
         from gmwm.remarks.rendering import one_text
 
         return one_text(self, dialect)
 
     def to_dict(self) -> dict[str, Any]:
-        """The remark as plain values, ready for JSON; `text` is what the shell prints."""
+        """The remark as plain values, ready for JSON; `text` is the text in the shell."""
         return {
             "code": self.code,
             "severity": self.severity.label,
@@ -81,7 +81,7 @@ class Remark:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Remark:
-        """The remark whose `to_dict` gave `values`.
+        """Restore a remark from the result of its `to_dict`.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class Remark:
 
 
 def sorted_remarks(remarks: Iterable[Remark]) -> list[Remark]:
-    """Each remark once, the gravest first. Within a severity they keep their order, with how the file was read last."""
+    """Sort remarks by severity, and remove repeated ones. Remarks about reading the file are last in each severity."""
     return sorted(dict.fromkeys(remarks), key=lambda remark: (remark.severity, remark.message.section == "reading"))
 
 

@@ -1,4 +1,4 @@
-"""Remarks as text: the only place where their sentences are made."""
+"""Render remarks as text. Only this module makes their sentences."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gmwm.remarks.remark import Remark, sorted_remarks
 from gmwm.remarks.severity import Severity
 
 MOST = 5
-"""How many remarks a terminal shows: more are not read (CONTRIBUTING.md, "Few words")."""
+"""Number of remarks that a terminal shows; users do not read more (CONTRIBUTING.md, "Few words")."""
 
 
 def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
@@ -19,9 +19,10 @@ def one_text(remark: Remark, dialect: Dialect = Dialect.PYTHON) -> str:
 
 
 def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
-    """Remarks in groups that are said together: the same code about several subjects. The gravest group comes first.
+    """Group remarks with the same code about several subjects; the most severe group comes first.
 
-    Remarks of one code stay apart where they differ in a fact that the sentence says of all subjects together.
+    Remarks with the same code are in different groups if they differ in a fact that the sentence states for all
+    subjects.
     """
     groups: dict[tuple[object, ...], list[Remark]] = {}
     for remark in sorted_remarks(remarks):
@@ -32,14 +33,14 @@ def merged(remarks: Iterable[Remark]) -> list[list[Remark]]:
 
 
 def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False) -> list[str]:
-    """All remarks as text, the same ones about several subjects merged, the gravest first.
+    """All remarks as text, the most severe first. Remarks with the same code about several subjects are merged.
 
     Parameters
     ----------
     remarks : iterable of Remark
     dialect : Dialect
     codes : bool
-        Put each code, for which the documentation can be searched, behind its text.
+        Append the code to each text, so that users can search for it in the documentation.
     """
     return [text for _, text in with_groups(remarks, dialect, codes=codes)]
 
@@ -47,7 +48,7 @@ def texts(remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes
 def with_groups(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.PYTHON, *, codes: bool = False
 ) -> list[tuple[list[Remark], str]]:
-    """The same texts, each with the remarks that it says."""
+    """The same texts, each with the remarks that it contains."""
     return [
         (group, _group_text(group, dialect) + (_code(group[0].code, dialect) if codes else ""))
         for group in merged(remarks)
@@ -57,18 +58,18 @@ def with_groups(
 def brief(
     remarks: Iterable[Remark], dialect: Dialect = Dialect.SHELL, *, rest: str = "", codes: bool = True, most: int = MOST
 ) -> list[str]:
-    """The gravest remarks, and a line that counts the others.
+    """The most severe remarks as text, and a line with the number of the others.
 
     Parameters
     ----------
     remarks : iterable of Remark
     dialect : Dialect
     rest : str
-        Where the others can be read.
+        Where to find the other remarks.
     codes : bool
         As for `texts`.
     most : int
-        How many texts at most.
+        Largest number of texts.
     """
     every = texts(remarks, dialect, codes=codes)
     if len(every) <= most + 1:
@@ -88,7 +89,7 @@ def _code(code: str, dialect: Dialect) -> str:
 
 
 def _group_text(group: Sequence[Remark], dialect: Dialect) -> str:
-    """Remarks of one code as one text."""
+    """Render remarks with the same code as one text."""
     first, message = group[0], group[0].message
     facts = dict(first.facts)
     details = [

@@ -1,4 +1,4 @@
-"""How grave a remark is."""
+"""Severity of a remark."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from enum import IntEnum
 
 
 class Severity(IntEnum):
-    """What a remark means for the numbers that it is about, from the gravest on."""
+    """What a remark means for the values that it concerns, the most severe first."""
 
     UNUSABLE = 0
-    """The numbers cannot be used."""
+    """The values cannot be used."""
     WRONG = 1
-    """The numbers may be wrong by a factor."""
+    """The values may be wrong by a large factor."""
     BIASED = 2
-    """The numbers may lie outside their confidence intervals."""
+    """The true values may lie outside the confidence intervals more often than stated."""
     UNCERTAIN = 3
-    """The numbers lie within their intervals as often as stated, but the intervals are wide or some are missing."""
+    """The confidence intervals are right, but they are wide, or some values are missing."""
     INFO = 4
-    """The numbers are not affected. The remark says how they were found."""
+    """The values are not affected. The remark states how they were obtained."""
 
     @property
     def label(self) -> str:
-        """The name in lower case, as JSON documents have it."""
+        """The name in lower case, as in JSON documents."""
         return self.name.lower()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
 
 VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
-"""What the field reads first stands first."""
+"""Views of a curve; the first one, which users of inertial sensors know best, is shown initially."""
 SYSTEMS: tuple[UnitSystem, ...] = ("datasheet", "si")
 
 Variants = dict[str, dict[str, Any]]
@@ -29,7 +29,7 @@ Variants = dict[str, dict[str, Any]]
 
 
 def sensor_pictures(calibration: Calibration) -> dict[str, Variants]:
-    """One figure for each sensor, with data and models of its axes; axes with other units get a figure of their own."""
+    """One figure for each sensor, with data and models of its axes. Axes with another unit have a separate figure."""
     pictures = {}
     for sensor, axes in by_sensor(calibration.axes).items():
         units = dict.fromkeys(found.fit.wavelet_variance.unit for found in axes.values())

@@ -16,7 +16,7 @@ from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import Settled, nearly_settled
 from gmwm.estimation.solver import Solution, solve
 from gmwm.processes.model import Model
-from gmwm.selection.structure import largest_within, nested, of_lower_order, structure_of, without_values
+from gmwm.selection.structure import freedom, of_lower_order, structure_of, without_values
 from gmwm.variance.result import WaveletVariance
 
 NOT_LOWER = 1e-9
@@ -65,7 +65,7 @@ def explore(
     If the optimum of a sum has terms that are zero, it is also the optimum of every sum in between, which saves most of
     the work. A sum never has a larger objective than one of its parts; `mend` ensures this.
     """
-    largest = largest_within(nested(general), len(wv))
+    largest = general if freedom(general) <= len(wv) else max(candidates, key=freedom)
     settled, wavelet = nearly_settled(largest, wv, weighting)
     matrix = settled.problem.matrix
     search = _Exploration(wv, matrix, weighting)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import product
 
@@ -132,15 +132,3 @@ def _cases(name: str, limits: bool) -> frozenset[str]:
     ends = (end for branch in kind.search(1024, 1.0) for end in (branch.low_acts_as, branch.high_acts_as))
     names = frozenset(smaller.name for smaller in kind.smaller())
     return names | frozenset(end for end in ends if end is not None) if limits else names
-
-
-def largest_within(models: Sequence[Model], levels: int) -> Model:
-    """The largest of the models, given largest first, with at most as many parameters as levels."""
-    for model in models:
-        if freedom(model) <= levels:
-            return model
-    raise ModelError(
-        f"the smallest candidate, {models[-1].structure}, has {freedom(models[-1])} parameters, but the wavelet "
-        f"variance has only {levels} levels",
-        advice="Record longer.",
-    )

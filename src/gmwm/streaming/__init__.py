@@ -1,4 +1,4 @@
-"""Curves of recordings that come in chunks: over gaps, all axes at once."""
+"""Wavelet variances of all axes of a recording that is read in chunks and may have gaps."""
 
 from gmwm.streaming.passes import measured_pairs, stream_variance
 

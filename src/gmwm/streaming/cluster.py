@@ -1,4 +1,4 @@
-"""The wavelet variance of one long recording, its parts measured by the workers of a Dask cluster and put together."""
+"""The wavelet variance of one long recording, computed in parts by the workers of a Dask cluster and merged."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ if TYPE_CHECKING:
     from distributed import Client
 
 A_THREAD = 4
-"""Parts for each thread of the cluster, by default: where one is slow others are not kept waiting for long."""
+"""Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
+much."""
 PART_BYTES = 4 << 30
-"""Bytes of the file in a part, at the most, by default: so much is read again if a worker is lost."""
+"""Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 AHEAD = 2
-"""Parts for each thread that are asked for at once."""
+"""Number of parts for each thread that are submitted at once."""
 
 G = TypeVar("G", WaveletAccumulator, SecondPass)
 
@@ -57,28 +58,30 @@ def spread_variance(
     done: Callable[[int], None] | None = None,
     retries: int = 2,
 ) -> dict[str, WaveletVariance]:
-    """The wavelet variance of each axis of one long recording, over processes or machines: that of one pass.
+    """Compute the wavelet variance of each axis of one long recording in several processes or machines.
 
-    Each worker reads parts of the file by itself; what it sends back does not grow with their length. If a worker is
-    lost, others read its part again.
+    The result is the same as in one process.
+
+    Each worker reads its parts of the file directly. The size of its result does not grow with their length. If a
+    worker is lost, others read its part again.
 
     Parameters
     ----------
     stream : Stream
-        Of `gmwm.stream`. The workers must find its file under the same path.
+        The result of `gmwm.stream`. The workers must be able to read its file under the same path.
     scheduler : str, distributed.Client or None
-        Address of a Dask scheduler, or a client of one; None to begin worker processes on this machine.
+        Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
     workers : int, optional
-        How many processes to begin where there is no scheduler.
+        Number of processes to start if no scheduler is given.
     parts : int, optional
-        Into how many parts to divide the recording; four for each thread of the workers by default.
+        Number of parts of the recording; by default four for each thread of the workers.
     levels, exact, robust, efficiency, passes, confidence
-        As of `Stream.wavelet_variance`.
+        As for `Stream.wavelet_variance`.
     done : callable, optional
-        Called with the number of samples so far as parts come in, in the calling thread; in a second pass the count
-        goes on, to twice the number of samples.
+        Function that is called in the calling thread with the number of samples so far, after each part. In a second
+        pass the count continues, up to twice the number of samples.
     retries : int
-        How often a part is tried again after an error that is not about what the file holds.
+        Number of retries of a part after an error that is not caused by the content of the file.
 
     Returns
     -------
@@ -87,13 +90,13 @@ def spread_variance(
     Raises
     ------
     ReadError, DataError
-        At what `read` refuses: the first in the file.
+        If `read` would refuse the file; the error describes the first problem in the file.
     OptionError
-        If an option is not one of those it may be, or the scheduler does not answer.
+        If an option has an invalid value, or the scheduler does not answer.
     MissingDependencyError
         If Dask is not installed.
     GmwmError
-        If workers die at a part again and again, or the scheduler is lost.
+        If workers die repeatedly on the same part, or the connection to the scheduler is lost.
 
     Examples
     --------
@@ -132,7 +135,7 @@ def spread_pairs(
     done: Callable[[int], None] | None = None,
     retries: int = 2,
 ) -> dict[str, tuple[WaveletVariance, WaveletVariance]]:
-    """The classical and the robust wavelet variance of each axis of one long recording, over processes or machines.
+    """Compute classical and robust wavelet variances of one long recording in several processes or machines.
 
     Parameters and errors are those of `spread_variance`.
     """
@@ -163,13 +166,13 @@ def _tell(stream: Stream, summary: RowSummary) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Measured(Generic[G]):
-    """What a worker knows of a part: each axis, and what is to be told at the end."""
+    """The result of a worker for a part: an accumulator for each axis, and a summary of the rows."""
 
     axes: Mapping[str, G]
     summary: RowSummary
 
     def followed_by(self, later: _Measured[G]) -> _Measured[G]:
-        """Of two parts; a gap between them is one."""
+        """Merge the results of this part and the next one, with a gap between them if the recording has one there."""
         axes: dict[str, G] = {}
         for axis, one in self.axes.items():
             if later.summary.parted:
@@ -180,25 +183,28 @@ class _Measured(Generic[G]):
 
 @dataclass(frozen=True, eq=False)
 class _Begin(Generic[G]):
-    """What makes, of the number of a first sample, that which takes each axis: one thing to Dask, not a dict."""
+    """For each axis, a function that creates the accumulator of a part from the number of its first sample.
+
+    It is a class and not a dict, because Dask would treat each entry of a dict separately.
+    """
 
     axes: Mapping[str, Callable[[int], G]]
 
 
 def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
-    """An empty one like another, for a part that begins with sample `start`."""
+    """An empty accumulator with the options of another one, for a part that begins with sample `start`."""
     return WaveletAccumulator(
         one.rate, levels=one.levels, exact=one.exact, start=start, unit=one.unit, axis=one.axis, robust=one.robust
     )
 
 
 def _unpacked(packed: bytes) -> Any:
-    """What was packed in this module."""
+    """Restore an object that `_held` compressed."""
     return pickle.loads(zlib.decompress(packed))
 
 
 def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
-    """The work of a worker. What is wrong in the file comes back as it is: it would be no better a second time."""
+    """Measure a part in a worker. An error in the file is returned and not raised, because Dask would try again."""
     reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
@@ -209,7 +215,7 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
 
 
 class _Crew:
-    """The workers of a cluster and the parts of a recording that they are given, at most some for each at once."""
+    """Distributes the parts of a recording over the workers of a cluster, at most a few for each worker at once."""
 
     summary: RowSummary
 
@@ -224,7 +230,10 @@ class _Crew:
         self._parts: tuple[Part, ...] = stream.parts(parts)
 
     def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
-        """All parts, in order, by what makes that which takes an axis; the first error in the file is raised."""
+        """Measure all parts and merge them in order; raise the first error in the file.
+
+        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample.
+        """
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}
         found: dict[int, _Measured[G] | GmwmError] = {}
@@ -251,11 +260,14 @@ class _Crew:
         return joined.axes
 
     def _threads(self) -> int:
-        """Threads of all workers now; there may be more later."""
+        """Current number of threads of all workers. More workers may connect later."""
         return max(1, int(sum(self._client.nthreads().values())))
 
     def _held(self, begin: _Begin[G]) -> Any:
-        """What parts are begun with, sent once: a task of its own, done again where a worker that has it is lost."""
+        """Send the functions that create accumulators to the cluster once, for all parts.
+
+        They are the result of a separate task, which Dask repeats if the worker that holds it is lost.
+        """
         packed = zlib.compress(pickle.dumps(begin), 1)
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
             return self._client.submit(_unpacked, packed, pure=False, retries=self._retries)
@@ -266,7 +278,7 @@ class _Crew:
         return future
 
     def _answer(self, k: int, future: Any) -> Any:
-        """What a worker found, or an error that says why there is nothing."""
+        """The result of a worker. An error is raised if the workers died or the scheduler is lost."""
         lost = (asyncio.CancelledError, concurrent.futures.CancelledError, self._distributed.comm.CommClosedError)
         try:
             answer = future.result()
@@ -287,7 +299,7 @@ class _Crew:
 
 
 def _next(arrived: queue.SimpleQueue[int]) -> int:
-    """The part that is done next, looking up for Ctrl-C."""
+    """Wait for the next finished part; Ctrl-C interrupts the wait."""
     while True:
         with suppress(queue.Empty):
             return arrived.get(timeout=INTERRUPT_CHECK)

@@ -1,4 +1,4 @@
-"""Wavelet variances of a recording in one or two passes: the axes in threads, while the next chunk is read."""
+"""Wavelet variances of a stream in one or two passes: threads process the axes while the next chunk is read."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 
 
 class Source(Protocol):
-    """A Stream, or what is iterated over as one."""
+    """A Stream, or another object with the same attributes that yields chunks."""
 
     @property
     def source(self) -> str:
-        """Where it comes from."""
+        """Name of the file or other source, for messages."""
         ...
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the axes that are measured; chunks may have more."""
+        """Names of the axes to measure; chunks can have further axes."""
         ...
 
     @property
@@ -130,13 +130,16 @@ def _pass(
     done: Callable[[int], None] | None,
     again: int | None = None,
 ) -> int:
-    """All chunks into all axes, or again so many samples; how many there were."""
+    """Add all chunks to the accumulators of all axes; return the number of samples.
+
+    In a second pass, `again` is the number of samples of the first pass, and the pass ends there.
+    """
     pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
     running: list[Future[None]] = []
     samples = segment = 0
     try:
         for chunk in stream:
-            # While it was read the one before was worked on.
+            # The threads processed the previous chunk while this one was read.
             _await(running)
             if done is not None and samples:
                 done(samples + (again or 0))
@@ -145,7 +148,7 @@ def _pass(
             running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
             samples, segment = kept.first + len(kept), kept.segment
             if again is not None and samples >= again:
-                break  # what has come since belongs to no pass; of what is odd in the file the first one told
+                break  # samples appended after the first pass are ignored
         _await(running)
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -155,14 +158,14 @@ def _pass(
 
 
 def _until(chunk: Chunk, end: int) -> Chunk:
-    """What of a chunk lies before sample `end`."""
+    """The samples of a chunk before sample number `end`."""
     if chunk.first + len(chunk) <= end:
         return chunk
     return replace(chunk, values={axis: v[: end - chunk.first] for axis, v in chunk.values.items()})
 
 
 def whole(source: Source) -> Stream:
-    """What can be divided: a stream itself."""
+    """Require a `Stream`, which can be divided into parts."""
     if not isinstance(source, Stream):
         raise OptionError(argument="source", expected="a stream from gmwm.stream", got=source)
     return source
@@ -171,7 +174,7 @@ def whole(source: Source) -> Stream:
 def accumulators(
     axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int = EXACT, robust: bool = False
 ) -> dict[str, WaveletAccumulator]:
-    """An accumulator for each axis, in its SI unit."""
+    """Create an accumulator for each axis, in its SI unit."""
     return {
         axis: WaveletAccumulator(
             rate, levels=levels, exact=exact, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
@@ -181,7 +184,7 @@ def accumulators(
 
 
 def feed(chunks: Iterable[Chunk], measured: Mapping[str, SegmentedAccumulator]) -> None:
-    """Give chunks as they come to the accumulators of some axes, one after the other."""
+    """Add chunks to the accumulators of some axes, without threads."""
     segment = 0
     for chunk in chunks:
         for axis, one in measured.items():
@@ -196,7 +199,7 @@ def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:
 
 
 def _await(running: Sequence[Future[None]]) -> None:
-    """Wait until all are done, looking up for Ctrl-C; an error of theirs is raised here."""
+    """Wait until all are done, and raise their errors; Ctrl-C interrupts the wait."""
     pending: set[Future[None]] = set(running)
     while pending:
         _, pending = wait(pending, timeout=INTERRUPT_CHECK)

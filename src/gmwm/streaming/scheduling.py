@@ -116,7 +116,7 @@ def _processes(distributed: Any, workers: int, folder: str) -> Any:
             n_workers=workers,
             threads_per_worker=1,
             processes=True,
-            dashboard_address="127.0.0.1:0",  # any port: the usual one may be that of another cluster
+            dashboard_address="127.0.0.1:0",  # any port, because another cluster may use the default one
             silence_logs=logging.CRITICAL,
             local_directory=folder,
             env={"POLARS_MAX_THREADS": "1"},

@@ -90,12 +90,12 @@ class WaveletAccumulator(SegmentedAccumulator):
         self._thinned = ThinnedValues()
 
     def merge(self, following: WaveletAccumulator) -> WaveletAccumulator:
-        """A new accumulator of this part and of `following`, the one that follows it at once.
+        """Merge this part with the part that directly follows it, into a new accumulator.
 
         Raises
         ------
         OptionError
-            If the other does not begin where this one ends, or was not made alike.
+            If `following` does not begin where this part ends, or was made with other options.
         """
         self._require_following(following, "rate", "exact", "levels", "unit", "robust")
         joint = self._copy()
@@ -107,15 +107,15 @@ class WaveletAccumulator(SegmentedAccumulator):
     def result(
         self, confidence: float = 0.95, *, robust: bool = False, efficiency: float = EFFICIENCY
     ) -> WaveletVariance:
-        """The wavelet variance so far, the classical or the robust one; more samples may follow.
+        """Compute the classical or robust wavelet variance of the samples so far; more samples may follow.
 
-        A robust one is that of the counts, and knows no slope, so that a drift that is fitted to it has no sign: see
-        `second_pass` for both.
+        A robust result is computed from histograms of the coefficients. It does not contain the slope of the recording,
+        so a fitted drift has no sign. `second_pass` gives the exact robust result with the slope.
 
         Parameters
         ----------
         confidence : float
-            Level of the limits.
+            Confidence level of the limits.
         robust, efficiency : bool, float
             As for `wavelet_variance`.
 
@@ -124,7 +124,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         DataError
             If there are fewer than 8 samples without a gap.
         OptionError
-            If an option is not one of those it may be, or robust results were not planned for.
+            If an option has an invalid value, or the accumulator was made without `robust=True`.
         """
         require_robust(robust, efficiency)
         if not robust:
@@ -132,24 +132,24 @@ class WaveletAccumulator(SegmentedAccumulator):
         return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
 
     def second_pass(self, efficiency: float = EFFICIENCY, *, start: int | None = None) -> SecondPass:
-        """What takes the same samples again, and then knows the robust variance of all coefficients exactly.
+        """Create a second pass over the same samples, which computes the exact robust wavelet variance.
 
-        Of this one, which has seen the whole record, nothing changes.
+        This accumulator must contain the whole recording. It does not change.
 
         Parameters
         ----------
         efficiency : float
             As for `wavelet_variance`.
         start : int, optional
-            Number of the first sample of a part, where several take the second pass and merge; that of the record
-            by default.
+            Number of the first sample, if the second pass is for a part and will be merged; by default the first
+            sample of the recording.
 
         Raises
         ------
         DataError
             If there are fewer than 8 samples without a gap.
         OptionError
-            If an option is not one of those it may be, or robust results were not planned for.
+            If an option has an invalid value, or the accumulator was made without `robust=True`.
 
         Examples
         --------
@@ -175,14 +175,14 @@ class WaveletAccumulator(SegmentedAccumulator):
         )
 
     def _sketched(self) -> SketchCoefficients:
-        """The coefficients so far, as far as their sketches know them.
+        """The sketches of the coefficients so far.
 
         Raises
         ------
         DataError
             If there are fewer than 8 samples without a gap.
         OptionError
-            If robust results were not planned for.
+            If the accumulator was made without `robust=True`.
         """
         if not self.robust:
             raise OptionError(
@@ -202,7 +202,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         efficiency: float | None = None,
         slope: float | None = None,
     ) -> WaveletVariance:
-        """The wavelet variance so far, or that of robust variances that were found of its coefficients."""
+        """Make the result of the samples so far: classical, or with the given robust variances."""
         self._fold()
         variance, counts = self._measured()
         lengths = self.lengths
@@ -232,7 +232,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     # --- state ----------------------------------------------------------------------------------------
 
     def to_dict(self) -> dict[str, Any]:
-        """The whole state as plain numbers, texts and arrays: what pickle, NumPy's savez and JSON of lists can hold."""
+        """The whole state as numbers, texts and arrays, which pickle, `numpy.savez`, or JSON with lists can store."""
         self._fold()
         kept: Any = self._statistics if self.robust else Sketches()
         return {
@@ -247,12 +247,12 @@ class WaveletAccumulator(SegmentedAccumulator):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletAccumulator:
-        """The accumulator whose `to_dict` gave `values`.
+        """Restore an accumulator from the result of its `to_dict`.
 
         Raises
         ------
         ReadError
-            If they are not those of an accumulator.
+            If `values` is not the state of an accumulator.
         """
         try:
             made = cls(
@@ -288,7 +288,7 @@ class WaveletAccumulator(SegmentedAccumulator):
     # --- inside ---------------------------------------------------------------------------------------
 
     def _copy(self) -> WaveletAccumulator:
-        """Another of the same state; what a segment holds is never changed, so both may have it."""
+        """A copy of the accumulator. Both share the data of closed segments, which never change."""
         self._fold()
         made = WaveletAccumulator(
             self.rate,
@@ -304,7 +304,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         return made
 
     def _grow(self, x: Vector) -> None:
-        """Take samples into the segment that goes on."""
+        """Add samples to the open segment."""
         if self.robust:
             self._thinned = self._thinned.joined(ThinnedValues.of(x, self.stop))
         super()._grow(x)
@@ -322,14 +322,14 @@ class WaveletAccumulator(SegmentedAccumulator):
         return squares[:reach] / counts[:reach], counts[:reach].copy()
 
     def _slope(self) -> float:
-        """Mean rise in a sample, of several segments by the squares of their lengths."""
+        """Mean rise per sample; several segments are weighted by the squares of their lengths."""
         parts = self._open()
         weights = sum(float(n) ** 2 for n in (*self._lengths, *(part.count for part in parts)))
         return (self._rises + sum(float(part.count) ** 2 * part.rise for part in parts)) / weights
 
 
 def _strides(exact: int, levels: int) -> tuple[int, ...]:
-    """At every how many samples each level has a coefficient; () where all levels have all."""
+    """Distance (samples) between the coefficients of each level; () if all levels use every coefficient."""
     if levels <= exact:
         return ()
     return (*(1 for _ in range(exact)), *((1 << level) // 64 for level in range(exact + 1, levels + 1)))

@@ -90,7 +90,7 @@ def allan_variance(
     """
     as_confidence(confidence)
     one_of(kind, "kind", ("overlapping", "nonoverlapping", "modified"))
-    # All octaves are computed in the pass that sums the phase, with the same numbers.
+    # All octaves are computed in the pass that sums the phase. The results are identical.
     at_octaves = kind == "overlapping" and isinstance(clusters, str) and clusters == "octave"
     phase = phase_of(x, rate, data, octaves=at_octaves)
     p = phase.values
@@ -134,13 +134,13 @@ def allan_variance(
 
 
 def difference_counts(points: int, clusters: NDArray[np.int64], order: int, overlapping: bool) -> NDArray[np.int64]:
-    """Number of differences of an order that fit into a phase of so many points, at every place or at every n-th."""
+    """Number of differences of an order in a phase of `points` values, at each position or at each n-th position."""
     places = points - order * clusters
     return places if overlapping else (places - 1) // clusters + 1
 
 
 def modified_ratio(phase: Vector, n: int) -> float:
-    """Modified over plain overlapping Allan variance at one cluster size; 1 where the first does not exist."""
+    """Ratio of the modified to the overlapping Allan variance at one cluster size; 1 if the former is not defined."""
     if 3 * n > phase.size:
         return 1.0
     modified = _core.moving_second_differences(phase, n) / (phase.size - 3 * n + 1) / n**2

@@ -22,11 +22,12 @@ from gmwm.variance.biweight import NORMAL_QUARTILE, Biweight, Criterion, biweigh
 from gmwm.variance.coefficients import SAMPLE, Coefficients, HaarCoefficients, PlainCoefficients
 
 PART = 8
-"""Tile stride of the intermediate step. A level takes this step if these tiles hold more data than its sample."""
+"""Before the passes over all coefficients, one Newton step uses every 8th tile of the record only. A level takes this
+step if these tiles hold more independent coefficients than its sample."""
 PASSES = 8
-"""Largest number of passes before a level is treated as not converged; two or three are typical."""
+"""Largest number of passes; two or three are typical. A level that has not converged then is solved by `_settle`."""
 TOLERANCE = 1e-11
-"""Tolerance for the predicted error of log σ²."""
+"""Largest predicted error of log σ² at which a level has converged."""
 FEW = 2
 """Up to this many coefficients no outlier can be identified: the variance is the mean of the squares."""
 
@@ -154,7 +155,7 @@ def _first(source: Coefficients, k: int, tuning: Biweight) -> _Level:
 def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tuning: Biweight) -> None:
     """Find a root on the sample by Newton's method from the MAD, or else by a scan around it."""
     middle = float(np.median(sample))
-    # The sample may have too many zeros for a root although the complete set has just few enough.
+    # More than half of the sample can be zero although less than half of all coefficients are.
     if _mad_is_zero(level) or middle <= resolution:
         rest = sample[sample > resolution]
         if rest.size == 0:
@@ -173,7 +174,8 @@ def _search(level: _Level, sample: Vector, resolution: float, complete: bool, tu
         found = scan(criterion, tolerance)
         root, level.iterations = found.root, level.iterations + found.evaluations
         if root is None and not complete:
-            # The sample determines the mean of ρ to 4 % of a, so all coefficients may have a root if it nearly has one.
+            # The sample determines the mean of ρ to 4 % of a, so if it nearly has a root, all coefficients may have
+            # one.
             near = [(abs(place), place) for place, value in found.peaks if value > -0.15 * tuning.a]
             level.peaks = [place for _, place in sorted(near)]
     if root is not None:
@@ -210,7 +212,7 @@ def _polish(source: Coefficients, levels: Sequence[_Level], tuning: Biweight) ->
     start = np.array([level.start for level in levels])
     place = np.array([level.place for level in levels])
     before: tuple[Vector, Vector, Vector] | None = None
-    # Coefficients up to 2^j apart are strongly correlated.
+    # Coefficients less than 2^j apart are strongly correlated, so N coefficients count as N / 2^j independent ones.
     fine = active & (source.counts / PART >= SAMPLE * 2.0 ** np.arange(1, len(levels) + 1))
     for number in range(-int(fine.any()), PASSES):
         if not active.any():
@@ -258,7 +260,7 @@ def _interpolated(
 
 
 def _settle(source: Coefficients, k: int, level: _Level, tuning: Biweight) -> None:
-    """Settle a level without a sample root or with diverged passes: scan all coefficients, or else use the MAD or 0."""
+    """Solve a level without a root on its sample or without convergence: scan all coefficients, else use MAD or 0."""
     criterion = _on_all(source, k, level, tuning)
     root: float | None = None
     if level.rooted:

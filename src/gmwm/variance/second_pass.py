@@ -31,12 +31,14 @@ if TYPE_CHECKING:
     from gmwm.variance.accumulate import WaveletAccumulator
 
 OTHERS = 0.05
-"""Largest relative change of a variance in a second pass over the same samples; 1e-4 is typical."""
+"""Relative change of a variance in the second pass above which the samples must differ from those of the first pass.
+With the same samples, 1e-4 is typical."""
 NEAR = 0.02
 """Largest distance in log σ² from the position of the exact sums for which the linear correction is used."""
 DOUBT = 0.01
-"""Threshold, relative to a. A criterion this close to 0, or with a slope this small at its root, is ambiguous:
-the exact coefficients may have a root where the sketch has none, or the reverse."""
+"""Threshold for the maximum of the criterion and for its slope at the root, both relative to a. Below this threshold,
+the exact coefficients may have a root although the sketch has none, or the reverse. The second pass then collects the
+sums for both cases."""
 
 
 class SecondPass(SegmentedAccumulator):

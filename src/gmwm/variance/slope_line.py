@@ -91,7 +91,7 @@ class SlopeLine:
 
     @property
     def name(self) -> str:
-        """What it stands for."""
+        """Name of the coefficient, for example "white noise density"."""
         return LAWS[self.term].name
 
     @property

@@ -22,11 +22,12 @@ _FREQUENCY_NOISE = {
     -1: (24 * np.log(2) ** 2 / np.pi**2, 0.222, 1 / (3 * np.log(2))),
     -2: (140 / 151, 0.358, 0.75),
 }
-# The same a for phase noise, where an end value is part of many differences. Exact for white PM: each of the 2n
-# differences that extend beyond an end has 10 instead of 6 variances. For flicker PM it was found by simulation.
+# The coefficient a for phase noise, for which an end value contributes to many differences. For white PM it is exact:
+# each of the 2n differences that extend beyond an end has a variance of 10 instead of 6 σ². For flicker PM it is from
+# simulations.
 _PHASE_BIAS = {2: -4 / 3, 1: -1.0}
 FINE = 1024
-"""Oversampling at which a recording is treated as continuous."""
+"""Number of samples per cluster from which a recording is treated as continuous."""
 
 
 def total_variance(
@@ -112,17 +113,18 @@ def total_variance(
 
 
 def _bias(alphas: NDArray[np.int64]) -> Vector:
-    """a in the expectation 1 − a τ/T of the total over the Allan variance."""
+    """The coefficient a of the expected ratio 1 − a τ/T of total to Allan variance."""
     return np.array([_PHASE_BIAS[a] if a > 0 else _FREQUENCY_NOISE[a][2] for a in alphas.tolist()])
 
 
 def total_degrees_of_freedom(alphas: NDArray[np.int64], clusters: NDArray[np.int64], points: int) -> Vector:
     """Equivalent degrees of freedom of the total variance, at least 1.
 
-    For noise of the rate b T/τ − c (Howe and Greenhall), which holds for many samples a cluster: times the share of
-    the overlapping Allan variance's that sampling leaves. For white PM, to leading orders in τ/T, of its own
-    derivation: 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N), r = T/τ, the first term from the end values. Flicker PM
-    has those of the overlapping Allan variance up to τ = T/4, and from there in proportion to T/τ (simulations).
+    For rate noise they are b T/τ − c (Howe and Greenhall). This holds for many samples per cluster. For few samples, it
+    is reduced by the same factor as the degrees of freedom of the overlapping Allan variance. For white PM they are, to
+    leading orders in τ/T, 72 (1 + 4/(3r))² / (64/r² + (320/r + 140)/N), r = T/τ, where the first term comes from the
+    end values (derived for gmwm). For flicker PM they are those of the overlapping Allan variance up to τ = T/4, and
+    proportional to T/τ beyond (simulations).
     """
     intervals = points - 1
     r = intervals / clusters

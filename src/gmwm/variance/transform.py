@@ -17,7 +17,7 @@ from gmwm.options import one_of
 from gmwm.signals import Signal
 
 Boundary = Literal["periodic", "reflection"]
-"""How a signal goes on beyond its ends: from its start again, or as its own mirror image."""
+"""Extension of a signal beyond its ends: periodic, or by its mirror image."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,14 +27,14 @@ class Modwt:
     Attributes
     ----------
     filter : WaveletFilter
-        That it was made with.
+        The wavelet filter.
     details : mapping of level j to array
         Wavelet coefficients W_{j,t} = Σ_l h_{j,l} X_{t−l}; N of them, 2N with reflection.
     smooth : array
         Scaling coefficients V_{J,t} of the last level.
     interior : mapping of level j to slice
-        The coefficients that no boundary reaches, made of X_{t−L_j+1} … X_t alone: t = L_j − 1 … N − 1. Empty where
-        the filter is longer than the signal.
+        The coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t: t = L_j − 1 … N −
+        1. Empty if the filter is longer than the signal.
     samples : int
         Length N of the signal.
     boundary : "periodic" or "reflection"
@@ -83,16 +83,16 @@ class Dwt:
     Attributes
     ----------
     filter : WaveletFilter
-        That it was made with.
+        The wavelet filter.
     details : mapping of level j to array
         Wavelet coefficients, 2^(j/2) times those of the maximal-overlap transform at t = 2^j (n + 1) − 1;
         floor(N / 2^j) of them, floor(2N / 2^j) with reflection.
     smooth : array
         Scaling coefficients of the last level.
     extras : mapping of level j to float
-        The scaling coefficient of level j − 1 set aside at level j, where there is one.
+        The last scaling coefficient of level j − 1, if their number is odd.
     interior : mapping of level j to slice
-        The coefficients that no boundary reaches, made of X_{t−L_j+1} … X_t alone; may be empty.
+        The coefficients that do not depend on the boundary, because they only use X_{t−L_j+1} … X_t; may be empty.
     samples : int
         Length N of the signal.
     boundary : "periodic" or "reflection"
@@ -292,7 +292,7 @@ def _decimated(values: Vector, filter: WaveletFilter) -> tuple[Vector, Vector]:
 
 
 def _undecimated(smooth: Vector, detail: Vector, filter: WaveletFilter) -> Vector:
-    """The scaling coefficients that `_decimated` made these of: the transposed map."""
+    """Invert `_decimated`, by the transposed map."""
     values = np.zeros(2 * smooth.size)
     for l, (g, h) in enumerate(zip(filter.scaling, filter.wavelet, strict=True)):  # noqa: E741
         first = (1 - l) % 2
@@ -313,16 +313,16 @@ Transform = Literal["modwt", "dwt"]
 
 
 def _first_interior(filter: WaveletFilter, level: int) -> int:
-    """First decimated coefficient that no boundary reaches: 2^j (n + 1) ≥ L_j."""
+    """Index of the first decimated coefficient that does not depend on the boundary: 2^j (n + 1) ≥ L_j."""
     return -(-filter.width(level) >> level) - 1
 
 
 def coefficient_counts(
     samples: int | NDArray[np.int64], levels: NDArray[np.int64], filter: WaveletFilter, transform: Transform
 ) -> NDArray[np.int64]:
-    """Number M_j of coefficients that need no sample outside the record; not positive where there is none.
+    """Number M_j of coefficients that need no sample outside the recording; not positive if there are none.
 
-    N − L_j + 1 of the maximal-overlap transform, of the decimated one every 2^j-th.
+    The maximal-overlap transform has N − L_j + 1 of them, and the decimated transform every 2^j-th of these.
     """
     if transform == "modwt":
         return np.asarray(samples - filter.widths(levels) + 1, dtype=np.int64)
@@ -335,8 +335,8 @@ def pooled_counts(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Number M_j of coefficients of several segments together, and degrees of freedom of the mean of their squares.
 
-    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj): M_j / 2^j where no segment is shorter than two scales, and more
-    where segments that hold one coefficient or a few, which count for one degree of freedom each, are many.
+    M_j = Σ_s M_sj, and η_j = M_j² / Σ_s (M_sj² / η_sj). If no segment is shorter than two scales, η_j = M_j / 2^j. It
+    is larger if there are many segments with few coefficients, because each of them has at least one degree of freedom.
     """
     sizes, times = np.unique(np.asarray(lengths, dtype=np.int64), return_counts=True)
     own = np.maximum(coefficient_counts(sizes[:, None], levels, filter, transform), 0)
@@ -348,7 +348,7 @@ def pooled_counts(
 
 
 def deepest_level(samples: int, filter: WaveletFilter, transform: Transform) -> int:
-    """Deepest level with a coefficient that needs no sample outside the record; 0 where there is none."""
+    """Deepest level with a coefficient that needs no sample outside the recording; 0 if there is none."""
     level = filter.deepest_level(samples)
     if transform == "dwt":
         while level > 0 and coefficient_counts(samples, np.array([level]), filter, transform)[0] < 1:
@@ -364,9 +364,10 @@ def degrees_of_freedom(
 
 
 def variances(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> Vector:
-    """Wavelet variances ν̂_j² of levels 1 … J: means of squares of the coefficients that no boundary reaches.
+    """Wavelet variances ν̂_j² of levels 1 … J: mean squares of the coefficients that do not depend on the boundary.
 
-    Decimated coefficients are 2^(j/2) times those of the maximal-overlap transform, so theirs are divided by 2^j.
+    Decimated coefficients are 2^(j/2) times those of the maximal-overlap transform, so their mean squares are divided
+    by 2^j.
     """
     if transform == "modwt":
         return _core.pyramid_variance(values, *_maximal_overlap(filter), levels)
@@ -374,7 +375,7 @@ def variances(values: Vector, filter: WaveletFilter, transform: Transform, level
 
 
 def inner_coefficients(values: Vector, filter: WaveletFilter, transform: Transform, levels: int) -> list[Vector]:
-    """The coefficients of levels 1 … J that no boundary reaches, in the size of the maximal-overlap transform."""
+    """Coefficients of levels 1 … J that do not depend on the boundary, scaled as maximal-overlap coefficients."""
     centred = values - _core.mean(values)
     whole = modwt(centred, filter, levels) if transform == "modwt" else dwt(centred, filter, levels)
     inside = whole.interior
