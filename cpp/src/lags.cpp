@@ -9,13 +9,8 @@ namespace gmwm {
 
 namespace {
 
-<<<<<<< HEAD
 constexpr std::size_t order = 8;  // 7 is the least that reaches 1e-8
 constexpr double gone = 40;       // exp(-40) is nothing next to 1
-=======
-constexpr std::size_t order = 8;  // 7 is the smallest order with an error below 1e-8
-constexpr double reach = 40;      // exp(-40) is negligible compared with 1
->>>>>>> main
 
 struct Rule {
   std::array<double, order> nodes;
@@ -63,15 +58,7 @@ class Collector {
     end = std::remove_if(kinks.begin(), end, [&](std::int64_t u) { return u < least || u > most; });
     for (auto kink = kinks.begin(); kink != end; ++kink) {
       one(*kink, 1);
-<<<<<<< HEAD
       if (kink + 1 != end) gap({kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse}, own);
-=======
-      if (kink + 1 == end) break;
-      // Without exponentials, the covariance is zero where the two filters do not overlap.
-      // Beyond the overlap, exponentials decay from its end only, not from the ends of the record.
-      const bool inside = kink[0] >= -fine && kink[1] <= coarse;
-      if (inside || smooth_.fastest > 0) between(kink[0], kink[1], kink[0] >= -fine, kink[1] <= coarse);
->>>>>>> main
     }
   }
 
@@ -82,7 +69,6 @@ class Collector {
     if (points > 0) pieces_.push_back({lag, points, nullptr, 1});
   }
 
-<<<<<<< HEAD
   // The integers strictly between two kinks, and whether exponentials come from the one and the other.
   struct Gap {
     std::int64_t low, high;
@@ -111,14 +97,6 @@ class Collector {
     const auto up_to = [&](std::int64_t next) {
       if (next > start) piece(start, next - start), start = next;
     };
-=======
-  // All integers strictly between two kinks, divided into pieces if exponentials from one of the kinks require it.
-  void between(std::int64_t low, std::int64_t high, bool from_low, bool from_high) {
-    if (high - low < 2) return;
-    const std::int64_t middle = !from_low ? low : !from_high ? high : low + (high - low) / 2;
-    std::int64_t start = low + 1;
-    const auto up_to = [&](std::int64_t next) { piece(start, next - start), start = next; };
->>>>>>> main
     for (const std::int64_t cut : cuts_) {
       if (at.low + 1 + cut >= middle) break;
       up_to(std::min(at.low + 1 + cut, end));

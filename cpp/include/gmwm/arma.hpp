@@ -40,16 +40,12 @@ void arma_coordinates(std::span<const double> coefficients, std::size_t p, std::
 void arma_autocovariance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> lags, bool from_zero, std::span<double> out);
 
-<<<<<<< HEAD
 // Autocovariances at lags 0 … out.size() - 1 without those of some real simple roots λ of the autoregression, which are
 // the amplitudes times λ^k. `roots`: these roots to a few digits; a decay is -ln |λ|, negative for a negative λ.
 void arma_without(const ArmaOrders& orders, std::span<const double> parameters, std::span<const double> roots,
                   std::span<double> amplitudes, std::span<double> decays, std::span<double> out);
 
-// Variances of sums of successive samples, of ascending numbers >= 0 of them.
-=======
 // Variances of sums of n successive samples, for ascending n >= 0.
->>>>>>> main
 void arma_block_variance(const ArmaOrders& orders, std::span<const double> parameters,
                          std::span<const std::int64_t> sizes, std::span<double> out);
 

@@ -1,12 +1,6 @@
-<<<<<<< HEAD
 // Where to evaluate the covariance of two levels' Haar coefficients, so that its sums over all lags are exact to
 // rounding: every kink and the lags within its memory one by one, and a Gauss rule for the uniform measure on integers
 // in each smooth piece between.
-=======
-// Lags at which to evaluate the covariance of the Haar coefficients of two levels, with weights, so that its sums over
-// all lags are exact up to rounding: each kink separately, and a Gauss rule for sums over integers in each smooth piece
-// between.
->>>>>>> main
 #pragma once
 
 #include <cstddef>

@@ -40,14 +40,11 @@ _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
 """Distance between a root of φ and a root of θ below which they nearly cancel."""
 _MANY = 2.5
-<<<<<<< HEAD
+"""Largest artanh of a partial autocorrelation of φ and Φ in the scan for starting values: 0.987, see `Lagged.scan`."""
 _SLOW = 64
 """Lags beyond which the exponential of a real root is a closed form."""
 _SEPARATE = 0.1
 """Distance of a root from all others, relative to its distance from the unit circle, that allows this."""
-=======
-"""Largest artanh of a partial autocorrelation of φ and Φ in the scan for starting values: 0.987, see `Lagged.scan`."""
->>>>>>> main
 
 
 class Lagged(Ordered, abstract=True, listed=False):
