@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,14 +183,18 @@ def _density(noise: Model, cycles: float, design: Design) -> float:
             total += (
                 design.rate * float(process.psd([abs(cycles) * design.rate], design.rate)[0])
                 if process.has("psd")
-                else _summed_density(process, cycles, design)
+                else process.scale
+                * _summed_density(type(process), tuple(process.nonlinear.tolist()), cycles, design.samples, design.rate)
             )
     return total
 
 
-def _summed_density(process: Process, cycles: float, design: Design) -> float:
-    """S = Σ_m c(m) cos ωm / |1 − e^(iω)|² from the covariance c(m) = 2A(m) − A(m − 1) − A(m + 1) of differences."""
-    known = process.generalised_covariance(np.arange(-1, design.samples + 1), design.rate)
+@lru_cache(maxsize=256)
+def _summed_density(
+    kind: type[Process], nonlinear: tuple[float, ...], cycles: float, samples: int, rate: float
+) -> float:
+    """S at scale 1: Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1), covariance of differences."""
+    known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)
     difference = (known[1:-1] - known[:-2]) - (known[2:] - known[1:-1])
     terms = difference * np.cos(2.0 * np.pi * np.fmod(cycles * np.arange(difference.size), 1.0))
     return float(2.0 * terms.sum() - terms[0]) / (4.0 * math.sin(math.pi * cycles) ** 2)

@@ -12,24 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from gmwm._arrays import Vector, freeze
+from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design, covariance
 from gmwm.errors import GmwmError
-from gmwm.estimation.estimator import refitted
+from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
+from gmwm.estimation.reweighting import nearly_settled
 from gmwm.estimation.weighting import precision, square_root
 from gmwm.inference.asymptotic import COLLINEAR, columns_of, relative_jacobian
 from gmwm.inference.goodness import usable_levels
+from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
 
 LARGEST = 1.0
 """Largest error that is considered: a model that is off by a factor of two says nothing (tests/inference/
 test_model_error.py)."""
-_ROUNDS = 4
-_HALVINGS = 40
-KNOWN = 0.5
-"""Largest relative standard error of a level for which a distance between model and data is stated: with more, the
-distance is mostly chance (docs/validation/sensors.md)."""
+SMALLEST = 1e-5
+"""Smallest error that is looked for: far below the relative standard error of any level."""
+_ROUNDS = 2
+_SETTLED = 0.05
+_HALVINGS = 24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,9 +101,9 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
 
 
 def model_error(fit: Fit) -> float:
-    """Estimate the relative error τ of a fitted model; 0 if the goodness-of-fit test accepts the model.
+    """Estimate the relative error τ of a fitted model; 0 if the distance from the data is as small as by chance.
 
-    The model is fitted again with the weights that follow from τ, until both agree.
+    The model is fitted again with the weights that follow from τ, and τ is estimated again from this fit.
 
     Parameters
     ----------
@@ -117,16 +119,14 @@ def model_error(fit: Fit) -> float:
     ----------
     Paule and Mandel (1982), Consensus values and weighting factors, J. Res. NBS 87, 377-385.
     """
-    bare = replace(fit.wavelet_variance, excess=None)
-    other, error = fit.wavelet_variance.excess, 0.0
-    current = fit
-    for _ in range(_ROUNDS):
-        before, error = error, _solved(current, bare, other)
-        if error == 0.0 or abs(error - before) <= 0.02 * error:
-            break
+    error = Distance.of(fit).error()
+    for _ in range(_ROUNDS if error else 0):
         try:
-            current = refitted(current, having_error(fit.wavelet_variance, error))
+            again = nearly_fitted(fit.model, having_error(fit.wavelet_variance, error), fit.weighting)
         except GmwmError:
+            break
+        before, error = error, Distance.of(replace(again, wavelet_variance=fit.wavelet_variance)).error()
+        if abs(error - before) <= _SETTLED * error:
             break
     return error
 
@@ -139,32 +139,73 @@ def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
     return replace(wv, excess=added if wv.excess is None else wv.excess + added)
 
 
-def _solved(fit: Fit, bare: WaveletVariance, other: Any) -> float:
-    """The τ at which the statistic of a fit equals its degrees of freedom."""
-    used = usable_levels(bare)
-    design = Design.of(replace(bare, excess=other)).only(used)
-    columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
-    slopes = relative_jacobian(fit.model, design, columns)
-    scatter, curve = covariance(fit.model, design), fit.implied[used]
-    left = bare.variance[used] - curve
-    freedom = left.size - slopes.shape[1]
-    if freedom < 1:
-        return 0.0
+def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:
+    """The fit of a model with weights that agree with it to a few per cent, and without a certificate."""
+    return as_fit(nearly_settled(model, wv, weighting)[0], wv, weighting)
 
-    def statistic(error: float) -> float:
-        root = square_root(precision(scatter + np.diag((error * curve) ** 2)))
-        weighted, miss = root @ slopes, root @ left
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """The distance of a fit from its data, over the levels that the goodness-of-fit test uses.
+
+    Attributes
+    ----------
+    left : (J,) array
+        ν̂² − ν², in unit².
+    scatter : (J, J) array
+        V.
+    slopes : (J, p) array
+        Relative derivatives of ν² by the parameters.
+    curve : (J,) array
+        ν².
+    """
+
+    left: Vector
+    scatter: Matrix
+    slopes: Matrix
+    curve: Vector
+
+    @classmethod
+    def of(cls, fit: Fit) -> Distance:
+        """The distance of a fit; its covariance has the excess of the data."""
+        wv = fit.wavelet_variance
+        used = usable_levels(wv)
+        design = Design.of(wv).only(used)
+        columns, _ = columns_of(fit.model, fit.diagnostics.acts_as)
+        return cls(
+            left=wv.variance[used] - fit.implied[used], scatter=covariance(fit.model, design),
+            slopes=relative_jacobian(fit.model, design, columns), curve=fit.implied[used],
+        )  # fmt: skip
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom: levels minus parameters."""
+        return int(self.left.size - self.slopes.shape[1])
+
+    @property
+    def pvalue(self) -> float:
+        """Probability of a distance at least as large if the model is right; 1 without degrees of freedom."""
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
+
+    def statistic(self, error: float) -> float:
+        """The chi-square statistic if the model has a relative error: without the part that the parameters can fit."""
+        root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))
+        weighted, miss = root @ self.slopes, root @ self.left
         length = np.linalg.norm(weighted, axis=0)
         axes, strength, _ = np.linalg.svd(weighted[:, length > 0] / length[length > 0], full_matrices=False)
         taken = axes[:, strength > COLLINEAR * strength.max(initial=0.0)].T @ miss
         return float(miss @ miss - taken @ taken)
 
-    if statistic(0.0) <= freedom:
-        return 0.0
-    low, high = 1e-5, LARGEST
-    if statistic(high) > freedom:
-        return LARGEST
-    for _ in range(_HALVINGS):
-        middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if statistic(middle) > freedom else (low, middle)
-    return float(np.sqrt(low * high))
+    def error(self) -> float:
+        """The relative error with which the statistic equals its degrees of freedom."""
+        if self.freedom < 1 or self.statistic(0.0) <= self.freedom:
+            return 0.0
+        low, high = SMALLEST, LARGEST
+        if self.statistic(high) > self.freedom:
+            return LARGEST
+        for _ in range(_HALVINGS):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if self.statistic(middle) > self.freedom else (low, middle)
+        return float(np.sqrt(low * high))

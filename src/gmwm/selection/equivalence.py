@@ -34,7 +34,7 @@ from gmwm.selection.structure import without_values
 
 SPARE = 1e-8
 """Squared share of a term outside the span of the others below which it is collinear: √ε of a double."""
-SURELY = 1000.0
+SURELY = 100.0
 """Difference of criteria with the common Ω above which a candidate is rejected without a further fit, to save time."""
 NEVER = 1e-6
 """p-value of a bound on the loss below which a candidate is rejected without a further fit, to save time."""

@@ -17,12 +17,10 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector
 from gmwm.errors import GmwmError
-from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
-from gmwm.estimation.reweighting import settle
-from gmwm.inference.model_error import having_error, model_error
+from gmwm.inference.model_error import Distance, having_error, model_error, nearly_fitted
 from gmwm.processes.base import Process
-from gmwm.processes.model import Model
+from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.processes.noise import WN
 from gmwm.processes.ordered import find_class
 from gmwm.processes.parameter import Fixed
@@ -30,6 +28,7 @@ from gmwm.processes.sinusoid import SIN
 from gmwm.selection.api import select_within
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.ranking import Ranking
+from gmwm.selection.structure import freedom, nested, without_values
 from gmwm.spectrum.result import PowerSpectrum
 from gmwm.spectrum.short_memory import ShortMemory, short_memory
 from gmwm.variance.result import WaveletVariance
@@ -50,9 +49,9 @@ density is then above 1/126 of the rate, and a filter of the sensor could have i
 FELT = 0.003
 """Share of a line in the wavelet variance of a level from which it enters the model: the relative standard error of the
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
-MOST_LINES = 8
-"""Largest number of lines in a model."""
-_ROUNDS = 3
+MOST_FREE = 3
+"""Number of lines, the strongest ones, whose power is fitted; weaker ones have the power that the spectrum shows."""
+_ROUNDS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,20 +99,21 @@ def search(
     check : function, optional
         Called between steps; it may raise to end the search.
     """
-    ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
-    slow = Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
-    pvalue = ranking.recommended.pvalue
-    if pvalue is None or pvalue >= REJECTED:
-        return slow
+    general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
+    if Distance.of(general).pvalue >= REJECTED:
+        ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
+        pvalue = ranking.recommended.pvalue
+        if pvalue is None or pvalue >= REJECTED:
+            return Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
     check()
-    base, required = _required(ranking.general, wv, spectrum, options, check)
+    base, required = _required(general, wv, spectrum, options, check)
     if not required:
         return within_family(SLOW, wv, options, check=check)
-    return within_family(BESIDE, base, options, required=required, check=check, tried=slow.tried)
+    return within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
 
 
 def within_family(
-    family: str | Model,
+    family: ModelLike,
     wv: WaveletVariance,
     options: RankingOptions,
     *,
@@ -122,22 +122,22 @@ def within_family(
     tried: tuple[str, ...] = (),
 ) -> Searched:
     """Rank every sum within a family, with the model error of its largest sum."""
-    whole = Model((*Model.parse(str(family)).processes, *required))
-    ranking = select_within(family, wv, options, required=required, progress=lambda *_: check())
-    error = _error_of(ranking, wv, options)
-    if error:
-        ranking = select_within(
-            family, having_error(wv, error), options, required=required, progress=lambda *_: check()
-        )
+    whole = _largest(family, wv, required)
+    general = nearly_fitted(whole, wv, options.weighting)
+    error = model_error(general) if Distance.of(general).pvalue < REJECTED else 0.0
+    check()
+    ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
     return Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure))
 
 
-def _error_of(ranking: Ranking, wv: WaveletVariance, options: RankingOptions) -> float:
-    """The model error of the largest model; 0 if the test accepts the recommended one."""
-    pvalue = ranking.recommended.pvalue
-    if pvalue is None or pvalue >= REJECTED:
-        return 0.0
-    return model_error(replace(ranking.general, wavelet_variance=wv))
+def _largest(family: ModelLike, wv: WaveletVariance, required: Sequence[Process] = ()) -> Model:
+    """The largest sum of a family, with the required terms, that has at most as many parameters as levels."""
+    optional = without_values(as_model(family))
+    whole = Model((*optional.processes, *required))
+    if freedom(whole) <= len(wv):
+        return whole
+    sums = (Model((*part.processes, *required)) for part in nested(optional))
+    return next((model for model in sums if freedom(model) <= len(wv)), Model(tuple(required)) if required else whole)
 
 
 def _required(
@@ -159,8 +159,8 @@ def _required(
         if found is None:
             break
         shape = _process(found)
-        whole = Model((*Model.parse(BESIDE).processes, shape, *lines))
-        known = as_fit(settle(whole, wv, options.weighting, certify=False, fixed=1e-4), wv, options.weighting)
+        whole = _largest(BESIDE, wv, (shape, *lines))
+        known = nearly_fitted(whole, wv, options.weighting)
     if shape is None or found is None:
         return wv, (WN(), *lines) if lines else ()
     return _with_shape(wv, known, found, shape), (shape, *lines)
@@ -170,7 +170,7 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     """An AR(2) fitted to the wavelet variance beside slow noise, with its coefficients fixed."""
     try:
         whole = Model.parse("AR(2) + 2*GM + QN + RW")
-        fit = as_fit(settle(whole, wv, options.weighting, certify=False, fixed=1e-4), wv, options.weighting)
+        fit = nearly_fitted(whole, wv, options.weighting)
     except GmwmError:
         return None
     process = next(p for p in fit.model.processes if p.name == "AR(2)")
@@ -185,12 +185,13 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
     """Sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
     found = []
     for line in spectrum.lines:
-        process = SIN(frequency=Fixed(line.frequency), power=line.amplitude**2 / 2)
+        process = SIN(frequency=Fixed(line.frequency), power=Fixed(line.amplitude**2 / 2))
         share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
         if share.max() >= FELT:
-            found.append((float(share.max()), process.with_values(power=None)))
+            found.append((float(share.max()), process))
     found.sort(key=lambda pair: -pair[0])
-    return tuple(process for _, process in found[:MOST_LINES])
+    free = [SIN(frequency=Fixed(process.value("frequency"))) for _, process in found[:MOST_FREE]]
+    return (*free, *(process for _, process in found[MOST_FREE:]))
 
 
 def _shape(spectrum: PowerSpectrum, known: Fit, rate: float) -> ShortMemory | None:

@@ -15,7 +15,7 @@ ORDERS = (
     (0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (2, 2), (0, 3), (2, 3), (3, 2), (3, 3), (4, 2),
     (2, 4), (4, 4), (6, 4), (4, 6), (6, 6), (8, 8),
 )  # fmt: skip
-"""Orders (p, q) that are tried: filters up to order 4, with up to two resonances (tests/spectrum/test_short_memory.py)."""
+"""Orders (p, q) that are tried: filters up to order 4, with two resonances (tests/spectrum/test_short_memory.py)."""
 ACCURACY = 0.005
 """Relative error of a density that is always assumed, so that a few precise frequencies do not decide the shape."""
 FLOOR = 1e-4
@@ -23,7 +23,7 @@ FLOOR = 1e-4
 rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
 FURTHER = 5
 """Number of orders tried after the best one, before the search ends."""
-_STEPS = 80
+_STEPS = 40
 _NEAR = 1e-4
 _RADII = (0.95, 0.6)
 
@@ -176,7 +176,7 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
 
 
 def _inside(tail: Vector) -> tuple[Vector, float]:
-    """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle, and return the logarithm of the factor that |·|² loses."""
+    """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also the logarithm of the factor that |·|² loses."""
     if not tail.size:
         return tail, 0.0
     roots = np.roots(np.concatenate([[1.0], tail]))
@@ -192,13 +192,13 @@ def _inside(tail: Vector) -> tuple[Vector, float]:
 def _starts(
     data: _Data, order: tuple[int, int], solved: dict[tuple[int, int], _Point]
 ) -> Iterator[tuple[Vector, Vector, float]]:
-    """Starting points: the two best smaller orders, with further roots where their residuals are largest."""
+    """Starting points: the best smaller order, with further roots where their residuals are largest."""
     p, q = order
     smaller = [(at, point) for at, point in solved.items() if at[0] <= p and at[1] <= q]
     if not smaller:
         yield np.zeros(p), np.zeros(q), float(np.average(data.logs, weights=data.weights))
         return
-    for at, point in sorted(smaller, key=lambda pair: pair[1].loss)[:2]:
+    for at, point in sorted(smaller, key=lambda pair: pair[1].loss)[:1]:
         smooth = np.convolve(np.sqrt(data.weights) * point.left, np.ones(5) / 5, mode="same")
         worst = int(np.argmax(np.abs(smooth)))
         more, less = _RADII if smooth[worst] > 0 else _RADII[::-1]
