@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Matrix, Vector, freeze
 
-ORDERS = (
-    (0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2), (2, 2), (0, 3), (2, 3), (3, 2), (3, 3), (4, 2),
-    (2, 4), (4, 4), (6, 4), (4, 6), (6, 6), (8, 8),
-)  # fmt: skip
-"""Orders (p, q) that are tried: filters up to order 4, with two resonances (tests/spectrum/test_short_memory.py)."""
+STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
+"""Roots (p, q) that are added to the best process so far (tests/spectrum/test_short_memory.py: filters up to order 4,
+moving averages, resonances)."""
+HIGHEST = 10
+"""Largest order p or q."""
+FLAT = 0.05
+"""Largest logarithm of the density at 0, relative to the lowest frequency: no data support a step between the two."""
 ACCURACY = 0.005
 """Relative error of a density that is always assumed, so that a few precise frequencies do not decide the shape."""
 FLOOR = 1e-4
 """Density, relative to that at low frequencies, below which a stop band does not count: it is far below the noise that
 rounding adds to any output (tests/spectrum/test_short_memory.py, an FIR filter)."""
-FURTHER = 5
-"""Number of orders tried after the best one, before the search ends."""
-_STEPS = 40
+_ITERATIONS = 40
 _NEAR = 1e-4
-_RADII = (0.95, 0.6)
+_SMOOTH = 5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,8 +65,9 @@ def short_memory(
 ) -> ShortMemory:
     """Fit the ARMA process of lowest order that describes a power spectral density, in addition to a known part.
 
-    For each order, the sum of squares of log(measured / model) is minimised from several starting points, with weights
-    1 / (2/η + 0.005²). The order has the least sum of squares plus log(n) for each coefficient.
+    The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). Starting from white
+    noise, one to four roots are added at a time, from several starting points near the largest residuals, as long as
+    the sum of squares falls by more than log(n) for each coefficient.
 
     Parameters
     ----------
@@ -91,23 +92,26 @@ def short_memory(
     squares are an approximation.
     """
     angles = 2 * math.pi * frequencies / rate
-    lags = np.arange(1, max(map(max, ORDERS)) + 1)
+    lags = np.arange(1, HIGHEST + 1)
     plateau = float(np.median(density[: max(density.size // 8, 3)]))
     data = _Data(
         waves=np.exp(-1j * np.outer(angles, lags)), angles=angles, known=known + FLOOR * plateau,
         logs=np.log(density + FLOOR * plateau), weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
     )  # fmt: skip
-    solved: dict[tuple[int, int], _Point] = {}
-    least, best, since = math.inf, (0, 0), 0
-    for order in ORDERS:
-        if sum(order) + 2 > density.size // 2:
-            break
-        solved[order] = min((_descend(data, *start) for start in _starts(data, order, solved)), key=lambda p: p.loss)
-        score = solved[order].loss + sum(order) * math.log(density.size)
-        least, best, since = (score, order, 0) if score < least else (least, best, since + 1)
-        if since >= FURTHER:
-            break
-    return _reported(data, solved[best])
+    best = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
+    price = math.log(density.size)
+    while True:
+        found = [
+            _descend(data, *start)
+            for more in STEPS
+            if best.a.size + more[0] <= HIGHEST and best.b.size + more[1] <= HIGHEST
+            for start in _starts(data, best, more)
+        ]
+        found = [point for point in found if abs(_bend(data, point)) <= FLAT]
+        next_best = min(found, key=lambda point: point.loss + price * point.order, default=best)
+        if next_best.loss + price * next_best.order >= best.loss + price * best.order:
+            return _reported(data, best)
+        best = next_best
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +134,11 @@ class _Point:
     left: Vector
     jacobian: Matrix
 
+    @property
+    def order(self) -> int:
+        """Number of coefficients."""
+        return self.a.size + self.b.size
+
 
 def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
     below = 1 + data.waves[:, : a.size] @ a
@@ -151,7 +160,7 @@ def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
 def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
     """The local optimum by the Levenberg-Marquardt method, with all roots inside the unit circle."""
     here, damping = _evaluated(data, a, b, scale), 1e-3
-    for _ in range(_STEPS):
+    for _ in range(_ITERATIONS):
         root = np.sqrt(data.weights)[:, None] * here.jacobian
         if not np.all(np.isfinite(root)):
             break
@@ -175,6 +184,14 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
     return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b)
 
 
+def _bend(data: _Data, point: _Point) -> float:
+    """Logarithm of the density at the frequency 0, relative to that at the lowest frequency of the data."""
+    below, above = (
+        abs(1 + data.waves[0, : tail.size] @ tail) / max(abs(1 + tail.sum()), 1e-12) for tail in (point.a, point.b)
+    )
+    return 2 * math.log(below / above)
+
+
 def _inside(tail: Vector) -> tuple[Vector, float]:
     """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also the logarithm of the factor that |·|² loses."""
     if not tail.size:
@@ -189,31 +206,22 @@ def _inside(tail: Vector) -> tuple[Vector, float]:
     return np.real(np.poly(roots))[1:], gain
 
 
-def _starts(
-    data: _Data, order: tuple[int, int], solved: dict[tuple[int, int], _Point]
-) -> Iterator[tuple[Vector, Vector, float]]:
-    """Starting points: the best smaller order, with further roots where their residuals are largest."""
-    p, q = order
-    smaller = [(at, point) for at, point in solved.items() if at[0] <= p and at[1] <= q]
-    if not smaller:
-        yield np.zeros(p), np.zeros(q), float(np.average(data.logs, weights=data.weights))
-        return
-    for at, point in sorted(smaller, key=lambda pair: pair[1].loss)[:1]:
-        smooth = np.convolve(np.sqrt(data.weights) * point.left, np.ones(5) / 5, mode="same")
-        worst = int(np.argmax(np.abs(smooth)))
-        more, less = _RADII if smooth[worst] > 0 else _RADII[::-1]
-        places = (
-            (data.angles[worst], more, less),
-            (data.angles[worst], 0.6, 0.45),
-            (math.pi, 0.6, 0.6),
-            (0.5, 0.6, 0.5),
-        )
-        for angle, radius_a, radius_b in places:
+def _starts(data: _Data, best: _Point, more: tuple[int, int]) -> Iterator[tuple[Vector, Vector, float]]:
+    """Starting points: the best process so far, with further roots where its residuals are largest, and at the ends."""
+    scaled = np.sqrt(data.weights) * best.left
+    smooth = np.convolve(scaled, np.ones(_SMOOTH) / _SMOOTH, mode="same")
+    for residual in (smooth, scaled):
+        worst = int(np.argmax(np.abs(residual)))
+        for radii in ((0.97, 0.9), (0.8, 0.6)):
+            above, below = radii if residual[worst] > 0 else radii[::-1]
             yield (
-                _widened(point.a, p - at[0], angle, radius_a),
-                _widened(point.b, q - at[1], angle, radius_b),
-                point.scale,
+                _widened(best.a, more[0], data.angles[worst], above),
+                _widened(best.b, more[1], data.angles[worst], below),
+                best.scale,
             )
+    yield _widened(best.a, more[0], math.pi, 0.6), _widened(best.b, more[1], math.pi, 0.6), best.scale
+    if sum(more) < len(more) + 1:
+        yield _widened(best.a, more[0], 0.5, 0.6), _widened(best.b, more[1], 0.5, 0.5), best.scale
 
 
 def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
