@@ -155,7 +155,7 @@ def _required(
     shape, found, known = None, None, general
     for _ in range(_ROUNDS):
         check()
-        found = _shape(spectrum, known, wv.rate)
+        found = _shape(spectrum, known, wv.rate, shape)
         if found is None:
             break
         shape = _process(found)
@@ -194,11 +194,11 @@ def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
     return (*free, *(process for _, process in found[MOST_FREE:]))
 
 
-def _shape(spectrum: PowerSpectrum, known: Fit, rate: float) -> ShortMemory | None:
+def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | None) -> ShortMemory | None:
     """The noise at high frequencies beside the slow terms of a fit."""
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
-    slow = _slow_density(known, frequencies, rate)
+    slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > 0) & (density > 0)
     for line in spectrum.lines:
         used &= np.abs(frequencies - line.frequency) > max(4 * spectrum.resolution, 2 * line.width)
@@ -209,10 +209,10 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float) -> ShortMemory | No
     return short_memory(frequencies[used], density[used], smooth.degrees_of_freedom[used], rate=rate, known=slow[used])
 
 
-def _slow_density(fit: Fit, frequencies: Vector, rate: float) -> Vector:
-    """Density per sample (n,) of the slow terms of a fit."""
+def _slow_density(processes: Sequence[Process], frequencies: Vector, rate: float) -> Vector:
+    """Density per sample (n,) of the slow ones of some processes."""
     total = np.zeros(frequencies.size)
-    for process in fit.model.processes:
+    for process in processes:
         if process.scale == 0 or process.line(rate) is not None:
             continue
         time = process.correlation_time(rate)

@@ -168,7 +168,7 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
         size = np.diag(normal) + 1e-12 * np.trace(normal)
         lower = None
         while damping < 1e8:
-            step = np.linalg.solve(normal + damping * np.diag(size), slope)
+            step = np.linalg.lstsq(normal + damping * np.diag(size), slope, rcond=None)[0]
             there = _evaluated(data, here.a + step[1 : 1 + a.size], here.b + step[1 + a.size :], here.scale + step[0])
             if there.loss < here.loss:
                 lower = there
