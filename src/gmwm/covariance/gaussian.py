@@ -7,7 +7,9 @@ within its memory of each kink, where every lag is summed individually.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,10 +152,24 @@ def _lags(
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
     memory = max((process.memory(rate) or 0 for process in present), default=0)
+    # Powers of two enclose the decays, so that models with similar ones share a grid.
+    slowest, fastest = (2.0 ** rounded(math.log2(size)) if size > 0 else 0.0 for rounded, size in (
+        (math.floor, min(sizes, default=0.0)), (math.ceil, max(sizes, default=0.0))
+    ))  # fmt: skip
+    alternating = any(decay < 0 for decay in decays)
+    return _grid(
+        tuple(design.levels.tolist()), design.samples, (slowest, fastest), (alternating, diagonal), -(-memory // stride)
+    )
+
+
+@lru_cache(maxsize=6)
+def _grid(
+    levels: tuple[int, ...], samples: int, ends: tuple[float, float], kind: tuple[bool, bool], memory: int
+) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
+    """The nodes for decays from the slowest to the fastest, alternating or not, of levels with themselves or all."""
     starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
-        design.levels, design.samples, min(sizes, default=0.0), max(sizes, default=0.0),
-        any(decay < 0 for decay in decays), diagonal, -(-memory // stride),
-    )  # fmt: skip
+        np.array(levels, dtype=np.int64), samples, *ends, *kind, memory
+    )
     return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
 
 
@@ -165,7 +181,14 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
     """2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
-        total += process.coefficient_covariance(at, rate)
+        if not all(process.is_fixed(p.name) for p in process.nonlinear_parameters()):
+            total += process.coefficient_covariance(at, rate)
+            continue
+        # The shape is the same for every scale, and models that are compared share it.
+        key = (type(process), tuple(process.nonlinear.tolist()), rate)
+        if key not in at.known:
+            at.known[key] = type(process).standard(process.nonlinear).coefficient_covariance(at, rate)
+        total += process.scale * at.known[key]
     return total
 
 

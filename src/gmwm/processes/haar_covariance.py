@@ -13,7 +13,8 @@ lags between the kinks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,14 @@ class LagGrid:
     """Half-scales h_j ≤ h_k of pairs of levels and lags u between their coefficients, all (n,).
 
     `odd` marks the nodes that represent odd lags of an alternating covariance; None if no covariance alternates.
+    `known` keeps the covariances of processes of scale 1, by class and shape.
     """
 
     fine: Vector
     coarse: Vector
     lag: Vector
     odd: NDArray[np.uint8] | None = None
+    known: dict[Any, Vector] = field(default_factory=dict)
 
 
 _WHITE = 40.0

@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -44,8 +45,8 @@ FEWEST = 24
 MIXED = 0.5
 """Share of slow noise in the density above which a frequency is not used for the shape at high frequencies."""
 FAST = 20.0
-"""Correlation time (samples) up to which a Gauss-Markov term counts as noise at high frequencies: the corner of its
-density is then above 1/126 of the rate, and a filter of the sensor could have it."""
+"""Correlation time (samples) up to which a Gauss-Markov term counts as noise at high frequencies. The corner of its
+density is at 1/126 of the rate; the shape is fitted to the density above this frequency."""
 FELT = 0.003
 """Share of a line in the wavelet variance of a level from which it enters the model: the relative standard error of the
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
@@ -199,7 +200,7 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     smooth = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
-    used = (frequencies > 0) & (density > 0)
+    used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
     for line in spectrum.lines:
         used &= np.abs(frequencies - line.frequency) > max(4 * spectrum.resolution, 2 * line.width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))

@@ -16,6 +16,9 @@ STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 moving averages, resonances)."""
 HIGHEST = 10
 """Largest order p or q."""
+POLE, ZERO = 0.985, 1 - 1e-6
+"""Largest modulus of a pole and of a zero. A pole of 0.985 has a width at half the power of 0.0048 of the rate; what is
+narrower is a line. A zero must be inside the unit circle."""
 FLAT = 0.05
 """Largest logarithm of the density at 0, relative to the lowest frequency: no data support a step between the two."""
 ACCURACY = 0.005
@@ -180,7 +183,7 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
         here, damping = lower, max(damping / 6, 1e-9)
         if done:
             break
-    (inner_a, gain_a), (inner_b, gain_b) = _inside(here.a), _inside(here.b)
+    (inner_a, gain_a), (inner_b, gain_b) = _inside(here.a, POLE), _inside(here.b, ZERO)
     return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b)
 
 
@@ -192,7 +195,7 @@ def _bend(data: _Data, point: _Point) -> float:
     return 2 * math.log(below / above)
 
 
-def _inside(tail: Vector) -> tuple[Vector, float]:
+def _inside(tail: Vector, most: float) -> tuple[Vector, float]:
     """Move the roots of 1 + c₁z⁻¹ + … inside the unit circle; also the logarithm of the factor that |·|² loses."""
     if not tail.size:
         return tail, 0.0
@@ -201,8 +204,7 @@ def _inside(tail: Vector) -> tuple[Vector, float]:
     gain = 2 * float(np.sum(np.log(np.abs(roots[outside]))))
     roots[outside] = 1 / np.conj(roots[outside])
     size = np.abs(roots)
-    # A stationary and invertible process has no root on the circle.
-    roots = np.where(size > 1 - 1e-6, roots * (1 - 1e-6) / np.maximum(size, 1e-300), roots)
+    roots = np.where(size > most, roots * most / np.maximum(size, 1e-300), roots)
     return np.real(np.poly(roots))[1:], gain
 
 
