@@ -154,7 +154,7 @@ def test_what_holds_samples_is_no_signal(given, message):
 
 @pytest.mark.parametrize("door", [gmwm.allan_variance, gmwm.avlr, gmwm.contamination, partial(gmwm.fit, "WN")])
 def test_one_signal_is_not_a_recording(door):
-    with pytest.raises(DataError, match=r"got a Imu of gyro_x, gyro_y\. Pass `x\['gyro_x'\]"):
+    with pytest.raises(DataError, match=r"got an Imu of gyro_x, gyro_y\. Pass `x\['gyro_x'\]"):
         door(SIMULATED.imu)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector
-from gmwm._text import Summarised
+from gmwm._text import Summarised, with_article
 from gmwm.errors import OptionError
 from gmwm.signals import Signal
 from gmwm.variance.allan import allan_variance
@@ -202,7 +202,7 @@ def avlr(
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
     if allan.family == "hadamard" or allan.kind == "modified":
         raise OptionError(
-            f"the lines can be fitted to an Allan deviation only; got a {allan.title}",
+            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}",
             argument="x",
             got=x,
             advice="Use `gmwm.allan_variance`.",
