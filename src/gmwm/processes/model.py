@@ -538,7 +538,12 @@ def _check_repeats(processes: tuple[Process, ...]) -> None:
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
             raise ModelError(
-                f"{name} cannot be repeated {count} times: {process.repeats(count)}", name=name, count=count
+                f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
+                argument="processes",
+                got=name,
+                advice="Write `{instead}` once.",
+                instead=process.instead_of_repeats(count),
+                count=count,
             )
     for a, b in combinations(processes, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):
