@@ -162,7 +162,9 @@ class Verdict(Summarised):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
         """The verdict whose `to_dict` gave `values`."""
-        arrays: dict[str, Any] = {name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"}
+        arrays: dict[str, Any] = {
+            name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
+        }
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
         known = get_args(Reason)
         if wrong := [reason for reason in left_out.values() if reason not in known]:
