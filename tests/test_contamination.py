@@ -174,7 +174,7 @@ def test_wrong_arguments_are_named() -> None:
     ):
         with raises(gmwm.errors.DataError, argument="x"):
             contamination(wrong)
-    with pytest.raises(gmwm.errors.DataError, match="their samples differ"):
+    with raises(gmwm.errors.DataError, argument="x"):
         contamination((classical, other[1]))
     pair = tuple(gmwm.wavelet_variance(clean(1000), RATE, filter="d4", robust=wanted) for wanted in (False, True))
     with pytest.raises(gmwm.errors.OptionError, match="Haar MODWT"):
