@@ -48,6 +48,7 @@ _LISTS = ("columns", "increments")
 _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm info": "gmwm.inspect(recording)",
     "gmwm agree": "gmwm.agree(calibrations)",
+    "gmwm fit": "gmwm.fit(model, curve)",
     "gmwm fit --likelihood": "gmwm.fit_ml(model, signal)",
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm compare": "gmwm.compare(curves)",

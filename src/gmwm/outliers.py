@@ -39,12 +39,6 @@ FELT = 4
 """Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
 
-_REASONS: Mapping[str, str] = {
-    "few": "too few coefficients",
-    "rounded": "the quantization steps of the output are larger than its noise",
-    "nothing": "there is no noise",
-}
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Summarised):
@@ -122,10 +116,12 @@ class Verdict(Summarised):
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Reason | Literal[""]:
         """The most frequent reason why a level was not tested; "" if all levels were tested."""
         reasons = list(self.left_out.values())
-        return _REASONS[max(reasons, key=reasons.count)] if reasons else ""
+        if not reasons:
+            return ""
+        return max(reasons, key=reasons.count)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -159,24 +155,29 @@ class Verdict(Summarised):
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain numbers, lists and texts, ready for JSON; None for NaN."""
         plain = {name: [_plain(value) for value in getattr(self, name).tolist()] for name in _ARRAYS}
-        scalars = ("contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis")
         left_out = {str(level): reason for level, reason in self.left_out.items()}
-        return {name: getattr(self, name) for name in scalars} | plain | {"left_out": left_out}
+        remarks = [remark.to_dict() for remark in self.remarks]
+        return {name: getattr(self, name) for name in _SCALARS} | plain | {"left_out": left_out, "remarks": remarks}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
         """The verdict whose `to_dict` gave `values`."""
-        arrays = {name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"}
+        arrays: dict[str, Any] = {
+            name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
+        }
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
         known = get_args(Reason)
         if wrong := [reason for reason in left_out.values() if reason not in known]:
             raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
-        return cls(**{**values, **arrays, "levels": np.array(values["levels"], dtype=np.int64), "left_out": left_out})
+        levels = np.array(values["levels"], dtype=np.int64)
+        scalars = {name: values[name] for name in _SCALARS}
+        return cls(**scalars, **arrays, levels=levels, left_out=left_out)
 
     def __str__(self) -> str:
         return self.summary()
 
 
+_SCALARS = ("contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis")
 _ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")
 
 
@@ -312,7 +313,12 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     differ = [name for name in same if getattr(classical, name) != getattr(robust, name)]
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
-        raise DataError(f"the two wavelet variances are of different recordings: their {what} differ")
+        raise DataError(
+            f"the two wavelet variances are of different recordings: their {what} differ",
+            argument="x",
+            got=what,
+            advice="Compute both wavelet variances from the same recording.",
+        )
     if rate is not None and rate != robust.rate:
         raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
     return classical, robust

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
-from gmwm.calibration.findings import WANTED
+from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.calibration.recording_info import Recording
@@ -24,7 +25,7 @@ from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, Op
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import settle
-from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.inference.goodness import GoodnessOfFit, usable_levels
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection, inspect
 from gmwm.options import as_whole_number
@@ -126,7 +127,8 @@ def calibrate(
     OptionError
         If an argument is not allowed.
     DataError, ModelError
-        If no axis can be calibrated.
+        If no axis can be calibrated, for example because the recording has fewer than 64 samples without a gap, which
+        are fewer than four usable scales.
 
     References
     ----------
@@ -336,6 +338,7 @@ class _Axis:
         wv, verdict = self._measured()
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
+        _require_scales(wv)
         self.steps.step(self.name, next(stages))
         ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.steps.check())
         self.steps.step(self.name, next(stages))
@@ -375,6 +378,19 @@ class _Axis:
         verdict = contamination((classical, robust), comparisons=self.together)
         chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict
+
+
+def _require_scales(wv: WaveletVariance) -> None:
+    """Raise an error if a curve has so few usable scales that no model can be chosen."""
+    scales = int(np.count_nonzero(usable_levels(wv)))
+    if scales < LEAST_SCALES:
+        raise DataError(
+            f"{counted(wv.samples, 'sample')} are too short for a calibration: "
+            f"{counted(scales, 'scale')} can be used, and at least {LEAST_SCALES} are needed",
+            argument="data",
+            got=wv.samples,
+            advice="Record for several hours, or fit one model to the short curve with {gmwm fit}.",
+        )
 
 
 def _test(fit: Fit) -> GoodnessOfFit | None:

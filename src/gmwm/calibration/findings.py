@@ -25,7 +25,11 @@ if TYPE_CHECKING:
 SIZE = 0.05
 """Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 SCALES = 6
-"""Usable scales that a calibration needs: with fewer, the terms cannot be distinguished (docs/validation/short.md)."""
+"""Usable scales below which no number of a calibration can be used: with fewer, the selection misses one of two terms
+that cross at a scale of 16 samples in almost half of the recordings (tests/calibration/test_short.py)."""
+LEAST_SCALES = 4
+"""Usable scales below which a recording is refused: with fewer, the selection recommends another model than white
+noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 WANTED = 0.2
 """Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
 LARGE = 1.5

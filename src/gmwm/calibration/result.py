@@ -115,7 +115,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         if axis in self.axes:
             return self.axes[axis].fit
         if axis in self.failed:
-            raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}")
+            raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}", argument="axis", got=axis)
         raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
 
     def __iter__(self) -> Iterator[str]:
@@ -204,7 +204,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         ReadError
-            If `content` is not a calibration, is incomplete, or is of a newer version of the format.
+            If `content` is not a calibration, is incomplete, or has another version of the format.
         """
         from gmwm.calibration.document import calibration
 
@@ -232,14 +232,14 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         ReadError
-            If the file does not exist, is not a calibration, is truncated, or is of a newer version of the format.
+            If the file does not exist, is not a calibration, is truncated, or has another version of the format.
         OSError
             If the file exists but cannot be opened.
         """
         from gmwm.calibration.document import read_text
 
         if not Path(path).exists():
-            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}")
+            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}", argument="path", got=str(path))
         content = read_text(path)
         try:
             return cls.from_dict(content)

@@ -33,6 +33,7 @@ ROUNDING = 1e-8
 _UNKNOWN = 14.0
 """Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
 _ROUNDS = 60
+"""Bound on the iterations. `_SETTLED` ends them earlier in every fit of tests/inference/test_inference_laws.py."""
 _SETTLED = 1e-4
 """Relative accuracy of an upper limit; limits are shown with four digits."""
 

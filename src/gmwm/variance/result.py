@@ -220,7 +220,9 @@ class WaveletVariance(Summarised):
                 raise DataError(argument=name, expected=f"{values.size} values, one for each variance", got=limit)
             limits.append(limit)
         if np.any(limits[0] > values) or np.any(limits[1] < values):
-            raise DataError("the limits must enclose the variance: lower ≤ variance ≤ upper at every level")
+            raise DataError(
+                "the limits must enclose the variance: lower ≤ variance ≤ upper at every level", argument="limits"
+            )
         return cls(
             levels=levels,
             variance=values,
