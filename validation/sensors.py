@@ -176,10 +176,16 @@ def ordinary(rng: Rng, slow: bool = True) -> Sensor:
     return _with_slow(Sensor(N=N, rate=rate, duration=duration), rng, time=log_uniform(rng, 1.0, duration / 200))
 
 
-def _with_slow(sensor: Sensor, rng: Rng, time: float, crossing: tuple[float, float] = (100.0, 15.0)) -> Sensor:
-    """The sensor with a Gauss-Markov term of this correlation time, and a random walk."""
-    ratio = log_uniform(rng, 3, 30)
-    at = max(sensor.duration * log_uniform(rng, 1 / crossing[0], 1 / crossing[1]), 10 * time)
+def _with_slow(
+    sensor: Sensor, rng: Rng, *, time: float, above: float = 3.0, crossing: tuple[float, float] = (100.0, 15.0)
+) -> Sensor:
+    """The sensor with a Gauss-Markov term of this correlation time, and a random walk.
+
+    At low frequency the term has `above` to ten times `above` the density of the white noise. The random walk crosses
+    both together at a share of the recording between the inverses of `crossing`, but above three correlation times.
+    """
+    ratio = log_uniform(rng, above, 10 * above)
+    at = max(sensor.duration * log_uniform(rng, 1 / crossing[0], 1 / crossing[1]), 3 * time)
     K = sensor.N * math.sqrt(3 * (1 + ratio)) / at
     return replace(sensor, gm=((ratio * sensor.N**2 / (2 * time), time),), K=K)
 
@@ -195,14 +201,14 @@ def base(rng: Rng) -> Recording:
 def gm_20s(rng: Rng) -> Recording:
     """GM of about 20 s + WN + weak RW, 1 h at 100 Hz."""
     sensor = Sensor(N=log_uniform(rng, 0.05, 0.5) * DEG_PER_ROOT_HOUR, rate=100.0, duration=3600.0)
-    sensor = _with_slow(sensor, rng, time=log_uniform(rng, 15, 30), crossing=(15.0, 6.0))
+    sensor = _with_slow(sensor, rng, time=log_uniform(rng, 15, 30), above=10, crossing=(30.0, 10.0))
     return sensor.recorded(sensor.white(rng), rng)
 
 
 def gm_300s(rng: Rng) -> Recording:
     """GM of about 300 s + WN + weak RW, 2 h at 50 Hz."""
     sensor = Sensor(N=log_uniform(rng, 0.05, 0.5) * DEG_PER_ROOT_HOUR, rate=50.0, duration=7200.0)
-    sensor = _with_slow(sensor, rng, time=log_uniform(rng, 200, 400), crossing=(4.0, 2.0))
+    sensor = _with_slow(sensor, rng, time=log_uniform(rng, 200, 400), above=30, crossing=(8.0, 4.0))
     return sensor.recorded(sensor.white(rng), rng)
 
 
