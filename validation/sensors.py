@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
+from scipy import signal, special
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -394,14 +394,28 @@ def knocks(rng: Rng) -> Recording:
 def _quantized(low: float, high: float, rng: Rng) -> Recording:
     """Rounded to a step between `low` and `high` white standard deviations.
 
-    N is that of an output whose rounding error is white with a variance of step²/12. This holds within 1 % of N² for
-    steps below 2 standard deviations; at coarser steps no N describes the output, and N is only a reference.
+    Given the slow part s, the rounded samples are independent with the mean m(s) and the variance v(s), both known. So
+    N² is the mean of v over the recording, by the rate: about σ² + step²/12 for steps below 2 standard deviations. The
+    slow terms become m(s), which is s up to 0.3 % of the step for those steps, and a staircase for coarser ones.
     """
     sensor, steps = ordinary(rng), rng.uniform(low, high)
-    plain, step = sensor.recorded(sensor.white(rng), rng), steps * sensor.sigma
-    N = math.sqrt(sensor.N**2 + step**2 / 12 / sensor.rate)
-    truth = replace(sensor, N=N).truth(facts={"steps": steps, "sensor_N": sensor.N})
-    return replace(plain, samples=step * np.rint(plain.samples / step), truth=truth)
+    step, slow = steps * sensor.sigma, sensor.slow(rng)
+    places = np.linspace(-0.5, 0.5, 401)
+    variances = step**2 * np.interp(slow / step - np.rint(slow / step), places, _rounded_variance(places, 1 / steps))
+    output = replace(sensor, N=math.sqrt(float(np.mean(variances)) / sensor.rate))
+    lowest = output.lowest() if steps <= 2 else None
+    truth = output.truth(lowest=lowest, facts={"steps": steps, "sensor_N": sensor.N})
+    samples = step * np.rint((slow + sensor.white(rng)) / step)
+    return Recording(samples=samples, rate=sensor.rate, truth=truth, axis=sensor.axis)
+
+
+def _rounded_variance(mean: Array, sigma: float) -> Array:
+    """Variance of a Gaussian of these means and this standard deviation, rounded to whole numbers."""
+    k = np.arange(-math.ceil(8 * sigma) - 2, math.ceil(8 * sigma) + 3)
+    below = special.ndtr((k + 0.5 - mean[:, None]) / sigma)
+    share = np.diff(below, axis=1, prepend=0.0)
+    variance: Array = share @ k**2 - (share @ k) ** 2
+    return variance
 
 
 def quantized_fine(rng: Rng) -> Recording:

@@ -43,6 +43,15 @@ def test_the_allan_deviation_is_that_of_the_truth(kind: str) -> None:
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)
 
 
+@pytest.mark.parametrize("kind", ["quantized-fine", "quantized-coarse"])
+def test_the_rounded_output_has_the_white_noise_of_the_truth(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Without a slow part the output is white, so N is its standard deviation; it is known to 1 ‰.
+    monkeypatch.setattr(sensors.Sensor, "slow", lambda self, rng: np.full(self.count, rng.uniform() * self.sigma))
+    for repeat in range(4):
+        found = sensors.KINDS[kind](np.random.default_rng([21, repeat]))
+        assert np.std(found.samples) / np.sqrt(found.rate) == pytest.approx(found.truth.N, rel=0.01)
+
+
 def test_flicker_noise_has_a_flat_allan_variance() -> None:
     x = [sensors.flicker(2**15, np.random.default_rng(k)) for k in range(40)]
     found = np.array([[allan_variance(one, n) for n in (16, 64, 256)] for one in x]) / sensors.BIAS
