@@ -280,8 +280,9 @@ def table(result: dict[str, Any]) -> str:
         "the true density at low frequency after the sensor's filter and rounding, without outliers. Covered: share of "
         "95 % intervals that contain the true value, of those reported without a limit (their number in brackets). "
         "K false: K reported though there is no random walk. Rejected: goodness-of-fit test below "
-        f"{ACCEPTED:g}. In the set: among the equivalent models. Robust: the robust wavelet variance was used. Warm-up and coarse: share with "
-        "this remark. Agree alarms: share of pairs of recordings of an unchanged sensor with a number that differs.",
+        f"{ACCEPTED:g}. In the set: among the equivalent models. Robust: the robust wavelet variance "
+        "was used. Warm-up and coarse: share with this remark. Agree alarms: share of pairs of "
+        "recordings of an unchanged sensor with a number that differs.",
         "",
         f"| {' | '.join(_COLUMNS.values())} |",
         f"|{'---|' * len(_COLUMNS)}",
