@@ -211,10 +211,13 @@ class TrendTest:
 
     def walks(self) -> tuple[float, float, float]:
         """γ² of a block beside the trend, its 95 % upper limit, and γ² if the trend is taken for noise."""
-        likelihood = self._likelihood
-        rest = likelihood.z - likelihood.transformed(self._course()[None, :])[0]
-        walk, limit = likelihood.walk(self._profile(), rest)
-        return walk, limit, likelihood.walk(self._none, likelihood.z, alone=True)[0]
+        likelihood, at = self._likelihood, np.arange(self._means.size) + 0.5
+        courses = self._lines if self.kind == "quadratic" else self._lines[:1]
+        if self.kind == "exponential":
+            decay = np.exp(-at / self.tau)
+            courses = likelihood.transformed(np.vstack([decay, at / self.tau * decay]))
+        walk, limit = likelihood.walk(courses)
+        return walk, limit, likelihood.walk(courses[:0], alone=True)[0]
 
     def until(self) -> float | None:
         """Time after which the rest of a warm-up is below a standard error; None if the trend is not a warm-up."""

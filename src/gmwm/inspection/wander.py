@@ -30,8 +30,10 @@ _PLATEAUS = np.geomspace(1e-2, 1e4, 13)
 """Spectral density of the Gauss-Markov process at low frequency over that of the white noise."""
 _FINER = np.geomspace(0.67, 1.5, 17)
 """Steps between two neighbours of `_WALKS`, whose ratio is 1.48, for the walk of the final model."""
-_LIMIT = 2.706
-"""Rise of −2 log L at a one-sided 95 % limit: the 90 % quantile of χ² with one degree of freedom."""
+_LIMIT = 3.841
+"""Rise of −2 log L at the upper limit of a walk: the 95 % quantile of χ² with one degree of freedom. The 90 % quantile,
+which is usual for a one-sided limit of 95 %, gives limits that are too low in 10 to 20 % of recordings, because a
+Gauss-Markov process can take the place of a walk (docs/validation/trends.md has the coverage)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +99,18 @@ def _markov(transform: Matrix, time: float) -> Vector:
     return np.asarray(np.sum((transform @ covariance) * transform, axis=1))
 
 
+def _crossing(walks: Vector, excess: Vector) -> float:
+    """The largest walk at which an excess becomes positive, between neighbours on the grid of ratios."""
+    inside = excess <= 0
+    largest = float(np.max(walks[inside]))
+    # The walk grows from model to model, and begins at zero again for the next Gauss-Markov process.
+    k = np.flatnonzero(inside[:-1] & ~inside[1:] & (walks[:-1] > 0) & (walks[1:] > walks[:-1]))
+    if not k.size:
+        return largest
+    share = excess[k] / (excess[k] - excess[k + 1])
+    return max(largest, float(np.max(walks[k] * (walks[k + 1] / walks[k]) ** share)))
+
+
 @dataclass(frozen=True, eq=False)
 class Profile:
     """−2 log L of block means at each noise model, with the best coefficients of C courses.
@@ -160,32 +174,42 @@ class Likelihood:
         taken = ((weights * self.z) @ shapes) ** 2 / (weights @ shapes**2)
         return float(np.min(self._minus2(self._flat[models] - np.max(taken, axis=1), self.grid.logs[models])))
 
-    def walk(self, profile: Profile, residual: Vector, *, alone: bool = False) -> tuple[float, float]:
-        """The variance γ² of a step of the walk, and its one-sided 95 % upper limit, beside a course.
+    def walk(self, courses: Matrix, *, alone: bool = False) -> tuple[float, float]:
+        """The variance γ² of a step of the walk beside courses, and its one-sided 95 % upper limit.
+
+        The likelihood is the restricted one (REML), without the low frequencies that the courses explain: with them,
+        a walk would be too small.
 
         Parameters
         ----------
-        profile : Profile
-            The profile of one course.
-        residual : (n − 1,) array
-            Transformed differences without the course.
+        courses : (p, n − 1) array
+            Transformed courses; for an exponential, also its derivative by the time constant.
         alone : bool
             Whether the noise has no Gauss-Markov process, which can take the place of a walk.
         """
-        grid, values, size = self.grid, profile.values[:, 0], self.z.size
-        if alone:
-            values = values[: _WALKS.size]
-        walks = grid.walks[: values.size] * profile.squares[: values.size, 0] / size
+        grid, used = self.grid, _WALKS.size if alone else len(self.grid.walks)
+        values, scales = self._restricted(grid.weights[:used], grid.logs[:used], courses)
         best = int(np.argmin(values))
-        limit = float(np.max(walks[values <= values[best] + _LIMIT]))
+        limit = _crossing(grid.walks[:used] * scales, values - values[best] - _LIMIT)
         if not grid.walks[best]:
             return 0.0, limit
         ratios = grid.walks[best] * _FINER
         variances = grid.rest[best] + ratios[:, None] * grid.walk
-        squares = np.sum(residual**2 / variances, axis=1)
-        finer = int(np.argmin(self._minus2(squares, np.sum(np.log(variances), axis=1))))
-        found = float(ratios[finer] * squares[finer] / size)
+        values, scales = self._restricted(1 / variances, np.sum(np.log(variances), axis=1), courses)
+        finer = int(np.argmin(values))
+        found = float(ratios[finer] * scales[finer])
         return found, max(limit, found)
+
+    def _restricted(self, weights: Matrix, logs: Vector, courses: Matrix) -> tuple[Vector, Vector]:
+        """−2 log of the restricted likelihood, up to a constant, and σ², for each noise model."""
+        squares, free = weights @ self.z**2, self.z.size - len(courses)
+        if len(courses):
+            gram = np.einsum("gk,ak,bk->gab", weights, courses, courses, optimize=True)
+            cross = weights @ (courses * self.z).T
+            squares = squares - np.sum(cross * np.linalg.solve(gram, cross[:, :, None])[:, :, 0], axis=1)
+            logs = logs + np.linalg.slogdet(gram)[1]
+        squares = np.maximum(squares, np.finfo(float).tiny)
+        return free * np.log(squares) + logs, squares / free
 
     def coefficient(self, model: int, course: Vector) -> float:
         """The coefficient of a transformed course for one noise model."""
