@@ -17,6 +17,7 @@ from gmwm.axis_names import sensor_of
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.recording_findings import as_concerns
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.stream_measurement import measured_and_inspected
@@ -198,7 +199,12 @@ def calibrate_recording(
     reasons = {axis: error.reason for axis, error in failed.items()}
     recording = None if inspection is None else Recording.of(inspection)
     return Calibration(
-        axes=done, failed=reasons, settings=options, source=source, recording_remarks=remarks, recording=recording
+        axes=done,
+        failed=reasons,
+        settings=options,
+        source=source,
+        recording_remarks=tuple(as_concerns(remarks, done)),
+        recording=recording,
     )
 
 
