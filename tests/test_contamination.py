@@ -44,7 +44,7 @@ def test_clean_recordings_are_clean(text: str, efficiency: float) -> None:
 
 def test_of_true_nulls_as_many_are_rejected_as_stated() -> None:
     # With nothing put up with the size is nearly the stated one: levels have little to do with each other.
-    found = [contamination(clean(8192, seed), RATE, size=0.2, tolerance=0.0).contaminated for seed in range(400)]
+    found = [contamination(clean(8192, seed), RATE, size=0.2, tolerance=0.0).exceeds for seed in range(400)]
     assert 0.2 - 4 * 0.02 - 0.03 < np.mean(found) < 0.2 + 4 * 0.02
 
 
@@ -80,8 +80,10 @@ def test_a_pair_says_what_its_recording_says() -> None:
     x = knocked()
     pair = contamination(measured(x), comparisons=6)
     signal = contamination(gmwm.Signal(x, RATE, axis="gyro_x", unit="rad/s"), comparisons=6)
-    assert pair.to_dict() == replace(signal, axis="").to_dict()
+    assert pair.to_dict() == replace(signal, axis="", bursts=None).to_dict()
     assert signal.to_dict()["remarks"] == [remark.to_dict() for remark in signal.remarks]
+    assert pair.bursts is None
+    assert signal.bursts is not None and signal.bursts.found
     assert signal.remarks == tuple(remark.about("gyro_x") for remark in pair.remarks)
 
 

@@ -75,7 +75,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
 
     monkeypatch.setattr(FirstPass, "second_pass", between)
     stream = gmwm.stream(file, rate=100.0)
-    curves, seen = measured_and_inspected(stream, stream.axes)
+    curves, seen, _ = measured_and_inspected(stream, stream.axes)
     assert sum(map(len, stream)) == 3000
     assert seen.samples == 2000 == curves["gyro_x"][1].samples
     assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
@@ -83,7 +83,7 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
 
 def test_one_reading_is_enough_for_one_curve(path):
     stream = gmwm.stream(path)
-    curves, seen = measured_and_inspected(stream, ["gyro_x"], pairs=False)
+    curves, seen, _ = measured_and_inspected(stream, ["gyro_x"], pairs=False)
     assert list(curves) == ["gyro_x"]
     assert list(seen.axes) == ["gyro_x", "gyro_y", "accel_z"]
     three_passes = InspectedStream(stream, ["gyro_x"])

@@ -129,6 +129,9 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
+    yield from _of_spikes(axis, verdict)
+    if verdict.heavy_tailed and not found.fit.wavelet_variance.robust:
+        yield Remark.of("noise-heavy-tailed", axis)
     if not verdict.contaminated:
         return
     facts = _excess(verdict)
@@ -140,6 +143,13 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
     else:
         # With robust="auto", the classical estimate is fitted only if the model has a sinusoid.
         yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
+
+
+def _of_spikes(axis: str, verdict: Verdict) -> Iterator[Remark]:
+    if verdict.repaired:
+        yield Remark.of("spikes-repaired", axis, count=verdict.repaired, largest=verdict.largest)
+    if verdict.spikes and verdict.contaminated:
+        yield Remark.of("spikes-kept", axis, count=verdict.spikes, largest=verdict.largest)
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:

@@ -116,7 +116,7 @@ def stream_curves(
     from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
-        curves, seen = measured_and_inspected(
+        curves, seen, _ = measured_and_inspected(
             stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
             progress=lambda text: advance(text, 0),
         )  # fmt: skip

@@ -1,4 +1,6 @@
-"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?"""
+"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?
+
+Heavy tails raise it as well, so that the samples must also have bursts or isolated wrong samples."""
 
 from __future__ import annotations
 
@@ -14,13 +16,13 @@ from gmwm._text import Summarised, rounded
 from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
+from gmwm.outliers.bursts import Bursts
+from gmwm.outliers.screening import Screen, screened
 from gmwm.processes.model import ModelLike
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
-
-__all__ = ["Verdict", "contamination"]
 
 HUGE = 10.0
 """Excess from which on text states it as a factor instead of a percentage."""
@@ -35,6 +37,8 @@ first share, the ratio of the level depends by up to 15 % on the position of the
 second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
 are in docs/validation/contamination-test.md.
 """
+TOLERANCE = 0.02
+"""Default of the excess that is not an outlier."""
 FELT = 4
 """Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
@@ -47,7 +51,8 @@ class Verdict(Summarised):
     Attributes
     ----------
     contaminated : bool
-        Whether `pvalue` is at most `size`.
+        Whether outliers raise the classical curve: `pvalue` is at most `size`, and the samples have bursts or isolated
+        wrong samples. If only two curves were given, the p-value decides.
     pvalue : float
         p-value for all tested levels and all `comparisons` together: the smallest p-value of a level times their
         number, at most 1. It is 1 if no level can be tested.
@@ -67,6 +72,14 @@ class Verdict(Summarised):
     comparisons : int
         As for `contamination`.
     axis : str
+    bursts : Bursts or None
+        Knocks and motion in the samples; None if only two curves were given.
+    spikes : int
+        Number of isolated wrong samples that are in the curves.
+    repaired : int
+        Number of isolated wrong samples that were replaced before the curves were measured; see `calibrate`.
+    largest : float
+        Largest deviation of the isolated wrong samples, in local standard deviations.
     """
 
     contaminated: bool
@@ -83,6 +96,10 @@ class Verdict(Summarised):
     tolerance: float
     efficiency: float
     axis: str = ""
+    bursts: Bursts | None = None
+    spikes: int = 0
+    repaired: int = 0
+    largest: float = 0.0
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -92,6 +109,16 @@ class Verdict(Summarised):
     def tested(self) -> NDArray[np.bool_]:
         """Which levels are tested (J,)."""
         return np.array([int(j) not in self.left_out for j in self.levels], dtype=np.bool_)
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether the classical curve exceeds the robust one by more than chance."""
+        return self.pvalue <= self.size
+
+    @property
+    def heavy_tailed(self) -> bool:
+        """Whether it exceeds the robust one although there are no outliers: the noise has heavy or varying tails."""
+        return self.exceeds and not self.contaminated
 
     @property
     def exceeding(self) -> NDArray[np.bool_]:
@@ -133,7 +160,9 @@ class Verdict(Summarised):
         if not tested.size:
             yield Remark.of("outlier-test-impossible", self.axis, reason=self.reason)
             return
-        if self.contaminated:
+        if self.heavy_tailed:
+            yield Remark.of("heavy-tails", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue)
+        elif self.contaminated:
             worst = int(np.argmax(np.where(self.exceeding, self.excess, -np.inf)))
             yield Remark.of(
                 "outliers-found", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue,
@@ -156,8 +185,10 @@ class Verdict(Summarised):
         """All fields as plain numbers, lists and texts, ready for JSON; None for NaN."""
         plain = {name: [_plain(value) for value in getattr(self, name).tolist()] for name in _ARRAYS}
         left_out = {str(level): reason for level, reason in self.left_out.items()}
+        bursts = None if self.bursts is None else self.bursts.to_dict()
         remarks = [remark.to_dict() for remark in self.remarks]
-        return {name: getattr(self, name) for name in _SCALARS} | plain | {"left_out": left_out, "remarks": remarks}
+        more = {"left_out": left_out, "bursts": bursts, "remarks": remarks}
+        return {name: getattr(self, name) for name in _SCALARS} | plain | more
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
@@ -169,15 +200,18 @@ class Verdict(Summarised):
         known = get_args(Reason)
         if wrong := [reason for reason in left_out.values() if reason not in known]:
             raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
-        levels = np.array(values["levels"], dtype=np.int64)
+        levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
+        made = None if bursts is None else Bursts.from_dict(bursts)
         scalars = {name: values[name] for name in _SCALARS}
-        return cls(**scalars, **arrays, levels=levels, left_out=left_out)
+        return cls(**scalars, **arrays, levels=levels, left_out=left_out, bursts=made)
 
     def __str__(self) -> str:
         return self.summary()
 
 
-_SCALARS = ("contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis")
+_SCALARS = (
+    "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "repaired", "largest",
+)  # fmt: skip
 _ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")
 
 
@@ -189,9 +223,14 @@ def contamination(
     efficiency: float = 0.6,
     size: float = 0.05,
     comparisons: int = 1,
-    tolerance: float = 0.02,
+    tolerance: float = TOLERANCE,
+    screen: Screen | None = None,
 ) -> Verdict:
     """Test a recording for outliers, by the ratio of the classical to the robust wavelet variance at every level.
+
+    Noise with heavy tails, or with a varying variance, raises this ratio too, but the robust curve estimates another
+    quantity then. A signal is therefore contaminated only if its samples have bursts as well (at least 1 % of the
+    classical variance of a level, in at most 15 % of the time, see `find_bursts`), or isolated wrong samples.
 
     In Gaussian noise d_j = log(ν̂_j²/ν̃_j²), classical over robust, has mean 0 and
 
@@ -227,6 +266,8 @@ def contamination(
     tolerance : float
         Excess that is not an outlier: 0.02 changes a standard deviation by 1 %. In a long recording, the test would
         otherwise reject noise that is only approximately Gaussian.
+    screen : Screen, optional
+        For a pair, the screen of its samples. Without it, a pair is contaminated if its p-value is small.
 
     Returns
     -------
@@ -259,6 +300,8 @@ def contamination(
     if not 0 <= tolerance < np.inf:
         raise OptionError(argument="tolerance", expected="zero or a positive number", got=tolerance)
     classical, robust = _both(x, rate, efficiency)
+    if screen is None and not _is_pair(x):
+        screen = screened(x if isinstance(x, Signal) else Signal(np.asarray(x, dtype=np.float64), classical.rate))
     left_out = _left_out(robust)
     tested = np.array([int(j) not in left_out for j in robust.levels])
     error = np.full(len(robust), np.nan)
@@ -275,7 +318,7 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        contaminated=pvalue <= size,
+        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0),
         pvalue=pvalue,
         levels=robust.levels.copy(),
         tau=robust.tau.copy(),
@@ -289,12 +332,20 @@ def contamination(
         tolerance=float(tolerance),
         efficiency=robust.efficiency,
         axis=robust.axis,
+        bursts=None if screen is None or not screen.bursts.tau.size else screen.bursts,
+        spikes=0 if screen is None else screen.spikes,
+        repaired=0 if screen is None else screen.repaired,
+        largest=0.0 if screen is None else screen.largest,
     )
+
+
+def _is_pair(x: Any) -> bool:
+    return isinstance(x, tuple | list) and any(isinstance(part, WaveletVariance) for part in x)
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:
     """The classical and the robust wavelet variance of the recording."""
-    pair = isinstance(x, tuple | list) and any(isinstance(part, WaveletVariance) for part in x)
+    pair = _is_pair(x)
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
