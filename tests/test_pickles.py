@@ -52,9 +52,9 @@ def results(tmp_path_factory):
 NAMES = (
     "Agreement", "AllanRegression", "Bootstrap", "Calibration", "Candidate", "ClusterVariance", "ContinuousStateSpace",
     "Criterion", "Datasheet", "Fit", "Fleet", "GoodnessOfFit", "Imu", "Inspection", "LikelihoodFit", "Model", "Plan",
-    "PowerSpectra", "PowerSpectrum", "Ranking", "Residuals", "Sampled", "Sandwich", "Signal", "SimulatedImu", "SimulatedSignal",
-    "SpectrumAccumulator", "Start", "StateSpace",
-    "Tracks", "Verdict", "WaveletAccumulator", "WaveletFilter", "WaveletVariance", "WaveletVariances",
+    "PowerSpectra", "PowerSpectrum", "Ranking", "Residuals", "Sampled", "Sandwich", "Signal", "SimulatedImu",
+    "SimulatedSignal", "SpectrumAccumulator", "Start", "StateSpace", "Tracks", "Verdict", "WaveletAccumulator",
+    "WaveletFilter", "WaveletVariance", "WaveletVariances",
 )  # fmt: skip
 
 
@@ -80,6 +80,8 @@ def same(one, other):
         return one.equals(other)
     if isinstance(one, gmwm.WaveletAccumulator):
         return same(one.to_dict(), other.to_dict())
+    if isinstance(one, gmwm.spectrum.SpectrumAccumulator):
+        return same(one.result(), other.result())
     return one == other or (one != one and other != other)
 
 

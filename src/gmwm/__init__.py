@@ -20,8 +20,8 @@ Simulation
     `simulate` makes a recording with known noise, `simulate_signal` a single signal, and `reference_imu` gives the
     models of a typical unit.
 
-Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`,
-`gmwm.spectrum`, `gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
+Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`, `gmwm.spectrum`,
+`gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
 
 Everything inside is in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
 sample (a white noise variance σ² is that of one sample), except the inverse correlation time β of a Gauss-Markov

@@ -18,6 +18,7 @@ from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
+from gmwm.calibration.spectrum_measurement import measured_spectrum
 from gmwm.calibration.stream_measurement import measured_and_inspected
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
@@ -35,6 +36,7 @@ from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
 from gmwm.selection.api import select_within
 from gmwm.signals import Imu, Signal
+from gmwm.spectrum import PowerSpectrum
 from gmwm.units import SI_UNIT, find_unit
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
@@ -52,10 +54,11 @@ Progress = Callable[[int, int, str], None]
 
 
 class Pair(NamedTuple):
-    """The classical and the robust wavelet variance of one axis."""
+    """The classical and the robust wavelet variance of one axis, and its spectrum if it was measured."""
 
     classical: WaveletVariance
     robust: WaveletVariance
+    spectrum: PowerSpectrum | None = None
 
     @property
     def unit(self) -> str:
@@ -221,11 +224,11 @@ def _inspected(
 ) -> tuple[dict[str, Measured], Inspection | None]:
     """The data of each axis, as wavelet variances if they come from a stream, and the inspection of a recording."""
     if isinstance(data, Stream):
-        curves, inspection = measured_and_inspected(
+        curves, inspection, spectra = measured_and_inspected(
             data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
             progress=steps.read,
         )  # fmt: skip
-        return {axis: Pair(*pair) for axis, pair in curves.items()}, inspection
+        return {axis: Pair(pair[0], pair[1], spectra[axis]) for axis, pair in curves.items()}, inspection
     if scheduler is not None or workers is not None:
         name = "workers" if scheduler is None else "scheduler"
         raise OptionError(
@@ -334,6 +337,7 @@ class _Axis:
         """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
         wv, verdict = self._measured()
+        spectrum = _spectrum_of(self.item)
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
         self.steps.step(self.name, next(stages))
@@ -353,6 +357,7 @@ class _Axis:
             ranking=ranking,
             verdict=verdict,
             needed=needed(fit, options.weighting),
+            spectrum=spectrum,
         )
         self.steps.step(self.name, next(stages))
         return found
@@ -368,13 +373,20 @@ class _Axis:
                 )
             return self.item, None
         if isinstance(self.item, Pair):
-            classical, robust = self.item
+            classical, robust = self.item[:2]
         else:
             classical = signal_wavelet_variance(self.item)
             robust = signal_wavelet_variance(self.item, robust=True, efficiency=efficiency)
         verdict = contamination((classical, robust), comparisons=self.together)
         chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
         return (robust if chosen else classical), verdict
+
+
+def _spectrum_of(item: Measured) -> PowerSpectrum | None:
+    """The spectrum of an axis, smoothed away from lines; None for a wavelet variance."""
+    if isinstance(item, Signal):
+        return measured_spectrum(item)
+    return item.spectrum if isinstance(item, Pair) else None
 
 
 def _test(fit: Fit) -> GoodnessOfFit | None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
+from gmwm.calibration.spectrum_measurement import SpectraOfStream
 from gmwm.errors import GmwmError
-from gmwm.inspection import Inspection, inspect
+from gmwm.inspection import Inspection
 from gmwm.inspection.api import FirstPass, RecordingStatistics
 from gmwm.readers.streams import Chunk, Stream
+from gmwm.spectrum import PowerSpectrum
 from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.passes import measured_pairs, stream_variance
 from gmwm.streaming.scheduling import connected
@@ -31,8 +33,8 @@ def measured_and_inspected(
     scheduler: str | Client | None = None,
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> tuple[dict[str, tuple[WaveletVariance, ...]], Inspection]:
-    """Estimate the wavelet variances of some axes and inspect all axes, in the same two passes.
+) -> Measurement:
+    """Estimate the wavelet variances and the spectra of some axes and inspect all axes, in the same two passes.
 
     Parameters
     ----------
@@ -41,8 +43,8 @@ def measured_and_inspected(
     axes : sequence of str
         Axes whose wavelet variance is estimated.
     pairs : bool
-        Return the classical and the robust wavelet variance of each axis, in this order; otherwise the one that
-        `robust` selects.
+        Return the classical and the robust wavelet variance of each axis, in this order, and its spectrum; otherwise
+        the wavelet variance that `robust` selects, without a spectrum.
     robust, efficiency, threads, scheduler, workers
         As in `stream_variance`. With workers, one of them inspects while the others measure.
     progress : callable, optional
@@ -50,8 +52,7 @@ def measured_and_inspected(
 
     Returns
     -------
-    curves : dict of axis to tuple of WaveletVariance
-    inspection : Inspection
+    Measurement
     """
     if scheduler is not None or workers is not None:
         return _spread(
@@ -64,18 +65,20 @@ def measured_and_inspected(
             workers=workers,
             progress=progress,
         )
-    inspected = InspectedStream(stream, axes, progress)
+    inspected = InspectedStream(stream, axes, progress=progress, spectra=pairs)
+    curves: dict[str, tuple[WaveletVariance, ...]]
     if pairs:
-        both = measured_pairs(inspected, efficiency=efficiency, threads=threads)
-        return dict(both), inspected.inspection()
-    curves = stream_variance(inspected, robust=robust, efficiency=efficiency, threads=threads)
-    return {axis: (curve,) for axis, curve in curves.items()}, inspected.inspection()
+        curves = dict(measured_pairs(inspected, efficiency=efficiency, threads=threads))
+    else:
+        found = stream_variance(inspected, robust=robust, efficiency=efficiency, threads=threads)
+        curves = {axis: (curve,) for axis, curve in found.items()}
+    return Measurement(curves, inspected.inspection(), inspected.spectra())
 
 
 def _spread(
     stream: Stream, axes: Sequence[str], pairs: bool, robust: bool, efficiency: float,
     scheduler: str | Client | None, workers: int | None, progress: Callable[[str], None] | None,
-) -> tuple[dict[str, tuple[WaveletVariance, ...]], Inspection]:  # fmt: skip
+) -> Measurement:  # fmt: skip
     """Measure and inspect with the workers of a cluster, or with local processes."""
 
     def report(samples: int) -> None:
@@ -83,25 +86,43 @@ def _spread(
             progress(f"both passes: {duration_text(samples / stream.rate)}")
 
     with connected(scheduler, workers) as client:
-        future = client.submit(_inspected, stream, pure=False, retries=2)
+        future = client.submit(_inspected, stream, tuple(axes) if pairs else (), pure=False, retries=2)
         curves: dict[str, tuple[WaveletVariance, ...]]
         if pairs:
             curves = dict(spread_pairs(stream, scheduler=client, efficiency=efficiency, done=report))
         else:
             found = spread_variance(stream, scheduler=client, robust=robust, efficiency=efficiency, done=report)
             curves = {axis: (curve,) for axis, curve in found.items()}
-        inspection = future.result()
-    if isinstance(inspection, GmwmError):
-        raise inspection
-    return {axis: curves[axis] for axis in axes}, inspection
+        seen = future.result()
+    if isinstance(seen, GmwmError):
+        raise seen
+    inspection, spectra = seen
+    return Measurement({axis: curves[axis] for axis in axes}, inspection, spectra)
 
 
-def _inspected(stream: Stream) -> Inspection | GmwmError:
-    """Inspect in a worker. An error is returned, because Dask would repeat work that raises."""
+def _inspected(stream: Stream, axes: tuple[str, ...]) -> tuple[Inspection, dict[str, PowerSpectrum | None]] | GmwmError:
+    """Inspect and estimate spectra in a worker. An error is returned, because Dask would repeat work that raises."""
+    inspected = InspectedStream(stream, axes, spectra=bool(axes))
     try:
-        return inspect(stream)
+        return inspected.inspection(), inspected.spectra()
     except GmwmError as error:
         return error
+
+
+class Measurement(NamedTuple):
+    """What was measured of a stream.
+
+    Attributes
+    ----------
+    curves : dict of axis to tuple of WaveletVariance
+    inspection : Inspection
+    spectra : dict of axis to PowerSpectrum or None
+        Smoothed away from lines; None for a recording that is too short. Empty if no spectra were wanted.
+    """
+
+    curves: dict[str, tuple[WaveletVariance, ...]]
+    inspection: Inspection
+    spectra: dict[str, PowerSpectrum | None]
 
 
 class InspectedStream:
@@ -117,8 +138,16 @@ class InspectedStream:
         Sampling rate (Hz).
     """
 
-    def __init__(self, stream: Stream, axes: Sequence[str], progress: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self,
+        stream: Stream,
+        axes: Sequence[str],
+        *,
+        progress: Callable[[str], None] | None = None,
+        spectra: bool = False,
+    ) -> None:
         self.source, self.axes, self.rate = stream.source, tuple(axes), stream.rate
+        self._spectra = SpectraOfStream(self.axes if spectra else (), stream.rate)
         self._stream, self._first = stream, FirstPass(stream)
         self._statistics: RecordingStatistics | None = None
         self._passes, self._progress = 0, progress
@@ -139,10 +168,15 @@ class InspectedStream:
                 pass
         return self._statistics.result()
 
+    def spectra(self) -> dict[str, PowerSpectrum | None]:
+        """Return the spectra of the axes after the first pass, smoothed away from lines."""
+        return self._spectra.results()
+
     def _first_pass(self) -> Iterator[Chunk]:
         for chunk in self._stream:
             self._report(f"first pass: {self._length(chunk)}")
             self._first.update(chunk)
+            self._spectra.update(chunk)
             yield chunk
 
     def _second_pass(self, statistics: RecordingStatistics) -> Iterator[Chunk]:
