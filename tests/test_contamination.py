@@ -83,7 +83,8 @@ def test_a_pair_says_what_its_recording_says() -> None:
     assert pair.to_dict() == replace(signal, axis="", bursts=None).to_dict()
     assert signal.to_dict()["remarks"] == [remark.to_dict() for remark in signal.remarks]
     assert pair.bursts is None
-    assert signal.bursts is not None and signal.bursts.found
+    assert signal.bursts is not None
+    assert signal.bursts.found
     assert signal.remarks == tuple(remark.about("gyro_x") for remark in pair.remarks)
 
 

@@ -52,6 +52,7 @@ _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm fit --likelihood": "gmwm.fit_ml(model, signal)",
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm compare": "gmwm.compare(curves)",
+    "gmwm psd": "gmwm.psd(recording)",
 }
 """The Python call that is equivalent to a command."""
 

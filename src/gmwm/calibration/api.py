@@ -38,6 +38,7 @@ from gmwm.remarks import Remark
 from gmwm.selection.api import select_within
 from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT, find_unit
+from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """The steps of one axis, as `progress` reports them."""
@@ -214,11 +215,15 @@ def _inspected(
 ) -> tuple[dict[str, Measured], Inspection | None]:
     """The data of each axis, as wavelet variances if they come from a stream, and the inspection of a recording."""
     if isinstance(data, Stream):
-        curves, inspection, screens = measured_and_inspected(
+        measured = measured_and_inspected(
             data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
             progress=steps.read,
         )  # fmt: skip
-        return {axis: Pair(pair[0], pair[1], screens[axis]) for axis, pair in curves.items()}, inspection
+        pairs = {
+            axis: Pair(pair[0], pair[1], measured.screens[axis], measured.spectra[axis])
+            for axis, pair in measured.curves.items()
+        }
+        return pairs, measured.inspection
     if scheduler is not None or workers is not None:
         name = "workers" if scheduler is None else "scheduler"
         raise OptionError(
@@ -326,7 +331,7 @@ class _Axis:
     def calibrated(self) -> AxisCalibration:
         """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
-        wv, verdict = measured_axis(self.item, options, comparisons=self.together)
+        wv, verdict, spectrum = measured_axis(self.item, options, comparisons=self.together)
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
         _require_scales(wv)
@@ -347,6 +352,7 @@ class _Axis:
             ranking=ranking,
             verdict=verdict,
             needed=needed(fit, options.weighting),
+            spectrum=spectrum,
         )
         self.steps.step(self.name, next(stages))
         return found

@@ -26,6 +26,7 @@ from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
+from gmwm.spectrum import PowerSpectrum
 
 FORMAT = "gmwm-calibration"
 VERSION = 2
@@ -39,6 +40,7 @@ _PARTS: Mapping[str, type | UnionType] = {
 _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
     "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
+    "spectrum": Mapping | NoneType,
 }  # fmt: skip
 """Parts of a document and of its axes, and what each must be."""
 
@@ -74,6 +76,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "contamination": None if found.verdict is None else found.verdict.to_dict(),
         "needed": dict(found.needed),
         "ranking": ranking_document(found.ranking),
+        "spectrum": None if found.spectrum is None else found.spectrum.to_dict(),
     }
 
 
@@ -119,6 +122,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
+    spectrum = content["spectrum"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
         fit=fit,
@@ -128,6 +132,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
         verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
         needed=content["needed"],
+        spectrum=None if spectrum is None else _read(f"{axis}.spectrum", lambda: PowerSpectrum.from_dict(spectrum)),
     )
 
 

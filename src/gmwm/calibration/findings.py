@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._text import duration_text
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.calibration.spectrum_findings import spectrum_remarks
 from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
@@ -104,6 +105,7 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
         yield Remark.of("drift", axis, rate=Quantity(value, unit))
+    yield from spectrum_remarks(axis, found)
     if found.needed:
         yield _poorly_known(axis, found.needed)
 

@@ -7,19 +7,22 @@ from typing import NamedTuple
 
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
+from gmwm.calibration.spectrum_measurement import measured_spectrum
 from gmwm.errors import DataError
 from gmwm.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, find_spikes, repaired, screened
 from gmwm.signals import Signal
+from gmwm.spectrum import PowerSpectrum
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 
 class Pair(NamedTuple):
-    """The classical and the robust wavelet variance of one axis, and the screen of its samples if they were read."""
+    """The two wavelet variances of one axis, and the screen of its samples and its spectrum if they were read."""
 
     classical: WaveletVariance
     robust: WaveletVariance
     screen: Screen | None = None
+    spectrum: PowerSpectrum | None = None
 
     @property
     def unit(self) -> str:
@@ -32,8 +35,8 @@ Measured = Signal | WaveletVariance | Pair
 
 def measured_axis(
     item: Measured, options: CalibrationOptions, *, comparisons: int = 1
-) -> tuple[WaveletVariance, Verdict | None]:
-    """Return the wavelet variance of an axis to fit, and the test for outliers.
+) -> tuple[WaveletVariance, Verdict | None, PowerSpectrum | None]:
+    """Return the wavelet variance of an axis to fit, the test for outliers, and the spectrum.
 
     With robust="auto", the robust curve is used if bursts (knocks, motion) raise the classical one. Isolated wrong
     samples are replaced first if the samples are in memory. In a stream they are only counted; if they raise the
@@ -51,6 +54,8 @@ def measured_axis(
     wv : WaveletVariance
     verdict : Verdict or None
         None for a WaveletVariance, which is fitted as it is.
+    spectrum : PowerSpectrum or None
+        Smoothed away from lines; None for a WaveletVariance, and for a recording that is too short.
 
     Raises
     ------
@@ -63,15 +68,16 @@ def measured_axis(
                 "the wavelet variance is classical, but a robust one is required",
                 advice="Pass the signal instead, or {--robust=auto}.",
             )
-        return item, None
-    classical, robust, screen = _curves(item, options) if isinstance(item, Signal) else item
+        return item, None, None
+    classical, robust, screen, spectrum = _curves(item, options) if isinstance(item, Signal) else item
     # With a screen, heavy tails raise no alarm, so that a smaller excess counts.
     tolerance = TOLERANCE if screen is None else MATERIAL
     verdict = contamination((classical, robust), comparisons=comparisons, tolerance=tolerance, screen=screen)
     wanted = verdict.contaminated and line_in(options.general) is None if options.robust == "auto" else options.robust
     if wanted:
-        return robust, verdict
-    return replace(classical, excess=None if screen is None else screen.tails.excess(classical)), verdict
+        return robust, verdict, spectrum
+    fitted = replace(classical, excess=None if screen is None else screen.tails.excess(classical))
+    return fitted, verdict, spectrum
 
 
 def _curves(signal: Signal, options: CalibrationOptions) -> Pair:
@@ -82,4 +88,5 @@ def _curves(signal: Signal, options: CalibrationOptions) -> Pair:
         signal_wavelet_variance(signal),
         signal_wavelet_variance(signal, robust=True, efficiency=options.efficiency),
         screened(signal, len(spikes), spikes.largest),
+        measured_spectrum(signal),
     )

@@ -22,6 +22,7 @@ from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 from gmwm.selection import Ranking
+from gmwm.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -53,6 +54,9 @@ class AxisCalibration:
     needed : mapping of name to length (s)
         For parameters with a relative standard error above 50 %, the recording length for 20 %. It is infinite if 1024
         times the length does not suffice, and None if it is not known.
+    spectrum : PowerSpectrum or None
+        Power spectral density, averaged over 1/24 octave away from lines, with the lines and bumps; None if the data
+        were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
     """
 
     fit: Fit
@@ -62,6 +66,7 @@ class AxisCalibration:
     ranking: Ranking
     verdict: Verdict | None = None
     needed: Mapping[str, float | None] = field(default_factory=dict)
+    spectrum: PowerSpectrum | None = None
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

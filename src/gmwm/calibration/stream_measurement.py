@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
+from gmwm.calibration.spectrum_measurement import SpectraOfStream
 from gmwm.errors import GmwmError
 from gmwm.inspection import Inspection
 from gmwm.inspection.api import FirstPass, RecordingStatistics
 from gmwm.outliers import Screen, Screening
 from gmwm.readers.streams import Chunk, Stream
+from gmwm.spectrum import PowerSpectrum
 from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.passes import measured_pairs, stream_variance
 from gmwm.streaming.scheduling import connected
@@ -31,11 +33,14 @@ class StreamMeasurement(NamedTuple):
     inspection : Inspection
     screens : dict of axis to Screen
         What the samples say about outliers and tails; empty if only one curve is measured.
+    spectra : dict of axis to PowerSpectrum or None
+        Smoothed away from lines; None for a recording that is too short. Empty if only one curve is measured.
     """
 
     curves: dict[str, tuple[WaveletVariance, ...]]
     inspection: Inspection
     screens: dict[str, Screen]
+    spectra: dict[str, PowerSpectrum | None]
 
 
 def measured_and_inspected(
@@ -50,7 +55,7 @@ def measured_and_inspected(
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> StreamMeasurement:
-    """Estimate the wavelet variances of some axes and inspect all axes, in the same two passes.
+    """Estimate the wavelet variances and the spectra of some axes and inspect all axes, in the same two passes.
 
     Parameters
     ----------
@@ -59,8 +64,8 @@ def measured_and_inspected(
     axes : sequence of str
         Axes whose wavelet variance is estimated.
     pairs : bool
-        Return the classical and the robust wavelet variance of each axis, in this order; otherwise the one that
-        `robust` selects.
+        Return the classical and the robust wavelet variance of each axis, in this order, and its spectrum; otherwise
+        the wavelet variance that `robust` selects, without a spectrum.
     robust, efficiency, threads, scheduler, workers
         As in `stream_variance`. With workers, one of them inspects while the others measure.
     progress : callable, optional
@@ -81,14 +86,14 @@ def measured_and_inspected(
             workers=workers,
             progress=progress,
         )
-    inspected = InspectedStream(stream, axes, progress, screening=pairs)
+    inspected = InspectedStream(stream, axes, progress=progress, whole=pairs)
     curves: dict[str, tuple[WaveletVariance, ...]]
     if pairs:
         curves = dict(measured_pairs(inspected, efficiency=efficiency, threads=threads))
     else:
         found = stream_variance(inspected, robust=robust, efficiency=efficiency, threads=threads)
         curves = {axis: (curve,) for axis, curve in found.items()}
-    return StreamMeasurement(curves, inspected.inspection(), inspected.screens())
+    return StreamMeasurement(curves, inspected.inspection(), inspected.screens(), inspected.spectra())
 
 
 def _spread(
@@ -112,15 +117,17 @@ def _spread(
         result = future.result()
     if isinstance(result, GmwmError):
         raise result
-    inspection, screens = result
-    return StreamMeasurement({axis: curves[axis] for axis in axes}, inspection, screens)
+    inspection, screens, spectra = result
+    return StreamMeasurement({axis: curves[axis] for axis in axes}, inspection, screens, spectra)
 
 
-def _inspected(stream: Stream, axes: tuple[str, ...]) -> tuple[Inspection, dict[str, Screen]] | GmwmError:
-    """Inspect, and screen axes, in a worker. An error is returned, because Dask would repeat work that raises."""
+def _inspected(
+    stream: Stream, axes: tuple[str, ...]
+) -> tuple[Inspection, dict[str, Screen], dict[str, PowerSpectrum | None]] | GmwmError:
+    """Inspect and measure axes in a worker. An error is returned, because Dask would repeat work that raises."""
     try:
-        inspected = InspectedStream(stream, axes, screening=bool(axes))
-        return inspected.inspection(), inspected.screens()
+        inspected = InspectedStream(stream, axes, whole=bool(axes))
+        return inspected.inspection(), inspected.screens(), inspected.spectra()
     except GmwmError as error:
         return error
 
@@ -142,15 +149,16 @@ class InspectedStream:
         self,
         stream: Stream,
         axes: Sequence[str],
-        progress: Callable[[str], None] | None = None,
         *,
-        screening: bool = False,
+        progress: Callable[[str], None] | None = None,
+        whole: bool = False,
     ) -> None:
         self.source, self.axes, self.rate = stream.source, tuple(axes), stream.rate
+        self._spectra = SpectraOfStream(self.axes if whole else (), stream.rate)
         self._stream, self._first = stream, FirstPass(stream)
         self._statistics: RecordingStatistics | None = None
         self._passes, self._progress = 0, progress
-        self._screening = {axis: Screening(stream.rate) for axis in self.axes} if screening else {}
+        self._screening = {axis: Screening(stream.rate) for axis in self.axes} if whole else {}
 
     def __iter__(self) -> Iterator[Chunk]:
         self._passes += 1
@@ -172,6 +180,10 @@ class InspectedStream:
         """Return what the samples of each axis say about outliers and tails, after the first pass."""
         return {axis: one.result() for axis, one in self._screening.items()}
 
+    def spectra(self) -> dict[str, PowerSpectrum | None]:
+        """Return the spectra of the axes after the first pass, smoothed away from lines."""
+        return self._spectra.results()
+
     def _first_pass(self) -> Iterator[Chunk]:
         segment = 0
         for chunk in self._stream:
@@ -182,6 +194,7 @@ class InspectedStream:
                     one.gap()
                 one.update(chunk[axis])
             segment = chunk.segment
+            self._spectra.update(chunk)
             yield chunk
 
     def _second_pass(self, statistics: RecordingStatistics) -> Iterator[Chunk]:

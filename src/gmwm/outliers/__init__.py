@@ -6,6 +6,17 @@ from gmwm.outliers.screening import Screen, Screening, screened
 from gmwm.outliers.spikes import Spikes, find_spikes, repaired
 
 __all__ = [
-    "MATERIAL", "TOLERANCE", "Bursts", "Screen", "Screening", "Spikes", "Verdict", "contamination", "excess_text", "find_bursts", "find_spikes",
-    "repaired", "screened",
-]  # fmt: skip
+    "MATERIAL",
+    "TOLERANCE",
+    "Bursts",
+    "Screen",
+    "Screening",
+    "Spikes",
+    "Verdict",
+    "contamination",
+    "excess_text",
+    "find_bursts",
+    "find_spikes",
+    "repaired",
+    "screened",
+]

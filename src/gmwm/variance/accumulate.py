@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Vector, as_rate
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import MINIMUM_SAMPLES
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
