@@ -44,7 +44,7 @@ def test_clean_recordings_are_clean(text: str, efficiency: float) -> None:
 
 def test_of_true_nulls_as_many_are_rejected_as_stated() -> None:
     # With nothing put up with the size is nearly the stated one: levels have little to do with each other.
-    found = [contamination(clean(8192, seed), RATE, size=0.2, tolerance=0.0).contaminated for seed in range(400)]
+    found = [contamination(clean(8192, seed), RATE, size=0.2, tolerance=0.0).exceeds for seed in range(400)]
     assert 0.2 - 4 * 0.02 - 0.03 < np.mean(found) < 0.2 + 4 * 0.02
 
 
@@ -80,7 +80,11 @@ def test_a_pair_says_what_its_recording_says() -> None:
     x = knocked()
     pair = contamination(measured(x), comparisons=6)
     signal = contamination(gmwm.Signal(x, RATE, axis="gyro_x", unit="rad/s"), comparisons=6)
-    assert pair.to_dict() == signal.to_dict() | {"axis": ""}
+    assert pair.to_dict() == replace(signal, axis="", bursts=None).to_dict()
+    assert signal.to_dict()["remarks"] == [remark.to_dict() for remark in signal.remarks]
+    assert pair.bursts is None
+    assert signal.bursts is not None
+    assert signal.bursts.found
     assert signal.remarks == tuple(remark.about("gyro_x") for remark in pair.remarks)
 
 
@@ -129,9 +133,9 @@ def test_recordings_that_cannot_be_tested_say_why() -> None:
     assert not few.contaminated
     assert few.pvalue == 1
     assert set(few.left_out.values()) == {"few"}
-    assert only(few.remarks, "outlier-test-impossible").facts["reason"] == "too few coefficients"
+    assert only(few.remarks, "outlier-test-impossible").facts["reason"] == "few"
     assert set(nothing.left_out.values()) == {"nothing"}
-    assert only(nothing.remarks, "outlier-test-impossible").facts["reason"] == "there is no noise"
+    assert only(nothing.remarks, "outlier-test-impossible").facts["reason"] == "nothing"
     assert not contamination(np.arange(5000.0), RATE).contaminated
 
 
@@ -173,7 +177,7 @@ def test_wrong_arguments_are_named() -> None:
     ):
         with raises(gmwm.errors.DataError, argument="x"):
             contamination(wrong)
-    with pytest.raises(gmwm.errors.DataError, match="their samples differ"):
+    with raises(gmwm.errors.DataError, argument="x"):
         contamination((classical, other[1]))
     pair = tuple(gmwm.wavelet_variance(clean(1000), RATE, filter="d4", robust=wanted) for wanted in (False, True))
     with pytest.raises(gmwm.errors.OptionError, match="Haar MODWT"):

@@ -172,7 +172,7 @@ def test_times_of_knocks_in_the_longest_segment(tmp_path):
 def test_streams_refuse_what_lies_outside_as_well(tmp_path, clock):
     path = written(tmp_path / "static.csv", clock)
     for how in (gmwm.read, gmwm.stream):
-        with pytest.raises(DataError, match=r"lasts 607 s, .*5003 s to 5004 s"):
+        with raises(DataError, "607 s", "5003 s", "5004 s"):
             gmwm.inspect(how(path, skip=[(5003.0, 5004.0)]))
         with pytest.warns(GmwmWarning, match="5000 s .*607 s"):
             assert gmwm.inspect(how(path, stop=5000.0)).samples == 6000

@@ -34,6 +34,8 @@ def results(tmp_path_factory):
         imu.write(folder / f"{unit}.csv")
     accumulator = gmwm.WaveletAccumulator(rate=RATE)
     accumulator.update(x.values)
+    spectrum = gmwm.spectrum.SpectrumAccumulator(RATE)
+    spectrum.update(x.values)
     space = fit.model.state_space(RATE)
     found = [
         imu, simulated, signal, x, fit, likely, ranking, ranking[0], calibration, accumulator, space, fit.model,
@@ -41,7 +43,7 @@ def results(tmp_path_factory):
         fit.diagnostics.start, fit.model.continuous(RATE), likely.smooth(x), likely.residuals(x),
         gmwm.allan_variance(x), gmwm.avlr(x), gmwm.contamination(x), gmwm.inspect(imu), gmwm.filters.find_filter("d4"),
         gmwm.estimation.Sampled(draws=10, rng=1), gmwm.plan(MODEL, duration=60.0, rate=RATE),
-        gmwm.agree([calibration, calibration]), gmwm.wavelet_variance(imu),
+        gmwm.psd(x), gmwm.psd(imu), spectrum, gmwm.agree([calibration, calibration]), gmwm.wavelet_variance(imu),
         gmwm.fleet(folder, folder / "out", within="GM + WN", workers=1),
     ]  # fmt: skip
     return {type(one).__name__: one for one in found}
@@ -50,8 +52,9 @@ def results(tmp_path_factory):
 NAMES = (
     "Agreement", "AllanRegression", "Bootstrap", "Calibration", "Candidate", "ClusterVariance", "ContinuousStateSpace",
     "Criterion", "Datasheet", "Fit", "Fleet", "GoodnessOfFit", "Imu", "Inspection", "LikelihoodFit", "Model", "Plan",
-    "Ranking", "Residuals", "Sampled", "Sandwich", "Signal", "SimulatedImu", "SimulatedSignal", "Start", "StateSpace",
-    "Tracks", "Verdict", "WaveletAccumulator", "WaveletFilter", "WaveletVariance", "WaveletVariances",
+    "PowerSpectra", "PowerSpectrum", "Ranking", "Residuals", "Sampled", "Sandwich", "Signal", "SimulatedImu",
+    "SimulatedSignal", "SpectrumAccumulator", "Start", "StateSpace", "Tracks", "Verdict", "WaveletAccumulator",
+    "WaveletFilter", "WaveletVariance", "WaveletVariances",
 )  # fmt: skip
 
 
@@ -77,6 +80,8 @@ def same(one, other):
         return one.equals(other)
     if isinstance(one, gmwm.WaveletAccumulator):
         return same(one.to_dict(), other.to_dict())
+    if isinstance(one, gmwm.spectrum.SpectrumAccumulator):
+        return same(one.result(), other.result())
     return one == other or (one != one and other != other)
 
 

@@ -9,6 +9,7 @@ Calibration
 Variances
     `wavelet_variance`, `allan_variance`, `hadamard_variance` and `total_variance` measure a signal; `avlr` reads
     datasheet numbers off the slopes of the Allan deviation. `WaveletAccumulator` measures samples as they arrive.
+    `psd` estimates the power spectral density, and finds lines and resonances in it.
     `modwt` and `dwt` are the wavelet transforms. `contamination` tests for outliers, and `compare` draws curves and
     fits over one another.
 Models
@@ -19,7 +20,7 @@ Simulation
     `simulate` makes a recording with known noise, `simulate_signal` a single signal, and `reference_imu` gives the
     models of a typical unit.
 
-Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`,
+Results, errors and functions for special purposes are in the packages: `gmwm.errors`, `gmwm.filters`, `gmwm.spectrum`,
 `gmwm.covariance`, `gmwm.datasheets`, `gmwm.estimation`, `gmwm.inference`, `gmwm.likelihood`, `gmwm.exporters`.
 
 Everything inside is in SI units: rad/s and m/s² for signals, s for times, Hz for rates. Parameters of processes are per
@@ -64,6 +65,7 @@ from gmwm.readers import read, stream
 from gmwm.selection import rank, select
 from gmwm.signals import Imu, Signal
 from gmwm.simulation import reference_imu, simulate, simulate_signal
+from gmwm.spectrum import psd
 from gmwm.variance import (
     WaveletAccumulator,
     WaveletVariance,
@@ -119,6 +121,7 @@ __all__ = [
     "inspect",
     "modwt",
     "plan",
+    "psd",
     "rank",
     "read",
     "reference_imu",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gmwm._text import counted
+from gmwm._text import counted, with_article
 from gmwm.errors import DataError, OptionError
 
 Vector = NDArray[np.float64]
@@ -46,7 +46,7 @@ def as_vector(values: ArrayLike, name: str, *, at_least: int = 1, finite: bool =
         )
     if isinstance(values, Mapping):
         raise DataError(
-            f"{name} must be one axis; got a {type(values).__name__} of {', '.join(values)}",
+            f"{name} must be one axis; got {with_article(type(values).__name__)} of {', '.join(values)}",
             argument=name,
             got=values,
             advice="Pass one of its axes, for example `data[{axis}]`.",
@@ -108,7 +108,7 @@ def _require_samples(values: object, name: str) -> None:
         held = getattr(values, attribute, None)
         if isinstance(held, Mapping) and (attribute != "axes" or hasattr(values, "imu")):
             raise DataError(
-                f"{name} must be one signal; got a {type(values).__name__} of {', '.join(held)}",
+                f"{name} must be one signal; got {with_article(type(values).__name__)} of {', '.join(held)}",
                 argument=name,
                 got=values,
                 advice="Pass `{one}`.",

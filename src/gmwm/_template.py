@@ -48,9 +48,11 @@ _LISTS = ("columns", "increments")
 _PYTHON_COMMANDS: Mapping[str, str] = {
     "gmwm info": "gmwm.inspect(recording)",
     "gmwm agree": "gmwm.agree(calibrations)",
+    "gmwm fit": "gmwm.fit(model, curve)",
     "gmwm fit --likelihood": "gmwm.fit_ml(model, signal)",
     "gmwm calibrate": "gmwm.calibrate(recording)",
     "gmwm compare": "gmwm.compare(curves)",
+    "gmwm psd": "gmwm.psd(recording)",
 }
 """The Python call that is equivalent to a command."""
 

@@ -19,6 +19,15 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
+def with_article(noun: str) -> str:
+    """Put the indefinite article before a noun: "an" before a vowel letter.
+
+    >>> with_article("Imu"), with_article("SimulatedImu")
+    ('an Imu', 'a SimulatedImu')
+    """
+    return f"{'an' if noun[:1].lower() in tuple('aeiou') else 'a'} {noun}"
+
+
 def rounded(value: float, digits: int = 2) -> str:
     """Format a number with few significant digits, without an exponent below a million.
 

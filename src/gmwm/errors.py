@@ -94,6 +94,12 @@ class GmwmError(Exception):
         advice = render(self.advice, self.facts, dialect, self.options)
         return f"{message}. {advice}" if advice else message
 
+    def with_advice_of(self, cause: GmwmError) -> Self:
+        """The same error with the advice of its cause, if the cause has one."""
+        if cause.advice:
+            self.advice, self.facts, self.options = cause.advice, cause.facts, cause.options
+        return self
+
     def at(self, place: str) -> Self:
         """A copy of the error with a place before its message, such as a file or a part of a file.
 

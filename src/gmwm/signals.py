@@ -138,7 +138,12 @@ class Signal:
                 advice="If infinite values stand for missing samples, replace them with NaN.",
             )
         if not present.any():
-            raise DataError(f"all {vector.size} samples of {axis or 'the signal'} are missing")
+            raise DataError(
+                f"all {vector.size} samples of {axis or 'the signal'} are missing",
+                argument="values",
+                got=vector,
+                advice="Check the column that the signal was read from.",
+            )
         edges = np.flatnonzero(np.diff(np.concatenate(([False], present, [False])).astype(np.int8))).reshape(-1, 2)
         ends = np.cumsum([0, *(edges[:, 1] - edges[:, 0])]).tolist()
         starts = (start + edges[:, 0] / rate).tolist()
@@ -318,9 +323,17 @@ class Imu:
         for name, signal in self.signals.items():
             if len(signal) != len(first) or signal.rate != first.rate or signal.segments != first.segments:
                 given = f"{name} is {signal!r}, {first.axis or 'the first'} is {first!r}"
-                raise DataError(f"all axes of an Imu must have the same length, rate and segments, but {given}")
+                raise DataError(
+                    f"all axes of an Imu must have the same length, rate and segments, but {given}",
+                    argument="signals",
+                    got=self.signals,
+                )
         if self.temperature is not None and len(self.temperature) != len(first):
-            raise DataError(f"temperature has {len(self.temperature)} values for {len(first)} samples")
+            raise DataError(
+                f"temperature has {len(self.temperature)} values for {len(first)} samples",
+                argument="temperature",
+                got=self.temperature,
+            )
         order = {axis: k for k, axis in enumerate(AXES)}
         ordered = dict(sorted(self.signals.items(), key=lambda item: order.get(item[0], len(AXES))))
         object.__setattr__(self, "signals", MappingProxyType(ordered))

@@ -106,7 +106,7 @@ def parse_unit(text: str, quantity: Quantity) -> Unit:
     unit = find_unit(text)
     if unit is None or unit.quantity != quantity:
         known = ", ".join(unit_names(quantity))
-        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {known}")
+        raise UnitError(f"{text!r} is not a unit of {quantity}; the units are {known}", argument="unit", got=text)
     return unit
 
 

@@ -134,7 +134,11 @@ def _write_records(imu: Imu, target: Path, kind: RecordType) -> None:
         limit = np.iinfo(np.int32).max
         largest = float(np.max(np.abs(values))) / (scale * imu.rate)
         if largest >= limit:
-            raise DataError(f"{axis} reaches {largest:.3g} counts of {kind.format}, but 32 bits hold at most {limit}")
+            raise DataError(
+                f"{axis} reaches {largest:.3g} counts of {kind.format}, but 32 bits hold at most {limit}",
+                argument="imu",
+                got=axis,
+            )
         records[axis] = counts(values, scale * imu.rate)
     with written_whole(target) as temporary:
         records.tofile(temporary)

@@ -108,7 +108,7 @@ def test_outliers_that_could_not_be_tested_get_a_remark():
     found = gmwm.calibrate(coarse, "WN")
     assert not found.verdicts["gyro_x"].tested.any()
     (row,) = [line for line in found.summary().splitlines() if line.startswith("  outliers  ")]
-    assert row.split("  ")[-1] == "not tested"
+    assert row.split("  ")[-1].strip() == "not tested"
     remark = only(found.remarks, "outliers-not-tested", "gyro_x")
     assert remark.severity is Severity.UNCERTAIN
     assert remark.facts["reason"] == found.verdicts["gyro_x"].reason

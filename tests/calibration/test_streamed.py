@@ -37,6 +37,8 @@ def test_a_stream_is_calibrated_as_the_recording(path):
         assert other.fit.wavelet_variance.strides == ()
         for name, value in one.fit.parameters.items():
             assert other.fit.parameters[name] == pytest.approx(value, rel=1e-6)
+        np.testing.assert_allclose(other.spectrum.density, one.spectrum.density, rtol=1e-10)
+        assert (other.spectrum.unit, other.spectrum.axis) == (one.spectrum.unit, axis)
         assert one.verdict.contaminated == other.verdict.contaminated == (axis == "gyro_y")
     assert whole.recording_remarks == pieces.recording_remarks
     assert whole.recording_remarks
@@ -75,16 +77,17 @@ def test_rows_that_are_appended_between_the_passes_are_ignored(tmp_path, monkeyp
 
     monkeypatch.setattr(FirstPass, "second_pass", between)
     stream = gmwm.stream(file, rate=100.0)
-    curves, seen = measured_and_inspected(stream, stream.axes)
+    curves, seen, _, spectra = measured_and_inspected(stream, stream.axes)
     assert sum(map(len, stream)) == 3000
-    assert seen.samples == 2000 == curves["gyro_x"][1].samples
+    assert seen.samples == 2000 == curves["gyro_x"][1].samples == spectra["gyro_x"].samples
     assert seen.axes["gyro_x"].sd == pytest.approx(rows[:2000].std(), rel=1e-12)
 
 
 def test_one_reading_is_enough_for_one_curve(path):
     stream = gmwm.stream(path)
-    curves, seen = measured_and_inspected(stream, ["gyro_x"], pairs=False)
+    curves, seen, _, spectra = measured_and_inspected(stream, ["gyro_x"], pairs=False)
     assert list(curves) == ["gyro_x"]
+    assert spectra == {}
     assert list(seen.axes) == ["gyro_x", "gyro_y", "accel_z"]
     three_passes = InspectedStream(stream, ["gyro_x"])
     assert [sum(map(len, three_passes)) for _ in range(3)] == [20_000] * 3

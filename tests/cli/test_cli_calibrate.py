@@ -87,6 +87,17 @@ def test_an_axis_that_cannot_be_calibrated_is_remarked(gmwm, folder):
     assert "gyro_y" in alone.err.splitlines()[-1]
 
 
+def test_a_recording_that_is_too_short_is_refused(gmwm, folder):
+    path = folder / "nine.csv"
+    library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=9, rng=1).write(path)
+    outcome = gmwm("calibrate", path)
+    assert (outcome.code, outcome.out) == (2, "")
+    error = outcome.err.splitlines()[-1]
+    assert error.startswith("error: ")
+    for fact in ("gyro_x", "9 samples", "at least 4", "`gmwm fit`"):
+        assert fact in error
+
+
 @pytest.mark.parametrize(
     ("arguments", "facts"),
     [

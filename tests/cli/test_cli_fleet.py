@@ -98,6 +98,17 @@ def test_none_that_can_be_calibrated_is_an_error_and_the_table_says_why(gmwm, tm
     assert pl.read_parquet(tmp_path / "out" / "fleet.parquet")["status"].to_list() == ["failed"] * 12
 
 
+def test_a_unit_that_is_too_short_fails_with_the_reason(gmwm, folder, tmp_path):
+    (tmp_path / "in").mkdir()
+    library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=9, rng=1).write(tmp_path / "in" / "nine.csv")
+    library.simulate({"gyro_x": "WN(sigma2=1e-6)"}, rate=100.0, samples=2000, rng=1).write(tmp_path / "in" / "long.csv")
+    outcome = gmwm("fleet", tmp_path / "in", "--within", "WN", "--output", tmp_path / "out", "--workers", 0)
+    assert outcome.code == 0
+    rows = Fleet.load(tmp_path / "out").table.select("unit", "status", "reason").rows()
+    assert [row[:2] for row in rows] == [("long.csv", "calibrated"), ("nine.csv", "failed")]
+    assert "9 samples" in rows[1][2]
+
+
 def test_many_failures_with_one_reason_are_one_warning(gmwm, folder, tmp_path):
     (tmp_path / "in").mkdir()
     for k in range(12):

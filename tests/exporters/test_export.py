@@ -13,7 +13,7 @@ from gmwm.errors import DataError, FitWarning, OptionError
 from gmwm.exporters import export_all, export_formats
 from gmwm.exporters.text import plain, unended
 from gmwm.remarks import Quantity, Remark
-from tests.helpers import codes, only
+from tests.helpers import codes, only, raises
 
 from .conftest import RATE, TRUTHS, calibrated, exact_curve, remarks_in, words
 from .consumers import CONSUMERS, PER_AXIS, yaml
@@ -38,7 +38,7 @@ def test_consumers_of_both_sensors_say_which_is_missing(units, tmp_path, format)
     gyro = with_axes(units["quantized"], "gyro_x", "gyro_y", "gyro_z")
     path = tmp_path / "old"
     path.write_text("kept")
-    with pytest.raises(DataError, match=f"^{format}: .* no accelerometers, only gyro_x, gyro_y, gyro_z"):
+    with raises(DataError, format, "gyro_x", "gyro_y", "gyro_z"):
         gyro.export(path, format)
     # Whole or not at all.
     assert path.read_text() == "kept"
@@ -62,7 +62,7 @@ def test_an_axis_that_failed_is_told_and_left_out(units):
     walk = CONSUMERS["kalibr"](text)["gyro"][1]
     assert walk == pytest.approx((2e-11 * RATE) ** 0.5, rel=2e-6)
     for format in ("ros", *PER_AXIS):
-        with pytest.raises(DataError, match="gyro_y is not calibrated"):
+        with raises(DataError, "gyro_y"):
             two.export(format=format, axes="each")
         assert two.export(format=format, axes="worst")
 
@@ -70,12 +70,12 @@ def test_an_axis_that_failed_is_told_and_left_out(units):
 def test_units_must_be_known(units):
     wv = replace(exact_curve("gyro_x", "WN(sigma2=1e-6)"), unit="")
     unknown = gmwm.calibrate({"gyro_x": wv, "accel_x": exact_curve("accel_x", "WN(sigma2=1e-6)")}, "WN + RW")
-    with pytest.raises(DataError, match="gyro_x is in an unknown unit instead of rad/s"):
+    with raises(DataError, "gyro_x", "rad/s"):
         unknown.export()
     assert "unknown" in json.loads(unknown.export(format="json"))["axes"]["gyro_x"]["filter"]["none_because"]
     nameless = gmwm.calibrate({"signal": wv}, "WN")
     for format in ("kalibr", "ros"):
-        with pytest.raises(DataError, match=f"^{format}:? .*only signal"):
+        with raises(DataError, format):
             nameless.export(format=format)
 
 
@@ -102,7 +102,7 @@ def test_options_are_checked(units, options, argument):
 
 
 def test_the_horizon_is_checked(units):
-    with pytest.raises(OptionError, match="horizon"):
+    with raises(OptionError, argument="horizon"):
         units["quantized"].export(horizon=-1.0)
 
 

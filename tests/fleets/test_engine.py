@@ -15,6 +15,7 @@ from gmwm.calibration.options import CalibrationOptions
 from gmwm.errors import DataError, GmwmWarning, OptionError, ReadError
 from gmwm.fleets import Fleet, unit_job
 from gmwm.fleets.discovery import find_units
+from gmwm.fleets.table import RUN_AGAIN
 from gmwm.fleets.unit_job import Job, UnitOptions
 from gmwm.fleets.workers import allowing_lost_workers, on_cluster
 from gmwm.options import ReadOptions
@@ -488,24 +489,26 @@ def test_options_of_a_fleet_are_checked_before_the_work(options, argument, got, 
 
 
 def test_a_folder_that_is_none_of_a_fleet_is_refused(few, tmp_path):
-    with pytest.raises(ReadError, match="not the folder of a fleet"):
+    with raises(ReadError, tmp_path, "fleet.json", advises=["gmwm fleet"]):
         Fleet.load(tmp_path)
     output = tmp_path / "out"
     fleet([few / "0.parquet"], output, within="WN", workers=0)
     whole = (output / "fleet.json").read_text()
-    for text, words in (
-        (whole[:50], "not JSON or incomplete"),
-        ("{}", '"format"'),
-        (whole.replace('"version": 1', '"version": 99'), "version 99"),
-        (whole.replace('"left_out"', '"left"'), "no 'left_out'"),
-        (whole.replace('"0.parquet"', '"1.parquet"'), "before it wrote the table"),
+    for text, facts, advice in (
+        (whole[:50], ["JSON"], RUN_AGAIN),
+        ("{}", ['"format"'], RUN_AGAIN),
+        (whole.replace('"version": 1', '"version": 99'), ["version 99", "version 1"], "Install a newer gmwm"),
+        (whole.replace('"version": 1', '"version": 0'), ["version", "got 0"], RUN_AGAIN),
+        (whole.replace('"version": 1', '"version": true'), ["version", "got True"], RUN_AGAIN),
+        (whole.replace('"left_out"', '"left"'), ["'left_out'"], RUN_AGAIN),
+        (whole.replace('"0.parquet"', '"1.parquet"'), [output], RUN_AGAIN),
     ):
         (output / "fleet.json").write_text(text)
-        with pytest.raises(ReadError, match=words):
+        with raises(ReadError, *facts, advises=[advice]):
             Fleet.load(output)
     (output / "fleet.json").write_text(whole)
     (output / "fleet.parquet").unlink()
-    with pytest.raises(ReadError, match=r"fleet\.parquet does not exist"):
+    with raises(ReadError, output / "fleet.parquet", advises=[RUN_AGAIN]):
         Fleet.load(output)
 
 

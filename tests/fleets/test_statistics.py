@@ -325,7 +325,7 @@ def test_what_cannot_be_is_refused():
     table = fleet(8)
     with raises(OptionError, argument="size", got=5):
         fleet_statistics(table, size=5)
-    with pytest.raises(OptionError, match="confidence"):
+    with raises(OptionError, argument="confidence"):
         fleet_statistics(table, confidence=95)
     with raises(DataError, argument="table", got=["model"]):
         fleet_statistics(table.drop("model"))

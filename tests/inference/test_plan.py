@@ -183,7 +183,7 @@ def test_durations_that_cannot_be_planned(duration, fact):
 
 
 def test_a_class_is_not_a_model():
-    with pytest.raises(ModelError, match=r"WN\(\)"):
+    with raises(ModelError, "WN", argument="model"):
         gmwm.plan(WN, duration=60.0, rate=RATE)
 
 

@@ -10,8 +10,8 @@ import pytest
 from statsmodels.tsa.statespace.initialization import Initialization
 from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
 
-from gmwm import Model, _core
-from gmwm.errors import MissingTheoryError
+from gmwm import Model, Signal, _core
+from gmwm.errors import DataError, MissingTheoryError
 from gmwm.likelihood.problem import Problem
 from gmwm.likelihood.record import as_record
 from gmwm.likelihood.system import assemble, require_state
@@ -296,3 +296,14 @@ def test_the_error_for_a_process_of_a_user_names_the_missing_method():
 
     with raises(MissingTheoryError, "MINE", "state_space", advises=["Define it"]):
         require_state(Mine())
+
+
+@pytest.mark.parametrize(("missing", "refused"), [(9_999_000, False), (10_100_000, True)])
+def test_gaps_that_need_too_much_memory_are_refused(missing, refused):
+    values = np.random.default_rng(1).standard_normal(200)
+    signal = Signal(values, RATE, segments=((0, 100), (100, 200)), starts=(0.0, (100 + missing) / RATE))
+    if refused:
+        with raises(DataError, missing, 200, advises=["signal.longest()"]):
+            as_record(signal, None)
+    else:
+        assert as_record(signal, None).values.size == 200 + missing

@@ -17,7 +17,8 @@ from gmwm.covariance import wavelet_covariance
 from gmwm.errors import ModelError
 from gmwm.filters import find_filter
 from gmwm.processes import every_class, ordered_classes, rational, registry
-from tests.helpers import raises
+from gmwm.processes.linear_recursion import CANCELLING
+from tests.helpers import codes, raises
 
 ORACLES = Path(__file__).parents[1] / "oracles"
 oracle = SimpleNamespace(**runpy.run_path(str(ORACLES / "processes.py")))
@@ -305,3 +306,33 @@ def test_no_coefficient_leaves_its_room(roots):
             moved = row.copy()
             moved[0, k] += sign * room
             assert np.all(np.isfinite(rational.coordinates(moved)))
+
+
+@pytest.mark.parametrize(("distance", "expected"), [(0.9 * CANCELLING, ["roots-cancel"]), (1.1 * CANCELLING, [])])
+def test_roots_nearly_cancel_below_a_distance(distance, expected):
+    # The root of 1 − φB is φ, and that of 1 + θB is −θ.
+    process = ARMA(1, 1, phi1=0.5, theta1=-(0.5 + distance), sigma2=1.0)
+    assert codes(process.remarks("ARMA(1,1)", samples=10_000, rate=1.0)) == expected
+
+
+def test_coefficients_near_cancelling_roots_are_poorly_known():
+    # The standard error of φ is √((1 − φ²)/N) (1 + φθ)/|φ + θ|, and |φ + θ| is the distance of the roots.
+    near, far = (ARMA(1, 1, phi1=0.5, theta1=-(0.5 + d), sigma2=1.0) for d in (CANCELLING, 0.3))
+    information = [_information(process) for process in (near, far)]
+    errors = [math.sqrt(np.linalg.inv(one)[0, 0]) for one in information]
+    assert errors[0] > 5 * errors[1]
+
+
+def _information(process):
+    """Information on φ and θ in one sample of an ARMA(1,1) (Brockwell and Davis 1991, example 8.8.3)."""
+    phi, theta = process.phi1, process.theta1
+    cross = 1 / (1 + phi * theta)
+    return np.array([[1 / (1 - phi**2), cross], [cross, 1 / (1 - theta**2)]])
+
+
+def test_the_search_starts_within_the_limits_of_the_partial_autocorrelations():
+    samples, period = 100_000, 12
+    ends = np.tanh(SARMA.of(2, 1, 1, 1, period).scan(samples, 1.0))
+    assert ends[:, 0] == pytest.approx([-0.98661, -0.98661, -0.96403, -0.98661, -0.96403], abs=1e-5)
+    first, seasonal = (1 - 1 / samples, 1 - period / samples)
+    assert ends[:, 1] == pytest.approx([first, 0.98661, 0.96403, seasonal, 0.96403], abs=1e-5)

@@ -163,15 +163,27 @@ def test_an_error_points_at_the_piece(text, character, facts):
 @pytest.mark.parametrize(
     ("text", "facts"),
     [
-        ("WN + WN", ("WN cannot be repeated 2 times",)),
         ("+".join(["GM"] * 5000), ("10000 characters", "14999")),
         ("+".join(["GM"] * 200), ("at most 100 terms",)),
         ("100*GM + 100*GM", ("at most 100 terms", "200")),
-        ("2*AR(2)", ("ARMA(4,2)",)),
     ],
 )
 def test_a_text_of_a_sum_that_is_no_model(text, facts):
     with raises(ModelError, *facts):
+        Model.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "instead", "count"),
+    [
+        ("WN + WN", "WN", "WN()", 2),
+        ("2*AR(2)", "AR(2)", "ARMA(4,2)", 2),
+        ("3*MA(2)", "MA(2)", "MA(2)", 3),
+        ("2*SARMA(1,0,1,0,12)", "SARMA(1,0,1,0,12)", "SARMA(1,0,1,0,12)", 2),
+    ],
+)
+def test_a_repeated_term_is_replaced_by_one_term(text, name, instead, count):
+    with raises(ModelError, name, count, argument="processes", got=name, instead=instead):
         Model.parse(text)
 
 

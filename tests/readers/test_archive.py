@@ -66,13 +66,13 @@ def test_sensor_logger_columns_run_backwards_and_both_sensors_are_one_recording(
 @pytest.mark.parametrize("accel", [{"step": 20_000_000}, {"step": 10_100_000}, {"first": 100, "late": -(10**9) * 60}])
 def test_tables_that_do_not_pair_off_are_two_recordings(tmp_path, accel):
     path = zipped(tmp_path, Gyroscope=logger(GYRO), TotalAcceleration=logger(ACCEL, **accel))
-    with pytest.raises(ReadError, match=r"Gyroscope .*TotalAcceleration"):
+    with raises(ReadError, "TotalAcceleration"):
         read(path)
     assert table(read(path, topic="Gyroscope")).tolist() == VALUES[:, GYRO].tolist()
     imu = read(path, topic="TotalAcceleration")
     assert imu.rate == pytest.approx(1e9 / accel.get("step", 10_000_000), rel=1e-6)
     assert table(imu).tolist() == VALUES[accel.get("first", 0) :, ACCEL].tolist()
-    with pytest.raises(OptionError, match="has no topic 'Location'"):
+    with raises(OptionError, "'Location'", argument="topic"):
         read(path, topic="Location")
 
 
@@ -91,7 +91,7 @@ def test_linear_acceleration_of_phyphox_is_not_joined_either(tmp_path, name):
     gyro = PHYPHOX.format("Gyroscope", "rad/s") + rows(GYRO)
     linear = PHYPHOX.format("Linear Acceleration", "m/s^2") + rows(ACCEL)
     path = zipped(tmp_path, Gyroscope=gyro, **{name: linear})
-    with pytest.raises(ReadError, match=rf"Gyroscope, {name}"):
+    with raises(ReadError, name):
         read(path)
     assert only(read(path, topic=name).remarks, "gravity-removed").subject == name
     own = PHYPHOX.format("Acceleration", "m/s^2") + rows(ACCEL)

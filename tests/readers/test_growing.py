@@ -12,6 +12,7 @@ from gmwm.errors import DataError, ReadError, UnitError
 from gmwm.options import ReadOptions
 from gmwm.readers import growing_files
 from gmwm.readers.growing_files import GrowingFile, GrowingPipe, Lines, growing_stream
+from tests.helpers import raises
 
 
 @pytest.fixture(autouse=True)
@@ -91,11 +92,11 @@ def test_what_it_is_not_is_an_error():
         followed(b"time,gyro", [])
     with pytest.raises(ReadError, match="not a text file"):
         followed(b"PAR1\0\1\2\3\n" * 40, [])
-    with pytest.raises(UnitError, match="gyro_x"):
+    with raises(UnitError, "gyro_x"):
         followed(table().replace(b"deg/s", b""), [])
     with pytest.raises(DataError, match="at least 8"):
         followed(table(rows=5), [])
-    with pytest.raises(ReadError, match=r"line 3003: column 'gyro_x \[deg/s\]' holds 'oops'"):
+    with raises(ReadError, "line 3003", "'gyro_x [deg/s]'", "'oops'"):
         followed(table() + b"40.00,oops,1\n", [60_000])
 
 

@@ -34,7 +34,7 @@ def test_a_bare_matrix_is_named_in_order(tmp_path, order, sideways, monkeypatch)
     monkeypatch.setattr(arrays, "ROWS", 7)
     path = tmp_path / "a.npy"
     np.save(path, np.asarray(VALUES.T if sideways else VALUES, order=order))
-    with pytest.raises(ReadError, match=r"6 columns without names; the first row is 0\.02"):
+    with raises(ReadError, "6 columns", 0.02):
         read(path, rate=10, units=UNITS)
     imu = read(path, rate=10, units=UNITS, columns=list(AXES))
     assert table(imu).tolist() == VALUES.tolist()
@@ -103,11 +103,11 @@ def test_a_header_that_promises_more_than_there_is(tmp_path):
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (10**14, 6)})
     (tmp_path / "a.npy").write_bytes(head.getvalue() + bytes(480))
-    with pytest.raises(ReadError, match="480 bytes of numbers, expected 4800000000000000"):
+    with raises(ReadError, "480 bytes", "expected 4800000000000000"):
         read(tmp_path / "a.npy", rate=1)
     with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("gyro.npy", head.getvalue() + bytes(480))
-    with pytest.raises(ReadError, match="expected 4800000000000000"):
+    with raises(ReadError, "expected 4800000000000000"):
         read(tmp_path / "a.npz", rate=1)
 
 

@@ -57,7 +57,7 @@ def test_a_format_carries_units_increments_rate_and_remarks(tmp_path, increments
     np.testing.assert_allclose(imu["accel_y"].values, np.arange(12) * 2 * 9.80665, rtol=1e-15)
     assert imu.remarks[0] == Remark.of("layout-known", format="made up")
     path.write_text("INCR imu0 imu1")
-    with pytest.raises(ReadError, match=r"holds 2 recordings: imu0 .*, imu1 .*topic="):
+    with raises(ReadError, "2 recordings", "imu0", "imu1", advises=["topic="]):
         read(path)
 
 
@@ -149,7 +149,7 @@ def test_names_that_repeat_are_chosen_by_number(tmp_path):
     path.write_text("time [s],gx [rad/s],gx [rad/s]\n" + rows)
     with raises(ReadError, path, "number 1", "number 2", advises=["columns={'time': 0, 'gyro_x': 1}"]):
         read(path)
-    with pytest.raises(OptionError, match="numbers 1 and 2"):
+    with raises(OptionError, "1 and 2", argument="columns"):
         read(path, columns={"gyro_x": "gx [rad/s]"})
     assert read(path, columns={"time": 0, "gyro_x": 2})["gyro_x"].values[4] == 1.0
 

@@ -14,7 +14,7 @@ from gmwm.axis_names import AXES
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.readers import find_reader, read
 from gmwm.remarks import Remark
-from tests.helpers import only
+from tests.helpers import only, raises
 from tests.readers.rosbag_files import (
     CONTAINERS,
     START,
@@ -102,10 +102,10 @@ def test_topics_are_listed_when_several_fit(tmp_path):
     messages = [(START + k * STEP, imu(store, START + k * STEP, row)) for k, row in enumerate(data)]
     other = [(time, imu(store, time, data[k] * 2)) for k, (time, _) in enumerate(messages)]
     path = written(tmp_path, "mcap", {"/imu/a": (IMU, messages), "/imu/b": (IMU, other)})
-    with pytest.raises(ReadError, match=r"holds 2 recordings: /imu/a \(gyro_x.*/b.*topic="):
+    with raises(ReadError, "2 recordings", "/imu/a", "gyro_x", "/b", advises=["topic="]):
         read(path)
     assert read(path, topic="/imu/b")["accel_y"].values.tolist() == (2 * data[:, 4]).tolist()
-    with pytest.raises(OptionError, match=r"has no topic '/imu/c'.*: /imu/a"):
+    with raises(OptionError, "'/imu/c'", argument="topic"):
         read(path, topic="/imu/c")
 
 
@@ -160,9 +160,7 @@ def test_gyroscope_and_accelerometer_on_topics_of_their_own(tmp_path, marked):
         ]
         topics[f"/camera/{name}/sample"] = (IMU, messages)
     path = written(tmp_path, "mcap", topics)
-    with pytest.raises(
-        ReadError, match=r"gyro/sample \(gyro_x, gyro_y, gyro_z\).*different clocks are read.*one after"
-    ):
+    with raises(ReadError, "gyro_x", "gyro_y", "gyro_z"):
         read(path)
     first, second = read(path, topic="/camera/gyro/sample"), read(path, topic="/camera/accel/sample")
     assert first.axes == AXES[:3]
@@ -228,7 +226,7 @@ def test_a_recording_in_several_files_is_one(tmp_path):
     (folder / "metadata.yaml").write_text(text.replace("- made.db3", "- made.db3\n  - ../elsewhere/made_1.db3", 1))
     assert read(folder)["gyro_x"].values.tolist() == data[:, 0].tolist()
     (folder / "made_1.db3").unlink()
-    with pytest.raises(ReadError, match=r"lists files that do not exist: made_1\.db3"):
+    with raises(ReadError, "made_1.db3"):
         read(folder)
 
 

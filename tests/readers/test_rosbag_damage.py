@@ -16,6 +16,7 @@ from gmwm.readers import bagfiles, read
 from gmwm.readers.bag_mcap import McapStorage
 from gmwm.readers.bag_types import definition
 from gmwm.readers.bagfiles import Topic, unpacked
+from tests.helpers import raises
 from tests.readers.rosbag_files import CONTAINERS, START, STEP, flat, imu, numbers, recorded, store_of, written
 
 DATA = numbers(40)
@@ -62,17 +63,17 @@ def test_foreign_and_mislabelled_files(tmp_path):
     text = tmp_path / "a.mcap"
     text.write_text("time,gyro_x [rad/s]\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(20)))
     assert len(read(text)) == 20  # the content decides
-    with pytest.raises(ReadError, match="neither a ROS 1 bag nor an SQLite database nor an MCAP file"):
+    with raises(ReadError, "ROS 1", "SQLite", "MCAP"):
         read(text, format="rosbag")
     other = tmp_path / "other.db3"
     with closing(sqlite3.connect(other)) as base:
         base.execute("CREATE TABLE songs (name)")
         base.commit()
-    with pytest.raises(ReadError, match="SQLite database without the tables topics and messages"):
+    with raises(ReadError, "SQLite"):
         read(other)
     old = tmp_path / "old.bag"
     old.write_bytes(b"#ROSBAG V1.2\n" + b"\0" * 100)
-    with pytest.raises(ReadError, match=r"ROS 1 bag of version 1\.2, expected 2\.0"):
+    with raises(ReadError, "ROS 1", "version 1.2", "expected 2.0"):
         read(old)
     right, wrong = one_file(tmp_path, "mcap"), tmp_path / "wrong.bag"
     shutil.copy(right, wrong)
@@ -165,13 +166,13 @@ def test_bombs(tmp_path):
     assert "zstd" in zstd
     for kind, data in (("bz2", bz2.compress(zeros)), ("lz4", lz4.frame.compress(zeros))):
         assert len(unpacked(data, kind, len(zeros), tmp_path)) == len(zeros)
-        with pytest.raises(ReadError, match="1001 bytes or more, expected 1000"):
+        with raises(ReadError, "1001 bytes", "expected 1000"):
             unpacked(data, kind, 1000, tmp_path)
         with pytest.raises(ReadError, match="a chunk is damaged"):
             unpacked(data[: len(data) // 2], kind, len(zeros), tmp_path)
-    with pytest.raises(ReadError, match="more than 256 MB are not unpacked at once"):
+    with raises(ReadError, "256 MB"):
         unpacked(b"", "lz4", 1 << 40, tmp_path)
-    with pytest.raises(ReadError, match="have the compression 'rar'"):
+    with raises(ReadError, "'rar'"):
         unpacked(b"", "rar", 10, tmp_path)
 
 
@@ -185,7 +186,7 @@ def test_metadata_that_is_none(tmp_path):
         with pytest.raises(ReadError, match=r"does not list the files of a recording"):
             read(tmp_path)
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  relative_file_paths: []\n")
-    with pytest.raises(ReadError, match="lists 0 files"):
+    with raises(ReadError, "0 files"):
         read(tmp_path)
 
 
@@ -202,7 +203,7 @@ def test_a_type_that_nobody_defines(tmp_path):
         if make is imu:
             assert read(path)["gyro_x"].values.tolist() == DATA[:, 0].tolist()
         else:
-            with pytest.raises(ReadError, match=r"no topic whose messages can be read.*: /a \(my_msgs/msg/Flat"):
+            with raises(ReadError, "my_msgs/msg/Flat"):
                 read(path)
 
 
@@ -223,7 +224,7 @@ def test_definitions_by_strangers(text, language):
     topic = Topic("/a", "t/msg/T", "ros1" if language == "ros1msg" else "cdr", text, language)
     with pytest.raises(ReadError, match=r"/a: the definition of its type"):
         definition(topic)
-    with pytest.raises(ReadError, match="more than 1048576 characters"):
+    with raises(ReadError, "1048576 characters"):
         definition(Topic("/a", "t/msg/T", "cdr", "x" * (1 << 21), language))
     odd = Topic("/a", 't/msg/T"\nimport os', "cdr", "float64 x", language)
     with pytest.raises(ReadError, match="definition of its type"):

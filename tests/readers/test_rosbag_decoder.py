@@ -10,6 +10,7 @@ from rosbags.typesys import get_types_from_msg
 
 from gmwm.errors import ReadError
 from gmwm.readers.cdr import Decoder, Definition, template
+from tests.helpers import raises
 from tests.readers.rosbag_files import FLAT, NESTED, PART, START, STEP, flat, imu, nested, numbers, store_of
 
 KINDS = {"imu": "sensor_msgs/msg/Imu", "flat": "my_msgs/msg/Flat", "nested": "vn_msgs/msg/Nested"}
@@ -127,7 +128,7 @@ def test_a_huge_text_and_a_huge_count_are_errors_at_once():
     for size in (2**31, 2**32 - 1, 100):
         with pytest.raises(ReadError, match="does not fit its type"):
             Decoder(Definition("t/msg/T", types, "ros1"), ["x"]).decode([size.to_bytes(4, "little") + b"a" * 20])
-    with pytest.raises(ReadError, match="more than 100000 parts"):
+    with raises(ReadError, "100000 parts"):
         template(Definition("t/msg/Many", types, "ros1"), b"\xff\xff\xff\xff", [])
 
 

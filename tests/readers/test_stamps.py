@@ -269,7 +269,7 @@ def test_lines_are_counted_over_blank_lines_and_comments(tmp_path):
     path = saved(tmp_path, cells)
     good = path.read_text()
     path.write_text("# made today\n" + good.replace(cells[9], f"# a\n\n{cells[9]}") + "NaT,0.1,0.2\n")
-    with pytest.raises(ReadError, match="line 45: column 'time' holds 'NaT'"):
+    with raises(ReadError, "line 45", "'time'", "'NaT'"):
         read(path)
 
 
@@ -284,7 +284,7 @@ def test_a_stamp_that_was_cut_off(tmp_path):
         with pytest.raises(ReadError, match=message):
             read(path)
     path.write_text(saved(tmp_path, [iso(BEGIN + k * STEP, 3) for k in range(40)]).read_text()[:-30])
-    with pytest.raises(ReadError, match=r"line 41: 1 values, expected 3.*if it was cut off"):
+    with raises(ReadError, "line 41", "1 values", "expected 3"):
         read(path)
 
 
@@ -301,7 +301,7 @@ def test_without_names(tmp_path):
     ns = clock("regular")
     path = saved(tmp_path, map(iso, ns))
     path.write_text(path.read_text().partition("\n")[2])
-    with pytest.raises(ReadError, match=r"3 columns without names.*2024-05-01T23:59:55"):
+    with raises(ReadError, "3 columns", "2024-05-01T23:59:55"):
         read(path)
     imu = read(path, columns=["time", "gyro_x", "gyro_y"], units={"gyro": "rad/s"})
     assert (imu.rate, imu.time_base.start) == (100, BEGIN / 1e9)
@@ -351,13 +351,13 @@ def test_units_and_rates_that_are_declared(tmp_path):
     with raises(UnitError, "dates and times", "'s'", argument="units", advises=["units="]):
         read(path, units={"time": "s"})
     assert read(path, rate=100).rate == 100
-    with pytest.raises(ReadError, match=r"rate of 50 Hz contradicts the time stamps.*100 Hz"):
+    with raises(ReadError, "50 Hz", "100 Hz", argument="rate"):
         read(path, rate=50)
 
 
 def test_dates_are_no_axis(tmp_path):
     path = saved(tmp_path, map(iso, clock("regular")))
-    with pytest.raises(ReadError, match=r"gyro_z \(column 'time'\) holds dates and times"):
+    with raises(ReadError, "gyro_z", "'time'"):
         read(path, columns={"gyro_z": "time"}, rate=100)
     with raises(OptionError, "time", "gyro_z", argument="columns"):
         read(path, columns={"gyro_z": 0, "time": 0})
@@ -434,7 +434,7 @@ def test_a_name_for_a_date_and_a_time_parted_by_a_blank(tmp_path, head):
 
 def test_a_comma_before_the_fraction_that_parts_columns_too(tmp_path):
     path = saved(tmp_path, [iso(t, 3, " ", point=",") for t in clock("regular").tolist()])
-    with pytest.raises(ReadError, match=r"line 2: .*a comma before the fraction .*55,000'.*Write a point.*quotes"):
+    with raises(ReadError, "line 2", "55,000", advises=["quotes"]):
         read(path)
 
 
@@ -448,7 +448,7 @@ def test_in_parquet_as_text_and_as_dates(tmp_path):
         pl.DataFrame({"time [s]": column, **axes}).write_parquet(path)
         assert known_of(path) == expected
     pl.DataFrame({"time": [*cells[:700], "NaT", *cells[701:]], **axes}).write_parquet(path)
-    with pytest.raises(ReadError, match=r"column 'time' holds 'NaT', expected .* in row 701.*Repair"):
+    with raises(ReadError, "'time'", "'NaT'", "row 701"):
         read(path)
     pl.DataFrame({"time": [cell[11:23] for cell in cells], **axes}).write_parquet(path)
     with pytest.raises(ReadError, match="holds String, expected numbers"):

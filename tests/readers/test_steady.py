@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from gmwm.errors import ReadError
 from gmwm.readers.rate_check import rate_change
 from gmwm.readers.time_stamps import as_stamps, timing
+from tests.helpers import raises
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)
 
@@ -93,9 +94,9 @@ def test_no_change_where_there_is_none(name, samples):
 
 def test_reading_says_both_rates_when_and_the_way_out():
     stamps, _ = two_rates(100, 50, 20_000, 0.5)
-    with pytest.raises(ReadError, match=r"from 100 Hz to 50 Hz at 100 s \(row 10001.*[Ss]plit the file there"):
+    with raises(ReadError, "100 Hz", "50 Hz", "100 s", "row 10001"):
         base(stamps)
-    with pytest.raises(ReadError, match="from 100 Hz to 50 Hz"):
+    with raises(ReadError, "100 Hz", "50 Hz"):
         base(stamps, rate=100)
 
 
@@ -103,13 +104,13 @@ def test_reading_says_both_rates_when_and_the_way_out():
 def test_stamps_out_of_order(spread):
     stamps = (np.arange(20_000) + np.random.default_rng(5).normal(0, spread, 20_000)) * 0.01
     back = np.count_nonzero(np.diff(stamps) < 0)
-    with pytest.raises(ReadError, match=rf"not in order: {back} of 20000 .*sort them.*columns=.*'time': None"):
+    with raises(ReadError, back, 20000, advises=["'time'"]):
         base(stamps)
 
 
 def test_the_rate_is_told_though_the_stamps_are_not_in_order():
     stamps = (np.arange(20_000) + np.random.default_rng(5).normal(0, 0.6, 20_000)) * 0.01
-    with pytest.raises(ReadError, match="on average they show 100 Hz"):
+    with raises(ReadError, advises=["100 Hz"]):
         base(stamps)
 
 

@@ -169,11 +169,11 @@ def drained(path, **options):
 def test_bad_numbers_behind_the_first_rows_are_refused_with_their_row(tmp_path):
     table = {"time": stamps("even", None)} | columns()
     table["gyro_y"][17_000] = np.nan
-    with pytest.raises(DataError, match="gyro_y is nan in row 17001"):
+    with raises(DataError, "gyro_y", "row 17001"):
         drained(written(tmp_path / "a.parquet", table))
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     path.write_text(path.read_text() + "200.01,1,2\n")
-    with pytest.raises(ReadError, match="line 20002: 3 values, expected 7"):
+    with raises(ReadError, "line 20002", "3 values", "expected 7"):
         drained(path)
 
 
@@ -194,7 +194,7 @@ def test_a_rate_that_changes_behind_the_first_rows(tmp_path):
     k = np.arange(ROWS)
     for change in (9000, 9100):
         time = np.where(k < change, k * 0.01, change * 0.01 + (k - change) * 0.02)
-        with pytest.raises(ReadError, match="rate changes from 100 Hz to"):
+        with raises(ReadError, "100 Hz"):
             drained(written(tmp_path / "a.parquet", {"time": time} | columns()))
 
 
@@ -231,15 +231,15 @@ def test_stamps_in_no_order(tmp_path):
 def test_options_are_checked_at_the_door(tmp_path):
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     for chunk in (0, 1.5, True, "many"):
-        with pytest.raises(OptionError, match="chunk must be a whole number"):
+        with raises(OptionError, argument="chunk"):
             stream(path, chunk=chunk)
-    with pytest.raises(UnitError, match="gyro_x"):
+    with raises(UnitError, "gyro_x"):
         stream(path)
     with raises(OptionError, "gyro_x", "accel_y", argument="increments"):
         stream(path, units={"gyro": "deg/s"}, columns={"gyro_x": "gyro_x"}, increments=["accel_y"])
-    with pytest.raises(ReadError, match="does not exist"):
+    with raises(ReadError, argument="path"):
         stream(tmp_path / "none.csv")
-    with pytest.raises(ReadError, match="contradicts the time stamps"):
+    with raises(ReadError, argument="rate"):
         stream(path, rate=50.0, units={"gyro": "deg/s"})
 
 

@@ -170,7 +170,7 @@ def test_declared_rate_against_the_stamps():
     assert [one.code for one in base(long, rate=100.05).remarks] == ["rate-declared"]
     with raises(ReadError, "200 Hz", "100 Hz", argument="rate", advises=["rate=", "None"]):
         base(stamps, rate=200)
-    with pytest.raises(ReadError, match=r"0.0001 Hz in s.*units=\{'time': 'us'\}"):
+    with raises(ReadError, "0.0001 Hz", argument="rate", advises=["'time'", "'us'"]):
         base(stamps * 1e6, rate=100)
 
 
@@ -257,7 +257,7 @@ def test_long_units_of_time_declared_or_in_a_comment(tmp_path):
     imu = read(path, units={"time": "min"})
     assert imu.rate == pytest.approx(100, rel=1e-9)
     assert only(imu.remarks, "unit-overruled").facts == {"unit": "min", "stated": "s"}
-    with pytest.raises(ReadError, match=r"pass units=\{'time': 'min'\}"):
+    with raises(ReadError, argument="rate", advises=["'time'", "'min'"]):
         read(path, rate=100)
 
 

@@ -95,7 +95,7 @@ def test_each_instance_is_a_recording(file):
     file.write_bytes(sensors())
     found = layouts(file)
     assert list(found) == ["sensor_accel_0", "sensor_gyro_0", "sensor_gyro_1"]
-    with pytest.raises(ReadError, match=r"holds 3 recordings.*sensor_accel_0.*sensor_gyro_0.*sensor_gyro_1"):
+    with raises(ReadError, "3 recordings", "sensor_accel_0", "sensor_gyro_0", "sensor_gyro_1"):
         read(file)
     assert read(file, topic="sensor_gyro_1").axes == AXES[:3]
     for topic, seed in (("sensor_gyro_0", 1), ("sensor_gyro_1", 2), ("sensor_accel_0", 4)):
@@ -133,7 +133,7 @@ def test_a_log_that_was_cut_off(file, cut):
     if cut == 14:
         assert len(read(file)) == 200
         return
-    with pytest.raises(ReadError, match=r"ends within a message.*write_ulog"):
+    with raises(ReadError, advises=["write_ulog"]):
         read(file)
 
 
@@ -174,7 +174,7 @@ def test_few_samples_and_foreign_files(file):
     with raises(DataError, "log.ulg", "1 sample", "at least 8"):
         read(file)
     file.write_text("gyro_x\n1\n2\n")
-    with pytest.raises(ReadError, match=r"pyulog cannot read .*log\.ulg"):
+    with raises(ReadError, "log.ulg"):
         read(file, format="ulog")
 
 
@@ -195,6 +195,6 @@ def test_any_damage_is_a_clear_error_or_a_recording(file):
 def test_without_pyulog_the_extra_is_named(file, monkeypatch):
     file.write_bytes(combined())
     monkeypatch.setitem(sys.modules, "pyulog", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'gmwm\[px4\]'"):
+    with raises(MissingDependencyError, advises=["'gmwm[px4]'"]):
         read(file)
     assert "ulog" in base._READERS

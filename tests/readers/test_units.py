@@ -82,7 +82,7 @@ def test_unknown_units(tmp_path):
     path = saved(tmp_path, REST, ["gx", "gy", "gz"])
     with raises(UnitError, "'furlong'", "gyro", "rad/s, deg/s"):
         read(path, rate=1, units={"gyro": "furlong"})
-    with pytest.raises(UnitError, match="'g' is not a unit of gyro"):
+    with raises(UnitError, "'g'", argument="unit"):
         read(path, rate=1, units={"gyro": "g"})
 
 

@@ -177,7 +177,7 @@ def test_cut_foreign_and_mislabelled(tmp_path, name):
     with pytest.raises(ReadError, match=r"no rows|binary|no row of numbers"):
         read(saved(tmp_path, "// nothing\n", "b.csv"), format=name)
     (tmp_path / "c.csv").write_bytes(bytes(range(256)))
-    with pytest.raises(ReadError, match=r"c\.csv is not text"):
+    with raises(ReadError, "c.csv"):
         read(tmp_path / "c.csv", format=name)
     whole = xsens(lambda k: 25 * k)
     with pytest.raises((ReadError, DataError)):

@@ -94,7 +94,7 @@ def test_an_unnamed_type_is_never_guessed(file, kind):
         assert imu["gyro_x"].values.tolist() == read(file, format=kind.format)["gyro_x"].values.tolist()
         assert only(imu.remarks, "scaled", "gyro").facts["type"] == "IXSEA or NAVCHIP_FLT"
         return
-    with pytest.raises(ReadError, match=r"records of 32 bytes.*m/s² as IMAR.*m/s² as LN200") as error:
+    with raises(ReadError, "32 bytes", "IMAR", "LN200", argument="format") as error:
         read(file)
     for other in COUNTED:
         assert f"m/s² as {other.name}" in str(error.value)
@@ -107,7 +107,7 @@ def test_a_name_in_any_case_and_with_any_extension(tmp_path):
     path.write_bytes(packed(BY_NAME["IMAR"], rows_of(BY_NAME["IMAR"])))
     assert read(path, format="IMU:imar").rate == RATE
     assert find_reader(path).name == "imu"
-    with pytest.raises(OptionError, match=r"format must be one of .*imu:LN200.*got 'LN2000'"):
+    with raises(OptionError, "LN200", "'LN2000'", argument="format"):
         read(path, format="LN2000")
 
 
@@ -134,9 +134,7 @@ def test_a_type_of_the_other_size_is_an_error(tmp_path):
 def test_a_file_that_was_cut_off(file, kind, over):
     whole = file.read_bytes()
     file.write_bytes(whole[:-over])
-    with pytest.raises(
-        ReadError, match=rf"399 records of {kind.dtype.itemsize} bytes and {kind.dtype.itemsize - over} bytes? more"
-    ):
+    with raises(ReadError, kind.dtype.itemsize, kind.dtype.itemsize - over, "399 records"):
         read(file, format=kind.format)
     named = r"static\.imu holds 399 records of 56 bytes and" if kind.word == "f8" else "static.imu holds records of 32"
     with pytest.raises(ReadError, match=named):
@@ -154,7 +152,7 @@ def test_empty_and_one_epoch(tmp_path, kind):
     path.write_bytes(packed(kind, rows_of(kind, samples=1))[:20])
     with pytest.raises(GmwmError):
         read(path, format=kind.format)
-    with pytest.raises(ReadError, match=r"static\.imu begins with the bytes"):
+    with raises(ReadError, "static.imu"):
         read(path)
 
 
@@ -230,12 +228,12 @@ def test_what_cannot_be_written(tmp_path):
     path = tmp_path / "a.imu"
     with raises(OptionError, "a.imu", "imu:IMAR", argument="format"):
         noise().write(path)
-    with pytest.raises(OptionError, match=r"format must be one of imu:IMAR.*got 'LN200'"):
+    with raises(OptionError, "IMAR", "'LN200'", argument="format"):
         noise().write(path, format="LN200")
     with raises(OptionError, ".imu", "imu:LN200", argument="format"):
         noise().write(tmp_path / "a.csv", format="imu:LN200")
-    with pytest.raises(DataError, match="the recording has no gyro_y"):
+    with raises(DataError, "gyro_y"):
         Imu({"gyro_x": Signal(np.arange(9.0), 10.0, "rad/s", "gyro_x")}).write(path, format="imu:LN200")
-    with pytest.raises(DataError, match=r"gyro_x reaches .* counts of imu:IMAR, .*at most 2147483647"):
+    with raises(DataError, "gyro_x", "IMAR", 2147483647, argument="imu"):
         Imu.from_arrays(np.full((9, 6), 1e5), 10.0).write(path, format="imu:IMAR")
     assert not list(tmp_path.iterdir())

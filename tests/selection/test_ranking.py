@@ -88,7 +88,7 @@ def test_candidates_by_place_text_and_model(ranking):
     found = ranking["GM + WN"]
     for key in ("WN + GM", gmwm.WN() + gmwm.GM(), "GM(beta=7.0) + WN", gmwm.Model.parse(TRUE)):
         assert ranking[key] is found
-    with pytest.raises(OptionError, match=r"^3\*GM .* 23 candidates"):
+    with raises(OptionError, "GM", "23 candidates"):
         ranking["3*GM"]
     with pytest.raises(IndexError):
         ranking[99]
@@ -324,7 +324,7 @@ def test_progress_is_told(wv):
 )
 def test_options_that_are_refused(wv, argument, value):
     for call, model in ((gmwm.select, "GM + WN"), (gmwm.rank, ["GM + WN"])):
-        with pytest.raises(OptionError, match=f"^{argument} must be "):
+        with raises(OptionError, argument=argument):
             call(model, wv, **{argument: value})
 
 
@@ -367,15 +367,15 @@ def test_general_models_that_are_refused(wv, general, words):
 def test_data_that_are_refused(wv):
     with pytest.raises(ModelError, match="signal is constant"):
         gmwm.select("GM + WN", np.ones(1000), RATE)
-    with pytest.raises(OptionError, match="rate"):
+    with raises(OptionError, argument="rate"):
         gmwm.select("GM + WN", simulated(1000))
     with raises(DataError, argument="data", got=[]):
         gmwm.select("GM + WN", [])
-    with pytest.raises(DataError, match="at least 8 samples"):
+    with raises(DataError, "8 samples", argument="x"):
         gmwm.select("GM + WN", simulated(2), RATE)
-    with pytest.raises(DataError, match=r"rate: 100\.0 and 50\.0"):
+    with raises(DataError, "100.0", "50.0"):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), 50.0, "rad/s", "gyro_x"))])
-    with pytest.raises(DataError, match="unit: 'rad/s'"):
+    with raises(DataError, "'rad/s'"):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), RATE, "m/s²", "accel_x"))])
     with pytest.raises(DataError, match="robust: False and True"):
         gmwm.select("GM + WN", [wv, gmwm.wavelet_variance(gmwm.Signal(simulated(), RATE, "rad/s"), robust=True)])

@@ -14,7 +14,7 @@ from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.hadamard import hadamard_variance
 from gmwm.variance.slope_line import LAWS, coefficient_unit
 from gmwm.variance.total import total_variance
-from tests.helpers import raises
+from tests.helpers import only, raises
 
 RECORDING = Path(__file__).resolve().parents[3] / "shared" / "data" / "adis16405_static_1.parquet"
 
@@ -83,7 +83,7 @@ def test_a_curve_that_still_falls_gives_a_bound():
     assert "B <=" in found.summary()
     assert found["B"].coefficient == pytest.approx(found.allan.deviation[-1] / 0.6642824702679600)
     rising = avlr(exact(K=1.0))
-    assert rising.missing["B"] == "the curve rises from its beginning"
+    assert only(rising.remarks, "slope-line-missing", "B").facts["reason"] == "rising"
     with raises(OptionError, "B", argument="term", got="B"):
         rising["B"]
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gmwm import _core
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import OptionError
 from gmwm.variance.edf import degrees_of_freedom
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.total import total_degrees_of_freedom, total_variance
 from tests.helpers import raises
 

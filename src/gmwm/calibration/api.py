@@ -7,15 +7,18 @@ import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
-from gmwm.calibration.findings import WANTED
+from gmwm.calibration.findings import LEAST_SCALES, WANTED
+from gmwm.calibration.measurement import Measured, Pair, measured_axis
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.recording_findings import as_concerns
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
 from gmwm.calibration.stream_measurement import measured_and_inspected
@@ -24,11 +27,10 @@ from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, Op
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import settle
-from gmwm.inference.goodness import GoodnessOfFit
+from gmwm.inference.goodness import GoodnessOfFit, usable_levels
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection, inspect
 from gmwm.options import as_whole_number
-from gmwm.outliers import Verdict, contamination
 from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.readers.streams import Stream
@@ -36,7 +38,6 @@ from gmwm.remarks import Remark
 from gmwm.selection.api import select_within
 from gmwm.signals import Imu, Signal
 from gmwm.units import SI_UNIT, find_unit
-from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
@@ -49,21 +50,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int, str], None]
 """Function of the number of finished steps, the number of all steps, and a description of the last step."""
-
-
-class Pair(NamedTuple):
-    """The classical and the robust wavelet variance of one axis."""
-
-    classical: WaveletVariance
-    robust: WaveletVariance
-
-    @property
-    def unit(self) -> str:
-        """Unit of the axis."""
-        return self.classical.unit
-
-
-Measured = Signal | WaveletVariance | Pair
 
 
 def calibrate(
@@ -96,10 +82,12 @@ def calibrate(
     within : Model, Process or str
         The largest model; all models made of some of its terms are compared.
     robust : "auto", False or True
-        Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes where a
-        test finds outliers, at the 5 % level for all axes together (see `contamination`). With a sinusoid in `within`,
-        "auto" always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory.
-        A WaveletVariance is fitted as it is.
+        Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes with
+        knocks or motion that raise the classical curve, at the 5 % level for all axes together (see `contamination`).
+        Heavy tails are no outliers: the classical curve is fitted, and its covariance includes them. Isolated wrong
+        samples are replaced before any curve is measured, except in a stream. With a sinusoid in `within`, "auto"
+        always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory. A
+        WaveletVariance is fitted as it is.
     weighting, criterion, draws, rng
         As in `select`. The settings record the integer seed; for a Generator, the seed drawn from it.
     confidence : float
@@ -126,7 +114,8 @@ def calibrate(
     OptionError
         If an argument is not allowed.
     DataError, ModelError
-        If no axis can be calibrated.
+        If no axis can be calibrated, for example because the recording has fewer than 64 samples without a gap, which
+        are fewer than four usable scales.
 
     References
     ----------
@@ -196,7 +185,12 @@ def calibrate_recording(
     reasons = {axis: error.reason for axis, error in failed.items()}
     recording = None if inspection is None else Recording.of(inspection)
     return Calibration(
-        axes=done, failed=reasons, settings=options, source=source, recording_remarks=remarks, recording=recording
+        axes=done,
+        failed=reasons,
+        settings=options,
+        source=source,
+        recording_remarks=tuple(as_concerns(remarks, done)),
+        recording=recording,
     )
 
 
@@ -221,11 +215,15 @@ def _inspected(
 ) -> tuple[dict[str, Measured], Inspection | None]:
     """The data of each axis, as wavelet variances if they come from a stream, and the inspection of a recording."""
     if isinstance(data, Stream):
-        curves, inspection = measured_and_inspected(
+        measured = measured_and_inspected(
             data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
             progress=steps.read,
         )  # fmt: skip
-        return {axis: Pair(*pair) for axis, pair in curves.items()}, inspection
+        pairs = {
+            axis: Pair(pair[0], pair[1], measured.screens[axis], measured.spectra[axis])
+            for axis, pair in measured.curves.items()
+        }
+        return pairs, measured.inspection
     if scheduler is not None or workers is not None:
         name = "workers" if scheduler is None else "scheduler"
         raise OptionError(
@@ -333,9 +331,10 @@ class _Axis:
     def calibrated(self) -> AxisCalibration:
         """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
-        wv, verdict = self._measured()
+        wv, verdict, spectrum = measured_axis(self.item, options, comparisons=self.together)
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
+        _require_scales(wv)
         self.steps.step(self.name, next(stages))
         ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.steps.check())
         self.steps.step(self.name, next(stages))
@@ -353,28 +352,23 @@ class _Axis:
             ranking=ranking,
             verdict=verdict,
             needed=needed(fit, options.weighting),
+            spectrum=spectrum,
         )
         self.steps.step(self.name, next(stages))
         return found
 
-    def _measured(self) -> tuple[WaveletVariance, Verdict | None]:
-        """The wavelet variance to fit, and the test for outliers."""
-        wanted, efficiency = self.options.robust, self.options.efficiency
-        if isinstance(self.item, WaveletVariance):
-            if wanted is True and not self.item.robust:
-                raise DataError(
-                    "the wavelet variance is classical, but a robust one is required",
-                    advice="Pass the signal instead, or {--robust=auto}.",
-                )
-            return self.item, None
-        if isinstance(self.item, Pair):
-            classical, robust = self.item
-        else:
-            classical = signal_wavelet_variance(self.item)
-            robust = signal_wavelet_variance(self.item, robust=True, efficiency=efficiency)
-        verdict = contamination((classical, robust), comparisons=self.together)
-        chosen = verdict.contaminated and line_in(self.options.general) is None if wanted == "auto" else wanted
-        return (robust if chosen else classical), verdict
+
+def _require_scales(wv: WaveletVariance) -> None:
+    """Raise an error if a curve has so few usable scales that no model can be chosen."""
+    scales = int(np.count_nonzero(usable_levels(wv)))
+    if scales < LEAST_SCALES:
+        raise DataError(
+            f"{counted(wv.samples, 'sample')} are too short for a calibration: "
+            f"{counted(scales, 'scale')} can be used, and at least {LEAST_SCALES} are needed",
+            argument="data",
+            got=wv.samples,
+            advice="Record for several hours, or fit one model to the short curve with {gmwm fit}.",
+        )
 
 
 def _test(fit: Fit) -> GoodnessOfFit | None:

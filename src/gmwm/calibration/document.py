@@ -13,11 +13,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gmwm._text import with_article
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.ranking_document import ranking_document, ranking_from
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.schema import require_kinds
+from gmwm.calibration.schema import AGAIN, require_kinds
 from gmwm.datasheets import Datasheet
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Fit
@@ -25,6 +26,7 @@ from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
+from gmwm.spectrum import PowerSpectrum
 
 FORMAT = "gmwm-calibration"
 VERSION = 2
@@ -38,6 +40,7 @@ _PARTS: Mapping[str, type | UnionType] = {
 _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
     "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
+    "spectrum": Mapping | NoneType,
 }  # fmt: skip
 """Parts of a document and of its axes, and what each must be."""
 
@@ -73,6 +76,7 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "contamination": None if found.verdict is None else found.verdict.to_dict(),
         "needed": dict(found.needed),
         "ranking": ranking_document(found.ranking),
+        "spectrum": None if found.spectrum is None else found.spectrum.to_dict(),
     }
 
 
@@ -85,10 +89,10 @@ def calibration(content: Any) -> Calibration:
         If the document is of another format or of another version, or if a part is missing or wrong.
     """
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"')
+        raise ReadError(f'not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
     version = content.get("version")
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:
-        raise ReadError(f"not a calibration: version must be a whole number from 1; got {version!r}")
+        raise ReadError(f"not a calibration: version must be a whole number from 1; got {version!r}", advice=AGAIN)
     if version != VERSION:
         newer = version > VERSION
         raise ReadError(
@@ -99,7 +103,7 @@ def calibration(content: Any) -> Calibration:
     parsed = _numbers(content)
     _require_parts(parsed, _PARTS, "the document")
     if not parsed["axes"]:
-        raise ReadError("the calibration is incomplete: 'axes' of the document is empty")
+        raise ReadError("the calibration is incomplete: 'axes' of the document is empty", advice=AGAIN)
     recording = parsed.get("recording")
     found = Calibration(
         axes={axis: _axis(axis, parsed["axes"]) for axis in parsed["axes"]},
@@ -118,6 +122,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
+    spectrum = content["spectrum"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
         fit=fit,
@@ -127,6 +132,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         ranking=_read(f"{axis}.ranking", lambda: ranking_from(content["ranking"], fit.wavelet_variance)),
         verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
         needed=content["needed"],
+        spectrum=None if spectrum is None else _read(f"{axis}.spectrum", lambda: PowerSpectrum.from_dict(spectrum)),
     )
 
 
@@ -138,11 +144,11 @@ def _require_parts(content: Mapping[str, Any], parts: Mapping[str, type | UnionT
     """Raise an error if a part is missing or of the wrong type."""
     for key, kind in parts.items():
         if key not in content:
-            raise ReadError(f"the calibration is incomplete: {where} has no {key!r}")
+            raise ReadError(f"the calibration is incomplete: {where} has no {key!r}", advice=AGAIN)
         if not isinstance(content[key], kind):
             expected = "a string" if kind is str else "a list" if kind is list else "an object"
-            got = "null" if content[key] is None else f"a {type(content[key]).__name__}"
-            raise ReadError(f"not a calibration: {key!r} of {where} must be {expected}; got {got}")
+            got = "null" if content[key] is None else with_article(type(content[key]).__name__)
+            raise ReadError(f"not a calibration: {key!r} of {where} must be {expected}; got {got}", advice=AGAIN)
 
 
 def _test(content: Mapping[str, Any]) -> GoodnessOfFit:
@@ -162,9 +168,9 @@ def _read(what: str, read: Callable[[], T]) -> T:
     except ReadError as error:
         raise error.at(what) from error
     except KeyError as error:
-        raise ReadError(f"the calibration is incomplete: {what} has no {error.args[0]!r}") from error
+        raise ReadError(f"the calibration is incomplete: {what} has no {error.args[0]!r}", advice=AGAIN) from error
     except (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, AssertionError) as error:
-        raise ReadError(f"not a calibration: {what} cannot be read: {error}") from error
+        raise ReadError(f"not a calibration: {what} cannot be read: {error}", advice=AGAIN) from error
 
 
 def as_text(content: Mapping[str, Any]) -> str:
@@ -183,9 +189,11 @@ def read_text(path: str | os.PathLike[str]) -> Any:
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ReadError(f"{path} is not a calibration: it is not JSON, or it is truncated ({error})") from error
+        raise ReadError(
+            f"{path} is not a calibration: it is not JSON, or it is truncated ({error})", advice=AGAIN
+        ) from error
     if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{path} is not a calibration: it has no "format": "{FORMAT}"')
+        raise ReadError(f'{path} is not a calibration: it has no "format": "{FORMAT}"', advice=AGAIN)
     return content
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from gmwm._text import duration_text
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
+from gmwm.calibration.spectrum_findings import spectrum_remarks
 from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
@@ -25,7 +26,11 @@ if TYPE_CHECKING:
 SIZE = 0.05
 """Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
 SCALES = 6
-"""Usable scales that a calibration needs: with fewer, the terms cannot be distinguished (docs/validation/short.md)."""
+"""Usable scales below which no number of a calibration can be used: with fewer, the selection misses one of two terms
+that cross at a scale of 16 samples in almost half of the recordings (tests/calibration/test_short.py)."""
+LEAST_SCALES = 4
+"""Usable scales below which a recording is refused: with fewer, the selection recommends another model than white
+noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 WANTED = 0.2
 """Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
 LARGE = 1.5
@@ -100,6 +105,7 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
     if ramp is not None and ramp.value and not ramp.upper_only:
         value, _, _, unit = ramp.in_units("datasheet")
         yield Remark.of("drift", axis, rate=Quantity(value, unit))
+    yield from spectrum_remarks(axis, found)
     if found.needed:
         yield _poorly_known(axis, found.needed)
 
@@ -125,6 +131,9 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
         return
     if not np.any(verdict.tested):
         yield Remark.of("outliers-not-tested", axis, reason=verdict.reason)
+    yield from _of_spikes(axis, verdict)
+    if verdict.heavy_tailed and not found.fit.wavelet_variance.robust:
+        yield Remark.of("noise-heavy-tailed", axis)
     if not verdict.contaminated:
         return
     facts = _excess(verdict)
@@ -136,6 +145,13 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
     else:
         # With robust="auto", the classical estimate is fitted only if the model has a sinusoid.
         yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
+
+
+def _of_spikes(axis: str, verdict: Verdict) -> Iterator[Remark]:
+    if verdict.repaired:
+        yield Remark.of("spikes-repaired", axis, count=verdict.repaired, largest=verdict.largest)
+    if verdict.spikes and verdict.contaminated:
+        yield Remark.of("spikes-kept", axis, count=verdict.spikes, largest=verdict.largest)
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from gmwm.calibration.schema import AGAIN
 from gmwm.errors import ModelError, OptionError, ReadError
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.selection.options import RankingOptions
@@ -110,11 +111,11 @@ class CalibrationOptions:
         """
         for name in _SAVED:
             if name not in content:
-                raise ReadError(f"the calibration is incomplete: settings has no {name!r}")
+                raise ReadError(f"the calibration is incomplete: settings has no {name!r}", advice=AGAIN)
         try:
             return cls(**{name: content[name] for name in _SAVED})
         except (OptionError, ModelError) as error:
-            raise ReadError(f"not a calibration: settings.{error}") from error
+            raise ReadError(f"not a calibration: settings.{error.reason}", advice=AGAIN) from error
 
 
 def _checked_axes(axes: str | Sequence[str] | None) -> tuple[str, ...] | None:

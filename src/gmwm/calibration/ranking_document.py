@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Matrix
+from gmwm.calibration.schema import AGAIN
 from gmwm.errors import ReadError
 from gmwm.estimation.result import Diagnostics, Fit
 from gmwm.inference.criterion import Criterion
@@ -52,7 +53,7 @@ def ranking_from(content: Mapping[str, Any], wv: WaveletVariance) -> Ranking:
     fits = [_fit(values, wv, weighting, matrix) for values in content["fits"]]
     candidates = tuple(_candidate(values, fits[values["fit"]]) for values in content["candidates"])
     if sum(candidate.recommended for candidate in candidates) != 1:
-        raise ReadError("not a ranking: one candidate must be recommended")
+        raise ReadError("not a ranking: one candidate must be recommended", advice=AGAIN)
     return Ranking(
         candidates=candidates,
         within=Model.parse(content["within"]),
@@ -100,5 +101,7 @@ def _fit(values: Mapping[str, Any], wv: WaveletVariance, weighting: str, matrix:
 def _square(values: Any, size: int) -> Matrix:
     matrix = np.array(values, dtype=np.float64)
     if matrix.shape != (size, size):
-        raise ReadError(f"not a ranking: a matrix has the shape {matrix.shape}, but the data have {size} levels")
+        raise ReadError(
+            f"not a ranking: a matrix has the shape {matrix.shape}, but the data have {size} levels", advice=AGAIN
+        )
     return matrix

@@ -22,6 +22,7 @@ from gmwm.inference.intervals import Interval
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 from gmwm.selection import Ranking
+from gmwm.spectrum import PowerSpectrum
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
@@ -53,6 +54,9 @@ class AxisCalibration:
     needed : mapping of name to length (s)
         For parameters with a relative standard error above 50 %, the recording length for 20 %. It is infinite if 1024
         times the length does not suffice, and None if it is not known.
+    spectrum : PowerSpectrum or None
+        Power spectral density, averaged over 1/24 octave away from lines, with the lines and bumps; None if the data
+        were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
     """
 
     fit: Fit
@@ -62,6 +66,7 @@ class AxisCalibration:
     ranking: Ranking
     verdict: Verdict | None = None
     needed: Mapping[str, float | None] = field(default_factory=dict)
+    spectrum: PowerSpectrum | None = None
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -115,7 +120,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         if axis in self.axes:
             return self.axes[axis].fit
         if axis in self.failed:
-            raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}")
+            raise DataError(f"{axis} could not be calibrated: {self.failed[axis]}", argument="axis", got=axis)
         raise DataError(argument="axis", expected=f"one of {', '.join(self.axes)}", got=axis)
 
     def __iter__(self) -> Iterator[str]:
@@ -204,7 +209,7 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         ReadError
-            If `content` is not a calibration, is incomplete, or is of a newer version of the format.
+            If `content` is not a calibration, is incomplete, or has another version of the format.
         """
         from gmwm.calibration.document import calibration
 
@@ -232,14 +237,14 @@ class Calibration(Summarised, Mapping[str, Fit]):
         Raises
         ------
         ReadError
-            If the file does not exist, is not a calibration, is truncated, or is of a newer version of the format.
+            If the file does not exist, is not a calibration, is truncated, or has another version of the format.
         OSError
             If the file exists but cannot be opened.
         """
         from gmwm.calibration.document import read_text
 
         if not Path(path).exists():
-            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}")
+            raise ReadError(f"{path} does not exist in {Path(path).absolute().parent}", argument="path", got=str(path))
         content = read_text(path)
         try:
             return cls.from_dict(content)

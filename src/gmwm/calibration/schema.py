@@ -14,6 +14,8 @@ from gmwm.errors import ReadError
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 
+AGAIN = "Pass an unchanged calibration.json, or calibrate the recording again."
+"""Advice if a document is not a calibration or is incomplete."""
 _KEYS = {
     "intervals": "confidence_intervals", "test": "goodness_of_fit", "verdict": "contamination", "general": "fits",
     "wavelet": "wavelet_covariance", "nodes": "search_nodes",
@@ -50,19 +52,23 @@ def require_kinds(found: Any, where: str) -> None:
         value, key = getattr(found, name), f"{where}.{_KEYS.get(name, name)}".lstrip(".")
         _require(value, kind, key)
         if name in _POSITIVE and not value > 0:
-            raise ReadError(f"not a calibration: {key} must be above zero; got {value!r}")
+            raise ReadError(f"not a calibration: {key} must be above zero; got {value!r}", advice=AGAIN)
         if name in _SHARES and value is not None and not 0 < value < 1:
-            raise ReadError(f"not a calibration: {key} must be between 0 and 1; got {value!r}")
+            raise ReadError(f"not a calibration: {key} must be between 0 and 1; got {value!r}", advice=AGAIN)
         if isinstance(value, np.ndarray):
             if value.ndim == 0:
-                raise ReadError(f"not a calibration: {key} must be a list of numbers; got {value.tolist()!r}")
+                raise ReadError(
+                    f"not a calibration: {key} must be a list of numbers; got {value.tolist()!r}", advice=AGAIN
+                )
             if np.any(np.isnan(value)) and not isinstance(found, Verdict):
-                raise ReadError(f"not a calibration: {key} must contain numbers only; got {value.tolist()!r}")
+                raise ReadError(
+                    f"not a calibration: {key} must contain numbers only; got {value.tolist()!r}", advice=AGAIN
+                )
             if value.ndim == 1:
                 lengths[key] = value.size
     if len(set(lengths.values())) > 1 or 0 in lengths.values():
         sizes = ", ".join(f"{key} has {size}" for key, size in lengths.items())
-        raise ReadError(f"not a calibration: these lists must have the same length, at least 1: {sizes}")
+        raise ReadError(f"not a calibration: these lists must have the same length, at least 1: {sizes}", advice=AGAIN)
 
 
 def _hints(kind: type) -> Mapping[str, Any]:
@@ -78,7 +84,7 @@ def _require(value: Any, kind: Any, key: str) -> None:
         shown = (
             "null" if value is None else repr(value) if isinstance(value, str | int | float) else type(value).__name__
         )
-        raise ReadError(f"not a calibration: {key} must be {_words(kind)}; got {shown}")
+        raise ReadError(f"not a calibration: {key} must be {_words(kind)}; got {shown}", advice=AGAIN)
     if isinstance(value, Remark):  # checked when it was read
         return
     if is_dataclass(value):  # a datasheet is a mapping too

@@ -47,8 +47,8 @@ EXAMPLES = (
 Outliers = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Use the robust wavelet variance: auto, for axes where a test finds outliers (5 % level for all axes "
-        "together; never if --within has a sinusoid); yes, for all axes; no, for none.",
+        help="Use the robust wavelet variance: auto, for axes where a test finds knocks or motion (5 % level for all "
+        "axes together; never if --within has a sinusoid); yes, for all axes; no, for none.",
         rich_help_panel="Estimation",
     ),
 ]

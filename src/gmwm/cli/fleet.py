@@ -122,7 +122,10 @@ def fleet(
         )  # fmt: skip
     if not len(found):
         unit, reason = next(iter(found.failed.items()))
-        raise DataError(f"none of {len(found.units)} units can be calibrated; the first one is {unit}: {reason}")
+        raise DataError(
+            f"none of {len(found.units)} units can be calibrated; the first one is {unit}: {reason}",
+            advice="Check its recording with {gmwm info}.",
+        )
     summary = found.summary()
     done = (output / FILE, output / TABLE)
     files = (

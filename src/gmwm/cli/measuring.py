@@ -116,13 +116,13 @@ def stream_curves(
     from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
-        curves, seen = measured_and_inspected(
+        measured = measured_and_inspected(
             stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
             progress=lambda text: advance(text, 0),
         )  # fmt: skip
-    for remark in seen.remarks:
+    for remark in measured.inspection.remarks:
         tell(remark)
-    return {axis: found[0] for axis, found in curves.items()}
+    return {axis: found[0] for axis, found in measured.curves.items()}
 
 
 def signals_or_curves(

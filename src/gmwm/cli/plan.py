@@ -171,7 +171,11 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
     if path.is_dir():
         candidates = [path / name for name in ("calibration.json", "fits.json") if (path / name).is_file()]
         if not candidates:
-            raise ReadError(f"{path} contains neither fits.json nor calibration.json", got=str(path))
+            raise ReadError(
+                f"{path} contains neither fits.json nor calibration.json",
+                got=str(path),
+                advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
+            )
         if len(candidates) > 1:
             raise ReadError(
                 f"{path} contains both fits.json and calibration.json", got=str(path), advice="Pass one of the files."
@@ -184,9 +188,14 @@ def fits_in(path: Path) -> tuple[str | None, dict[str, Any]]:
         raise ReadError(
             f"{path} is neither a fits.json nor a calibration.json of gmwm ({type(error).__name__}: {error})",
             got=str(path),
+            advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
         ) from error
     if not fits:
-        raise ReadError(f"{path} contains no fit", got=str(path))
+        raise ReadError(
+            f"{path} contains no fit",
+            got=str(path),
+            advice="Pass the folder or the file that `gmwm fit` or `gmwm calibrate` wrote.",
+        )
     return content.get("file") or (content.get("recording") or {}).get("file"), fits
 
 

@@ -25,6 +25,8 @@ tests/estimation/test_weights.py: a level with one coefficient does not decide a
 _PLACES = 48
 _ROUNDS = 30
 _SETTLED = 1e-3
+"""Bound on the iterations, and relative change that ends them. The curve only gives weights, which need two digits;
+tests/estimation/test_weights.py pins the fits that follow from it."""
 
 
 def smoothed(wv: WaveletVariance) -> Vector:

@@ -47,7 +47,8 @@ def hidden(fit: Fit, entry: Entry, level: float) -> float:
         holder = base if any(isinstance(p, kind) for p in base.model.processes) else _widened(base, kind)
         intervals = holder.confidence_intervals(level)
     except GmwmError as error:
-        raise DataError(f"the data give no upper limit of the {entry.title}: {error.reason}") from error
+        message = f"the data give no upper limit of the {entry.title}: {error.reason}"
+        raise DataError(message, advice="Record longer.").with_advice_of(error) from error
     pairs = zip(holder.model.terms, holder.model.processes, strict=True)
     term, process = next((t, p) for t, p in pairs if isinstance(p, kind))
     scale = process.scale_parameter().name

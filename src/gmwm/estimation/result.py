@@ -207,13 +207,23 @@ class Fit(InferenceMethods, KalmanMethods):
         model = Model.parse(values["model"])
         parameters = {name: value for name, value in model.parameters.items() if value is not None}
         if parameters != values["parameters"] or len(parameters) < len(model.names):
-            raise ModelError(f"the parameters do not match the model {model}")
+            raise ModelError(
+                f"the parameters do not match the model {model}", argument="parameters", got=values["parameters"]
+            )
         decomposition = {term: _curve(part, len(wv)) for term, part in values["decomposition"].items()}
         if tuple(decomposition) != model.terms:
-            raise ModelError(f"the decomposition has the terms {', '.join(decomposition)}, and the model is {model}")
+            raise ModelError(
+                f"the decomposition has the terms {', '.join(decomposition)}, and the model is {model}",
+                argument="decomposition",
+                got=tuple(decomposition),
+            )
         matrix = np.array(values["weighting_matrix"], dtype=np.float64)
         if matrix.shape != (len(wv), len(wv)):
-            raise ModelError(f"the weighting matrix has shape {matrix.shape}, and the data have {len(wv)} levels")
+            raise ModelError(
+                f"the weighting matrix has shape {matrix.shape}, and the data have {len(wv)} levels",
+                argument="weighting_matrix",
+                got=matrix.shape,
+            )
         lower = values["lower_bound"]
         return cls(
             wavelet_variance=wv,
@@ -237,5 +247,7 @@ def _curve(values: Any, levels: int) -> Vector:
     """An array with one number for each level."""
     curve = np.array(values, dtype=np.float64)
     if curve.shape != (levels,):
-        raise ModelError(f"a curve has shape {curve.shape}, and the data have {levels} levels")
+        raise ModelError(
+            f"a curve has shape {curve.shape}, and the data have {levels} levels", argument="values", got=values
+        )
     return curve

@@ -11,6 +11,7 @@ import numpy as np
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.estimation.atoms import grid
 from gmwm.estimation.problem import Problem
 from gmwm.estimation.variable_projection import Coordinates, Point, Surface
@@ -19,7 +20,6 @@ from gmwm.options import as_whole_number
 from gmwm.processes.base import Process
 from gmwm.processes.start_context import Dominant, Occasion
 from gmwm.processes.validation import as_seed
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.result import WaveletVariance
 
 How = Literal["convex", "given", "scan", "sampled"]

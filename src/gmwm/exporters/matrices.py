@@ -6,7 +6,6 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from gmwm.errors import MissingTheoryError
 from gmwm.processes.model import Model
 
 
@@ -19,7 +18,7 @@ def require_matrices(axis: str, model: Model) -> None:
     """Raise an error if a term has no state-space form."""
     if not has_matrices(model):
         missing = next(p for p in model.processes if not p.has("state_space"))
-        raise MissingTheoryError(f"{axis}: {missing.missing('state_space')}")
+        raise missing.missing("state_space").at(axis)
 
 
 def rows(matrix: Iterable[Iterable[float]]) -> list[list[float]]:

@@ -13,7 +13,7 @@ from gmwm.datasheets.effective import WALK, WHITE, Use, by_deviation, counted, i
 from gmwm.datasheets.entry import Entry
 from gmwm.datasheets.equivalent_terms import translated
 from gmwm.datasheets.limits import hidden
-from gmwm.errors import DataError
+from gmwm.errors import DataError, GmwmError
 from gmwm.estimation.result import Fit
 from gmwm.units import SI_UNIT, Quantity
 
@@ -191,8 +191,8 @@ def _number(axis: str, fit: Fit, entry: Entry, level: float) -> Number:
 
 def _unbounded(axis: str, entry: Entry, cause: BaseException | None = None) -> DataError:
     message = f"the data of {axis} do not determine an upper limit of its {entry.title}"
-    if cause is not None:
-        return DataError(f"{message}: {cause}")
+    if isinstance(cause, GmwmError):
+        return DataError(f"{message}: {cause.reason}", advice="Record longer.").with_advice_of(cause)
     return DataError(message, advice="Record longer.")
 
 

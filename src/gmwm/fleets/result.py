@@ -95,7 +95,7 @@ class Fleet(Summarised):
             some = ", ".join(list(self.paths)[:3])
             raise OptionError(argument="unit", expected=f"one of the {len(self.paths)} units, such as {some}", got=unit)
         if unit in self.failed:
-            raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}")
+            raise DataError(f"{unit} could not be calibrated: {self.failed[unit]}", argument="unit", got=unit)
         return Calibration.load(unit_file(self.folder, unit))
 
     def __iter__(self) -> Iterator[str]:
@@ -146,7 +146,7 @@ class Fleet(Summarised):
         Raises
         ------
         ReadError
-            If the folder is not that of a fleet, has a newer version, or no run was completed.
+            If the folder is not the output folder of a fleet, has another version, or no run was completed.
         """
         where = Path(folder)
         facts = read_facts(where)
@@ -154,7 +154,7 @@ class Fleet(Summarised):
         try:
             settings = CalibrationOptions.from_dict(facts["settings"])
         except (ReadError, TypeError) as error:
-            raise ReadError(f"{where} has unknown settings: {error}") from error
+            raise ReadError(f"{where} has unknown settings: {error}", advice=RUN_AGAIN) from error
         paths, listed = facts["units"], set(table["unit"])
         if any(unit not in listed for unit in paths):
             raise ReadError(f"{where}: the last run ended before it wrote the table", advice=RUN_AGAIN)

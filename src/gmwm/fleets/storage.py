@@ -15,11 +15,12 @@ from gmwm.calibration.recording_info import Recording
 from gmwm.errors import ReadError
 from gmwm.fleets.discovery import FILE, FleetUnits
 from gmwm.fleets.rows import Row, from_plain
+from gmwm.fleets.table import RUN_AGAIN
 from gmwm.fleets.unit_job import PART, UnitOptions, stamp_of
 
 FORMAT = "gmwm-fleet"
 VERSION = 1
-"""Version of fleet.json. gmwm reads this version and older ones; a new key does not change the version."""
+"""Version of fleet.json. gmwm reads this version only; a new key alone does not change the version."""
 TABLE = "fleet.parquet"
 UNITS = "units"
 
@@ -55,7 +56,7 @@ def finished_rows(folder: Path, unit: str, path: Path, options: UnitOptions) -> 
     """
     try:
         content = json.loads(unit_file(folder, unit).read_text(encoding="utf-8"))
-        if content["format"] != CALIBRATION or content["version"] > CALIBRATION_VERSION:
+        if content["format"] != CALIBRATION or content["version"] != CALIBRATION_VERSION:
             return None
         made = content[PART]
         if any(made[name] != value for name, value in options.to_dict().items()):
@@ -97,23 +98,34 @@ def read_facts(folder: Path) -> Mapping[str, Any]:
     Raises
     ------
     ReadError
-        If the folder is not that of a fleet, or has a newer version.
+        If the folder is not the output folder of a fleet, or if its files have another version.
     """
     file = folder / FILE
     if not file.is_file():
-        raise ReadError(f"{folder} is not the folder of a fleet: it has no {FILE}")
+        raise ReadError(
+            f"{folder} is not the folder of a fleet: it has no {FILE}", advice="Pass the output folder of `gmwm fleet`."
+        )
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:
-        raise ReadError(f"{file} is not the file of a fleet: it is not JSON or incomplete ({error})") from error
-    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
-        raise ReadError(f'{file} is not the file of a fleet: it does not have "format": "{FORMAT}"')
-    if not isinstance(content.get("version"), int) or content["version"] > VERSION:
         raise ReadError(
-            f"{file} has version {content.get('version')} of its format, written by gmwm {content.get('gmwm')}; this "
-            f"gmwm reads versions up to {VERSION}",
-            advice="Install a newer gmwm.",
+            f"{file} is not the file of a fleet: it is not JSON or incomplete ({error})", advice=RUN_AGAIN
+        ) from error
+    if not isinstance(content, Mapping) or content.get("format") != FORMAT:
+        raise ReadError(f'{file} is not the file of a fleet: it does not have "format": "{FORMAT}"', advice=RUN_AGAIN)
+    version = content.get("version")
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        raise ReadError(
+            f"{file} is not the file of a fleet: version must be a whole number from 1; got {version!r}",
+            advice=RUN_AGAIN,
+        )
+    if version != VERSION:
+        newer = version > VERSION
+        raise ReadError(
+            f"{file} has version {version} of the format, written by gmwm {content.get('gmwm')}; this gmwm reads "
+            f"version {VERSION}",
+            advice="Install a newer gmwm: `pip install --upgrade gmwm`." if newer else "Run the fleet again.",
         )
     if missing := [name for name in ("settings", "units", "left_out") if name not in content]:
-        raise ReadError(f"{file} is incomplete: it has no {missing[0]!r}")
+        raise ReadError(f"{file} is incomplete: it has no {missing[0]!r}", advice=RUN_AGAIN)
     return content

@@ -66,7 +66,7 @@ def read_table(path: Path) -> DataFrame:
     try:
         table = pl.read_parquet(path)
     except (OSError, pl.exceptions.PolarsError) as error:
-        raise ReadError(f"{path} is not the table of a fleet: {error}") from error
+        raise ReadError(f"{path} is not the table of a fleet: {error}", advice=RUN_AGAIN) from error
     if missing := [name for name in TEXTS if name not in table.columns]:
-        raise ReadError(f"{path} is not the table of a fleet: it has no column {missing[0]!r}")
+        raise ReadError(f"{path} is not the table of a fleet: it has no column {missing[0]!r}", advice=RUN_AGAIN)
     return table

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 
 from gmwm._arrays import Matrix
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.covariance import Design
 from gmwm.covariance import covariance as covariance_of
 from gmwm.errors import OptionError
@@ -20,7 +21,6 @@ from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.processes.parameter import Parameter
 from gmwm.processes.validation import as_seed
-from gmwm.variance.limits import chi_square_limits
 
 if TYPE_CHECKING:
     from gmwm.estimation.result import Fit
@@ -33,6 +33,7 @@ ROUNDING = 1e-8
 _UNKNOWN = 14.0
 """Half width of an interval, on the logarithm of a parameter, that counts as not determined: a factor of a million."""
 _ROUNDS = 60
+"""Bound on the iterations. `_SETTLED` ends them earlier in every fit of tests/inference/test_inference_laws.py."""
 _SETTLED = 1e-4
 """Relative accuracy of an upper limit; limits are shown with four digits."""
 

@@ -13,12 +13,12 @@ from gmwm._threads import in_threads
 from gmwm.axis_names import axis_quantity
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
-from gmwm.inspection.findings import MOVED, of_motion, of_steps, of_time, of_units, of_values, of_warm_up
+from gmwm.inspection.findings import MOVED, of_gravity, of_motion, of_rounding, of_steps, of_time, of_trends, of_units
 from gmwm.inspection.knocks import knocks_of, steps_of
-from gmwm.inspection.resolution import Sample, lsb, step_of
+from gmwm.inspection.resolution import Sample, before_rounding, lsb, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
-from gmwm.inspection.warm_up import warm_up_of
+from gmwm.inspection.trends import trend_of
 from gmwm.readers.streams import Chunk, Stream
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
@@ -214,9 +214,8 @@ class RecordingStatistics:
             ),
             key=lambda step: (step.time, step.axis),
         )  # fmt: skip
-        settling = (warm_up_of(axis, one.levels(), extent, self._resolutions[axis] or 0.0)
-                    for axis, one in statistics.items())  # fmt: skip
-        warm_ups = tuple(found for found in settling if found is not None)
+        sought = (trend_of(axis, one.means(), extent) for axis, one in statistics.items())
+        trends = tuple(found for found in sought if found is not None)
         restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
         moved = tilt is not None and turned and tilt > MOVED
@@ -224,8 +223,9 @@ class RecordingStatistics:
             *of_time(len(extent.segments), self._base),
             *of_motion(restless, tilt if turned else None, knocks),
             *of_steps(tuple(steps)),
-            *of_warm_up(warm_ups, self._base.left > 0),
-            *of_values(axes, gravity),
+            *of_trends(trends, self._units, extent, self._base.left > 0),
+            *of_gravity(gravity),
+            *of_rounding(axes, extent.rate),
             *of_units(self._densities()),
             *self._remarks,
         )
@@ -243,7 +243,7 @@ class RecordingStatistics:
             static=not (moved or restless),
             knocks=knocks,
             steps=tuple(steps),
-            warm_ups=warm_ups,
+            trends=trends,
             temperature=_range(temperature),
             remarks=remarks,
         )
@@ -252,8 +252,15 @@ class RecordingStatistics:
         noise = float(np.sqrt(one.differences.means[0] / 2))
         wander = float(np.ptp(one.windows.means))
         mean, sd = float(one.all.means[0]), float(np.sqrt(one.all.variances()[0]))
+        step = self._resolutions[axis]
         return AxisInspection(
-            unit=self._units[axis], mean=mean, sd=sd, noise=noise, lsb=self._resolutions[axis], wander=wander
+            unit=self._units[axis],
+            mean=mean,
+            sd=sd,
+            noise=noise,
+            lsb=step,
+            before_rounding=None if step is None else before_rounding(one.runs(), step),
+            wander=wander,
         )
 
     def _densities(self) -> dict[str, float]:

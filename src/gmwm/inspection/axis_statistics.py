@@ -8,6 +8,8 @@ from gmwm._arrays import Vector
 from gmwm.inspection.knocks import BLOCK, FEWEST, Indices, Outliers, level_length, outliers_of
 from gmwm.inspection.time_grid import Extent
 
+_RUN = 256
+"""Samples of a run in which the mean hardly changes, for the noise before rounding (tests/test_rounding.py)."""
 _SLAB = 256 * BLOCK  # samples that are processed together; it affects memory and speed only
 
 
@@ -32,10 +34,13 @@ class AxisStatistics:
         self._outliers: list[Outliers] = [(np.empty(0, dtype=np.int64), np.empty(0))]
         self._length = level_length(extent.samples)
         self._levels: list[tuple[int, list[Vector]]] = []
+        self._runs: list[list[Vector]] = [[] for _ in self._ranges]
         self._segment = self._row = 0  # segment and index of the next sample
         self._waiting = np.empty(0)  # samples that are not yet processed
         self._tail = np.empty(0)  # the last processed samples of this segment
         self._unlevelled = np.empty(0)
+        self._means: list[tuple[int, list[Vector]]] = []
+        self._unaveraged = np.empty(0)  # as `_unlevelled`, with NaN for outliers
 
     def update(self, values: Vector) -> None:
         """Add the next samples, which may span several segments."""
@@ -54,6 +59,14 @@ class AxisStatistics:
         """First sample and block medians of each segment that has at least five blocks."""
         return [(first, np.concatenate(medians)) for first, medians in self._levels]
 
+    def means(self) -> list[tuple[int, Vector]]:
+        """First sample and block means without outliers of each segment that has at least five blocks."""
+        return [(first, np.concatenate(means)) for first, means in self._means]
+
+    def runs(self) -> list[Vector]:
+        """The first consecutive samples of each window, without outliers."""
+        return [np.concatenate(run) for run in self._runs if run]
+
     def _gather(self, part: Vector, ends: bool) -> None:
         if not ends and self._waiting.size + part.size < _SLAB:
             self._waiting = np.concatenate([self._waiting, part])
@@ -66,7 +79,8 @@ class AxisStatistics:
             self._work(slab, first, last)
         self._waiting = values[whole:].copy()
         if ends:
-            self._segment, self._tail, self._unlevelled = self._segment + 1, np.empty(0), np.empty(0)
+            self._segment, self._tail = self._segment + 1, np.empty(0)
+            self._unlevelled = self._unaveraged = np.empty(0)
 
     def _work(self, slab: Vector, first: int, last: int) -> None:
         """Process a number of whole blocks, or the end of a segment."""
@@ -74,7 +88,7 @@ class AxisStatistics:
         self._outliers.append((index, size))
         self._count(slab, index - self._row, first)
         if last - first >= 5 * self._length:
-            self._level(slab, first)
+            self._level(slab, index - self._row, first)
         self._tail = slab[-BLOCK:] if slab.size >= BLOCK else np.concatenate([self._tail, slab])[-BLOCK:]
         self._row += slab.size
 
@@ -111,19 +125,39 @@ class AxisStatistics:
             part = slab[low:high]
             self.windows.add(k, part)
             inside = outliers[(outliers >= low) & (outliers < high)] - low
-            self.calm.add(k, np.delete(part, inside) if inside.size else part)
+            calm = np.delete(part, inside) if inside.size else part
+            self.calm.add(k, calm)
+            if (missing := _RUN - sum(run.size for run in self._runs[k])) > 0:
+                self._runs[k].append(calm[:missing].copy())
             # The difference that ends at the first sample of a window belongs to no window.
             own = max(low, a - begin + 1)
             self.steps.add_squares(k, steps[max(own - shift, 0) : high - shift])
 
-    def _level(self, slab: Vector, first: int) -> None:
+    def _level(self, slab: Vector, outliers: Indices, first: int) -> None:
+        """Add to the medians of the blocks, and to their means without outliers."""
         if not self._levels or self._levels[-1][0] != first:
             self._levels.append((first, []))
-        values = np.concatenate([self._unlevelled, slab]) if self._unlevelled.size else slab
+            self._means.append((first, []))
+        clean = slab
+        if outliers.size:
+            clean = slab.copy()
+            clean[outliers] = np.nan
+        values, clean = np.concatenate([self._unlevelled, slab]), np.concatenate([self._unaveraged, clean])
         whole = values.size - values.size % self._length
         if whole:
-            self._levels[-1][1].append(np.median(values[:whole].reshape(-1, self._length), axis=1))
-        self._unlevelled = values[whole:].copy()
+            medians = np.median(values[:whole].reshape(-1, self._length), axis=1)
+            self._levels[-1][1].append(medians)
+            self._means[-1][1].append(_means(clean[:whole].reshape(-1, self._length), medians))
+        self._unlevelled, self._unaveraged = values[whole:].copy(), clean[whole:].copy()
+
+
+def _means(blocks: Vector, medians: Vector) -> Vector:
+    """Means of blocks whose outliers are NaN; the median of a block that has outliers only."""
+    means = np.mean(blocks, axis=1)
+    for k in np.flatnonzero(np.isnan(means)):
+        kept = blocks[k][~np.isnan(blocks[k])]
+        means[k] = np.mean(kept) if kept.size else medians[k]
+    return np.asarray(means)
 
 
 class Moments:

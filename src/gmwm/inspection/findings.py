@@ -6,14 +6,15 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from gmwm.remarks import Quantity, Remark
+from gmwm.remarks import Fact, Quantity, Remark
 from gmwm.time_base import TimeBase
-from gmwm.units import STANDARD_GRAVITY
+from gmwm.units import STANDARD_GRAVITY, datasheet_units, noise_unit
 
 if TYPE_CHECKING:
     from gmwm.inspection.knocks import Knock, Step
     from gmwm.inspection.result import AxisInspection
-    from gmwm.inspection.warm_up import WarmUp
+    from gmwm.inspection.time_grid import Extent
+    from gmwm.inspection.trends import Trend
 
 MOVED = 1.0
 """Turn of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same effect."""
@@ -27,8 +28,17 @@ _WRONG = 0.05
 _JITTER = 0.1
 """Jitter of the time stamps, as a share of the sampling interval, above which there is a remark
 (tests/test_inspection.py)."""
-_COARSE = 0.5
-"""Noise in quantization steps below which the rounding error is not white (docs/howto/contaminated.md)."""
+_LATE = 0.5
+"""Share of the recording that a warm-up may take, so that the rest is worth a calibration (docs/howto/record.md)."""
+AFFECTED = ("B", "K", "R")
+"""Symbols of the numbers that are read at long scales, where a trend looks like noise."""
+ALL = ("N", "B", "K", "Q")
+"""Symbols of the numbers that rounding affects: all except the rate ramp."""
+_COARSE = 2.0
+"""Quantization steps in standard deviations of the noise up to which the rounding error is white noise of variance
+step²/12: N of the output is then known to 2 % and slow changes of the mean to 3 % (docs/validation/rounding.md)."""
+_ROUNDED = 0.7
+"""Quantization steps in standard deviations of the noise from which on rounding adds 2 % to N: step²/24σ²."""
 
 
 def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
@@ -75,22 +85,50 @@ def of_steps(steps: tuple[Step, ...]) -> Iterator[Remark]:
         yield Remark.of("level-steps", axis, count=len(own), first=Quantity(own[0].time, "s"))
 
 
-def of_warm_up(warm_ups: tuple[WarmUp, ...], cut: bool) -> Iterator[Remark]:
-    """Remarks on warm-up, one for each axis.
+def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Extent, cut: bool) -> Iterator[Remark]:
+    """Remarks on trends, one for each axis.
 
     Parameters
     ----------
-    warm_ups : tuple of WarmUp
-        The warm-ups.
+    trends : tuple of Trend
+        The trends.
+    units : mapping of axis to str
+        Unit of each axis.
+    extent : Extent
+        Segments and times of the recording.
     cut : bool
         Whether the beginning of the file is already left out, so that times count from a later sample.
     """
-    if not warm_ups:
-        return
-    longest = max(found.duration for found in warm_ups)
-    first = Quantity(round_up(longest), "s")
-    for found in warm_ups:
-        yield Remark.of("warm-up", found.axis, duration=Quantity(longest, "s"), first=first, cut="yes" if cut else "no")
+    longest = max((found.until for found in trends if found.until is not None), default=0.0)
+    duration = extent.samples / extent.rate
+    way = "late" if longest > _LATE * duration else "again" if cut else "start"
+    for found in trends:
+        unit = units[found.axis]
+        facts: dict[str, Fact] = {
+            "size": in_datasheet_units(abs(found.size), 0.0, unit),
+            "walk": in_datasheet_units(found.walk_with_trend, -0.5, unit),
+            "limit": in_datasheet_units(found.walk_limit, -0.5, unit),
+            "numbers": AFFECTED,
+        }
+        if found.tau is not None and found.until is not None:
+            tau, until = Quantity(found.tau, "s"), Quantity(longest, "s")
+            first = Quantity(round_up(longest), "s")
+            yield Remark.of("warm-up", found.axis, **facts, tau=tau, duration=until, first=first, way=way)
+        elif found.kind == "linear":
+            yield Remark.of("linear-trend", found.axis, **facts)
+        else:
+            yield Remark.of("trend", found.axis, **facts)
+
+
+def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:
+    """A noise coefficient in SI as a datasheet prints it; `time_power` is the power of the second beside the unit.
+
+    >>> in_datasheet_units(1e-3, 0.0, "rad/s")
+    Quantity(value=206.26480624709637, unit='deg/h')
+    """
+    si, factor = noise_unit(time_power, unit)
+    name, size = next(iter(datasheet_units(si).items()), (si, 1.0))
+    return Quantity(value * factor * size, name)
 
 
 def round_up(seconds: float) -> float:
@@ -103,8 +141,8 @@ def round_up(seconds: float) -> float:
     return math.ceil(seconds / step) * step
 
 
-def of_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> Iterator[Remark]:
-    """Remarks on the size of gravity and on quantization."""
+def of_gravity(gravity: float | None) -> Iterator[Remark]:
+    """Remarks on the size of gravity (m/s²)."""
     error = 0.0 if gravity is None else gravity / STANDARD_GRAVITY - 1
     if gravity is not None and abs(error) > _OFF:
         norm, expected = Quantity(gravity, "m/s²"), Quantity(STANDARD_GRAVITY, "m/s²")
@@ -112,9 +150,26 @@ def of_values(axes: Mapping[str, AxisInspection], gravity: float | None) -> Iter
             yield Remark.of("gravity-wrong", norm=norm, expected=expected)
         else:
             yield Remark.of("gravity-off", norm=norm, expected=expected, share=100 * error)
+
+
+def of_rounding(axes: Mapping[str, AxisInspection], rate: float) -> Iterator[Remark]:
+    """Remarks on quantization, at a sampling rate (Hz)."""
     for name, axis in axes.items():
-        if axis.lsb is not None and axis.noise < _COARSE * axis.lsb:
-            yield Remark.of("coarse-output", name)
+        if axis.lsb is None or axis.before_rounding is None:
+            continue
+        ratio = axis.lsb / axis.before_rounding if axis.before_rounding else math.inf
+        step = _as_printed(axis.lsb, axis.unit)
+        if ratio > _COARSE:
+            yield Remark.of("coarse-output", name, step=step, ratio=ratio, numbers=ALL)
+        elif ratio > _ROUNDED:
+            density = in_datasheet_units(axis.lsb / math.sqrt(12 * rate), 0.5, axis.unit)
+            yield Remark.of("output-rounded", name, step=step, ratio=ratio, density=density)
+
+
+def _as_printed(value: float, unit: str) -> Quantity:
+    """A value of a sensor in the unit of its range."""
+    name = {"rad/s": "deg/s", "m/s²": "mg"}.get(unit)
+    return Quantity(value, unit) if name is None else Quantity(value * datasheet_units(unit)[name], name)
 
 
 def of_units(densities: Mapping[str, float]) -> Iterator[Remark]:

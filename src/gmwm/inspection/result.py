@@ -9,7 +9,7 @@ from typing import Any
 from gmwm._template import render
 from gmwm._text import Summarised, counted, duration_text, moment
 from gmwm.inspection.knocks import Knock, Step
-from gmwm.inspection.warm_up import WarmUp
+from gmwm.inspection.trends import Trend
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.remarks.rendering import MOST
 from gmwm.time_base import TimeBase
@@ -29,6 +29,8 @@ class AxisInspection:
         Standard deviation from first differences, which an offset and a slow drift do not affect.
     lsb : float or None
         Quantization step; None if none is visible.
+    before_rounding : float or None
+        Standard deviation of the noise before it was rounded to multiples of `lsb`; None if no step is visible.
     wander : float
         Largest difference between the means of 64 equal windows of the recording.
     """
@@ -38,6 +40,7 @@ class AxisInspection:
     sd: float
     noise: float
     lsb: float | None
+    before_rounding: float | None
     wander: float
 
 
@@ -69,8 +72,8 @@ class Inspection(Summarised):
         Bursts of outliers, ordered by time. Times count from the first sample of the file.
     steps : tuple of Step
         Lasting jumps of the mean, ordered by time.
-    warm_ups : tuple of WarmUp
-        Axes whose mean settles at the beginning.
+    trends : tuple of Trend
+        Axes whose mean follows a smooth course, such as a warm-up.
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
     remarks : tuple of Remark
@@ -89,7 +92,7 @@ class Inspection(Summarised):
     static: bool
     knocks: tuple[Knock, ...]
     steps: tuple[Step, ...]
-    warm_ups: tuple[WarmUp, ...]
+    trends: tuple[Trend, ...]
     temperature: tuple[float, float] | None
     remarks: tuple[Remark, ...]
 
@@ -166,15 +169,23 @@ def text(found: Inspection, dialect: Dialect = Dialect.PYTHON, *, every: bool = 
         lines.append(f"and {counted(len(found.steps) - 5, 'more jump')}")
     if (found.knocks or found.steps) and (found.time_base.start or found.time_base.left):
         lines.append(render("times count from the first sample of the file, as in {--skip}", {}, dialect))
-    for one in found.warm_ups:
-        change = f"{one.size:+.3g} {found.axes[one.axis].unit} at first, {one.times:.0f} times the usual change"
-        lines.append(f"warm-up of {one.axis} over the first {duration_text(one.duration)} ({change})")
+    lines += [_trend_line(one, found.axes[one.axis].unit) for one in found.trends]
     groups = with_groups(found.remarks, dialect, codes=True)
     shown = groups if every or len(groups) <= MOST + 1 else groups[:MOST]
     lines += [f"{group[0].severity.label}: {said}" for group, said in shown]
     if len(shown) < len(groups):
         lines.append(f"and {len(groups) - len(shown)} more remarks ({REST[dialect]})")
     return "\n".join(lines)
+
+
+def _trend_line(trend: Trend, unit: str) -> str:
+    """One line about a trend."""
+    if trend.kind != "exponential" or trend.tau is None:
+        return f"{trend.kind} trend of {trend.axis}: {-trend.size:+.3g} {unit} from the beginning to the end"
+    size = f"{trend.size:+.3g} {unit} at first, time constant {duration_text(trend.tau)}"
+    if trend.until is None:
+        return f"exponential trend of {trend.axis} ({size})"
+    return f"warm-up of {trend.axis} over the first {duration_text(trend.until)} ({size})"
 
 
 def _plain(value: Any) -> Any:

@@ -28,6 +28,8 @@ _NEAR_A_LIMIT = 1e-2
 _GAIN = 1e-3
 """Accuracy of the log-likelihood in the search for a profile, which falls by about 2 at a 95 % interval."""
 _ROUNDS = 25
+"""Bound on the iterations. The tolerances above end almost all searches earlier. A profile that runs away ends here:
+test_a_profile_ends_where_the_other_parameters_run_away in tests/likelihood/test_fit_ml.py."""
 
 
 def confidence_intervals(fit: LikelihoodFit, level: float = 0.95, method: Method = "wald") -> dict[str, Interval]:

@@ -15,7 +15,7 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 
 _ROOM = 10_000_000
 """Missing samples that gaps may add to a recording of any length: 80 MB. Pinned by
-tests/likelihood/test_loglikelihood.py."""
+tests/likelihood/test_loglikelihood.py, test_gaps_that_need_too_much_memory_are_refused."""
 
 
 @dataclass(frozen=True, eq=False)

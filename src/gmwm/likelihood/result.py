@@ -339,7 +339,9 @@ class LikelihoodFit(KalmanMethods):
             model = Model.parse(values["model"])
             parameters = {name: value for name, value in model.parameters.items() if value is not None}
             if parameters != dict(values["parameters"]):
-                raise ModelError(f"the parameters do not match the model {model}")
+                raise ModelError(
+                    f"the parameters do not match the model {model}", argument="parameters", got=values["parameters"]
+                )
             matrix = np.array(
                 [[math.inf if v is None else v for v in row] for row in values["covariance"]], dtype=np.float64
             ).reshape(len(values["names"]), len(values["names"]))

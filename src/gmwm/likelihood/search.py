@@ -16,6 +16,7 @@ LONGEST = 2.0
 TOLERANCE = 1e-9
 """The search ends when the expected gain of the log-likelihood is smaller."""
 _ROUNDS = 200
+"""Bound on the steps. A search that reaches it is reported as not converged."""
 # The constants below decide which terms are tried at zero; tests/likelihood/test_fit_ml.py pins them: a term that the
 # data do not support is estimated as zero, and a term that they do support is found again.
 _WORTH = 0.01

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from gmwm.fleets.statistics_result import FleetNumber, FleetStatistics
 
 SINGLY = 40
-"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve."""
+"""Largest number of units that are drawn as dots with intervals. More units are drawn as a curve. Pinned by
+tests/plots/test_plot_fleet.py."""
 POINTS = 400
 """Largest number of points of a curve of many units."""
 HALF = 0.4
@@ -41,11 +42,13 @@ EVEN = 4.0
 """Up to this ratio of the largest to the smallest value, a linear axis is as readable as a logarithmic one, and it has
 more ticks."""
 NAMED, LETTERS = 3, 14
-"""Largest number of outliers in a panel whose names are written, and the number of letters of a name."""
+"""Largest number of outliers in a panel whose names are written, and the number of letters of a name. Pinned by
+tests/plots/test_plot_fleet.py."""
 CLEAR, LETTER = 0.07, 0.036
 """Height of a name and width of a letter, as fractions of the panel."""
 SMALL = 0.005
-"""Panels whose largest value is below this are written with a power of ten."""
+"""Panels whose largest value is below this are written with a power of ten. Pinned by
+tests/plots/test_plot_fleet.py."""
 REACH = 3.0
 """Largest factor by which a confidence interval may stretch the axis beyond the values."""
 ROW, BELOW = 52.0, 22.0

@@ -13,7 +13,7 @@ _TIMES = (
     ("d", 86400.0, math.inf),
 )  # fmt: skip
 _PLAIN = (0.1, 1e4)
-"""Values in this range are written without a power of ten."""
+"""Values in this range are written without a power of ten. Pinned by tests/plots/test_plot_series.py."""
 
 
 def even_ticks(limits: tuple[float, float], at_most: int = 8) -> tuple[Tick, ...]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as MatplotlibFigure
 
 HIGHEST = 2.0
-"""Largest relative error that is drawn."""
+"""Largest relative error that is drawn. Pinned by tests/plots/test_plot_plan.py."""
 FURTHER = (2.0, 100.0)
 """The curves end where all parameters have reached the accuracy, but at least at 2 and at most at 100 times the
 planned duration."""

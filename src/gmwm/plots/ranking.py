@@ -27,9 +27,10 @@ if TYPE_CHECKING:
     from gmwm.variance.result import WaveletVariance
 
 LISTED = 10
-"""Number of candidates whose criterion is drawn, in addition to all equivalent candidates."""
+"""Number of candidates whose criterion is drawn, in addition to all equivalent candidates. Pinned by
+tests/plots/test_plot_ranking.py."""
 MOST_CURVES = 8
-"""Largest number of candidates whose curve can be drawn."""
+"""Largest number of candidates whose curve can be drawn. Pinned by tests/plots/test_plot_ranking.py."""
 NAME = 44
 """Characters in a line of the name of a model."""
 FIRST = replace(IMPLIED, symbol="circle")

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 LEVEL = 0.95
 """Confidence level of all limits."""
 FEW = 200
-"""Largest number of lags that are drawn with a dot each."""
+"""Largest number of lags that are drawn with a dot each. Pinned by tests/plots/test_plot_residuals.py."""
 LEAST_P = 1e-6
-"""Smaller p-values are shown as "p < 10⁻⁶"."""
+"""Smaller p-values are shown as "p < 10⁻⁶". Pinned by tests/plots/test_plot_residuals.py."""
 LINE = Stroke(BLUE, 0.5)
 DOTTED = Stroke(BLUE, 0.0, symbol="circle")
 LIMIT = Stroke(VERMILLION, 0.9)

@@ -36,7 +36,7 @@ FEW = 60
 """Largest number of samples that are drawn with a symbol each."""
 ALIKE = 8.0
 """Panels whose spans differ by at most this factor share a scale. With a larger factor, the signal with the smallest
-span would look constant."""
+span would look constant. Pinned by tests/plots/test_plot_series.py."""
 ONE_POWER = 1e3
 """Panels whose largest values differ by at most this factor share a power of ten."""
 NAMES: dict[Quantity, str] = {"gyro": "Angular rate", "accel": "Specific force"}

@@ -37,9 +37,10 @@ TRUTH = Stroke(BLACK, 0.5)
 WORDS: dict[Kind, str] = {"filter": "Filtered", "smooth": "Smoothed", "predict": "Predicted"}
 SETTLED = 2.0
 """The first errors of a filter are large. The vertical scale ignores the time until the standard error has fallen to
-this many times its median."""
+this many times its median. Pinned by tests/plots/test_plot_tracks.py."""
 DENSE = 0.03
-"""If neighbouring points of a line are on average this fraction of the panel height apart, the line fills an area."""
+"""If neighbouring points of a line are on average this fraction of the panel height apart, the line fills an area.
+Pinned by tests/plots/test_plot_tracks.py."""
 FAR = 50.0
 """If values are more than this many times their span, a constant is subtracted, because tick labels would be too
 long."""

@@ -17,14 +17,12 @@ class _Arma(Lagged, abstract=True, listed=False):
     """Algebra of ARMA processes: their sums and special cases."""
 
     @classmethod
-    def repeats(cls, count: int) -> str:
-        """Say why a sum cannot hold several: autoregressions add up to an ARMA, moving averages to a moving average."""
+    def instead_of_repeats(cls, count: int) -> str:
+        """Return the single term: autoregressions add up to an ARMA, moving averages to a moving average."""
         p, q, seasonal_p, seasonal_q, _ = cls.full_orders()
-        if p + seasonal_p == 0:
-            return f"their sum is again a moving average of this order; write {cls.name} once"
-        if seasonal_p + seasonal_q == 0:
-            return f"their sum is an {ARMA.name}({count * p},{(count - 1) * p + q}); write that"
-        return f"their sum is one process of higher orders, whose parts cannot be distinguished; write {cls.name} once"
+        if p + seasonal_p == 0 or seasonal_p + seasonal_q > 0:
+            return cls.name
+        return f"{ARMA.name}({count * p},{(count - 1) * p + q})"
 
     @classmethod
     def smaller(cls) -> tuple[type[Process], ...]:

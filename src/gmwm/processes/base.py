@@ -220,11 +220,9 @@ class Process(ABC):
         return cls(**given, **{cls.scale_parameter().name: cls.value_from(1.0)})
 
     @classmethod
-    def repeats(cls, count: int) -> str:
-        """Say why a sum cannot hold `count` of a process that is not `repeatable`, and what to write instead."""
-        return (
-            f"all have the same shape, so that no data can distinguish them from a single one; write {cls.name}() once"
-        )
+    def instead_of_repeats(cls, count: int) -> str:
+        """Return the single term to write instead of `count` terms of a process that is not `repeatable`."""
+        return f"{cls.name}()"
 
     # --- which processes are cases of which, for the choice among models ----------------------------------
 

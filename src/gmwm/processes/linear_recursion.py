@@ -38,9 +38,11 @@ SEASONAL_THETA = Coefficients("stheta", "Θ", "Q", "seasonal moving average coef
 
 _PLACES = (PHI.name, THETA.name, SEASONAL_PHI.name, SEASONAL_THETA.name)
 CANCELLING = 0.05
-"""Distance between a root of φ and a root of θ below which they nearly cancel."""
-_MANY = 2.5
-"""Largest artanh of a partial autocorrelation of φ and Φ in the scan for starting values: 0.987, see `Lagged.scan`."""
+"""Distance between a root of φ and a root of θ below which they nearly cancel. Pinned by
+tests/processes/test_arma.py and tests/estimation/test_arma_fits.py."""
+_FARTHEST, _FARTHEST_AVERAGE = 2.5, 2.0
+"""Largest coordinate of the search for partial autocorrelations: tanh 2.5 = 0.987 for φ and Φ, tanh 2 = 0.964 for θ and
+Θ. They bound the starts of a search, not the estimates. Pinned by tests/processes/test_arma.py."""
 _SLOW = 64
 """Lags beyond which the exponential of a real root is a closed form."""
 _SEPARATE = 0.1
@@ -169,10 +171,10 @@ class Lagged(Ordered, abstract=True, listed=False):
         """Limit partial autocorrelations to 1 − 1/N at the first lag of φ, ±0.987 elsewhere, and ±0.964 for θ and Θ."""
         ends = np.empty((sum(cls.orders[: len(cls.polynomials)]), 2))
         for part, span in cls._factors():
-            ends[span] = (-_MANY, _MANY) if _sign(part) > 0 else (-2.0, 2.0)
+            ends[span] = (-_FARTHEST, _FARTHEST) if _sign(part) > 0 else (-_FARTHEST_AVERAGE, _FARTHEST_AVERAGE)
             if _sign(part) > 0:
                 period = cls.full_orders()[-1] if part is SEASONAL_PHI else 1
-                ends[span.start, 1] = max(_MANY, 0.5 * math.log(2.0 * samples / period))
+                ends[span.start, 1] = max(_FARTHEST, 0.5 * math.log(2.0 * samples / period))
         return ends
 
     # --- theory ---------------------------------------------------------------------------------------

@@ -21,7 +21,8 @@ from gmwm.processes.short_memory import LONGEST, NEGLIGIBLE, ShortMemory, trimme
 from gmwm.processes.validation import as_clusters, as_lags, as_paths, as_rng, shape_of_paths
 
 _MANY = 4096
-"""Number of lags above which the correlation is interpolated."""
+"""Number of lags from which the correlation is interpolated, which is then faster. The number does not change the
+result: tests/processes/test_matern.py, test_many_lags_are_interpolated_to_all_digits."""
 _ONE_BY_ONE = 64
 """Lags before the first octave of them."""
 _SHORT = 512

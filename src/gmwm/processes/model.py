@@ -74,10 +74,12 @@ class Model(KalmanMethods):
             if not isinstance(process, Process):
                 raise _no_model(process, "every term of a model must be a process, such as GM()", "processes")
         if not self.processes:
-            raise ModelError("a model needs at least one process; got none", got=self.processes)
+            raise ModelError("a model needs at least one process; got none", got=self.processes, argument="processes")
         if len(self.processes) > MOST_TERMS:
             raise ModelError(
-                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}", got=len(self.processes)
+                f"a model has at most {MOST_TERMS} terms; got {len(self.processes)}",
+                got=len(self.processes),
+                argument="processes",
             )
         _check_repeats(self.processes)
         _check_parametrisations(self.processes)
@@ -169,7 +171,9 @@ class Model(KalmanMethods):
         unknown = [label for label in values if label not in self.names]
         if unknown:
             raise ModelError(
-                f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}", got=unknown[0]
+                f"{self} has no parameter {unknown[0]!r}; its parameters are {', '.join(self.names)}",
+                got=unknown[0],
+                argument="values",
             )
         return Model(
             tuple(
@@ -442,7 +446,9 @@ class Model(KalmanMethods):
     def __mul__(self, count: int) -> Model:
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or not 1 <= count <= MOST_TERMS:
             raise ModelError(
-                f"a process must be repeated a whole number of times, from 1 to {MOST_TERMS}; got {count!r}", got=count
+                f"a process must be repeated a whole number of times, from 1 to {MOST_TERMS}; got {count!r}",
+                got=count,
+                argument="count",
             )
         return Model(self.processes * int(count))
 
@@ -532,7 +538,12 @@ def _check_repeats(processes: tuple[Process, ...]) -> None:
         process = next(p for p in processes if p.name == name)
         if count > 1 and not process.repeatable:
             raise ModelError(
-                f"{name} cannot be repeated {count} times: {process.repeats(count)}", name=name, count=count
+                f"{name} cannot be repeated {count} times, because no data can distinguish the terms",
+                argument="processes",
+                got=name,
+                advice="Write `{instead}` once.",
+                instead=process.instead_of_repeats(count),
+                count=count,
             )
     for a, b in combinations(processes, 2):
         if type(a) is type(b) and _hold_the_same_shape(a, b):

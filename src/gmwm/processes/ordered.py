@@ -144,6 +144,7 @@ class Ordered(Process, abstract=True):
                 f"{cls.name} needs its orders, {cls.written()}, or its coefficients, {first}=[…]; "
                 f"got {len(given)} orders",
                 got=given,
+                argument="orders",
             )
         for name, order in zip(names, given, strict=True):
             least = 2 if name == cls.period_name else 0
@@ -154,7 +155,10 @@ class Ordered(Process, abstract=True):
         reach = cls.lags(whole)
         if reach > MOST_LAGS:
             raise ModelError(
-                f"{_name(cls, whole)} reaches back {reach} samples; the maximum is {MOST_LAGS}", got=whole, reach=reach
+                f"{_name(cls, whole)} reaches back {reach} samples; the maximum is {MOST_LAGS}",
+                got=whole,
+                reach=reach,
+                argument="orders",
             )
         cls.check_orders(whole)
         return whole
@@ -197,7 +201,7 @@ class Ordered(Process, abstract=True):
             found = cls.of(*cls._orders_of(orders, values))
         else:
             if orders and cls._orders_of(orders, values) != cls.orders:
-                raise ModelError(f"{cls.name} has the orders {cls.orders}; got {orders}", got=orders)
+                raise ModelError(f"{cls.name} has the orders {cls.orders}; got {orders}", got=orders, argument="orders")
             found = cls
         return object.__new__(found)
 

@@ -61,9 +61,15 @@ def parse_model(text: str) -> Model:
     gmwm.errors.ModelError: the model "GM + VN" cannot be read at "VN" (character 6): there is no process...
     """
     if not isinstance(text, str):
-        raise ModelError(f'the text of a model must be a string, such as "2*GM + WN"; got {text!r}', got=text)
+        raise ModelError(
+            f'the text of a model must be a string, such as "2*GM + WN"; got {text!r}', got=text, argument="text"
+        )
     if len(text) > _LONGEST_TEXT:
-        raise ModelError(f"the text of a model has at most {_LONGEST_TEXT} characters; got {len(text)}", got=len(text))
+        raise ModelError(
+            f"the text of a model has at most {_LONGEST_TEXT} characters; got {len(text)}",
+            got=len(text),
+            argument="text",
+        )
     return _Reader(text).model()
 
 

@@ -189,7 +189,7 @@ def _readable(layout: Layout, path: Path) -> Layout:
     if layout.unreadable is not None:
         raise layout.unreadable
     if not layout.channels:
-        raise ReadError(f"{path} has no columns")
+        raise ReadError(f"{path} has no columns", advice="Check whether the recording was interrupted.")
     return layout
 
 
@@ -308,7 +308,10 @@ def require_samples(samples: int, what: str) -> None:
         If there are fewer.
     """
     if samples < MINIMUM_SAMPLES:
-        raise DataError(f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed")
+        raise DataError(
+            f"{what} has {counted(samples, 'sample')}, but at least {MINIMUM_SAMPLES} are needed",
+            advice="Record longer, or check whether the recording was interrupted.",
+        )
 
 
 def constant(what: str, role: str, value: float, samples: int) -> DataError:

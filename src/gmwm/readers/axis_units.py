@@ -27,8 +27,8 @@ _INFERRED = ("g", "m/s²", "mg")
 """Units among which the norm of gravity decides: it is 1, 9.81 or 1000 in them."""
 _NEAR = 0.10
 """Relative difference from gravity within which a unit is inferred. The zero-g offset of a low-cost accelerometer is up
-to 80 mg (MPU-6050 datasheet), while the units differ by a factor of 9.8 or more. Pinned by
-tests/readers/test_units.py."""
+to 80 mg (for example in the InvenSense product specification PS-MPU-6000A), while the units differ by a factor of 9.8
+or more. Pinned by tests/readers/test_units.py."""
 
 _STATE_ACCEL = "State it with {--units=accel:g} or {--units=accel:m/s2}."
 

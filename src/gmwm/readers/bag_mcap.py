@@ -112,7 +112,9 @@ class McapStorage(Storage):
             )
         start = int(_LONG.unpack_from(footer, _HEAD.size)[0])
         if start > end:
-            raise ReadError(f"{self.path} is damaged: the position of its summary is after its end")
+            raise ReadError(
+                f"{self.path} is damaged: the position of its summary is after its end", advice="Copy the file again."
+            )
         return start
 
     def _records(self, file: BinaryIO, wanted: Set[int]) -> Iterator[tuple[int, bytes]]:
@@ -126,13 +128,16 @@ class McapStorage(Storage):
                 return
             limit = _LIMITS.get(kind, _SKIPPED)
             if length > limit:
-                raise ReadError(f"{self.path} is damaged: a record of {length} bytes")
+                raise ReadError(f"{self.path} is damaged: a record of {length} bytes", advice="Copy the file again.")
             if kind not in wanted:
                 file.seek(length, 1)
                 continue
             content = file.read(length)
             if len(content) != length:
-                raise ReadError(f"{self.path} is damaged: a record of {length} bytes where {len(content)} are left")
+                raise ReadError(
+                    f"{self.path} is damaged: a record of {length} bytes where {len(content)} are left",
+                    advice="Copy the file again.",
+                )
             yield kind, content
 
     def _chunk(self, content: bytes) -> bytes:

@@ -79,10 +79,12 @@ class Ros1Storage(Storage):
                 advice="Repair it with `rosbag reindex`.",
             )
         if head.get("encryptor"):
-            raise ReadError(f"{self.path} is encrypted; decrypt it first")
+            raise ReadError(f"{self.path} is encrypted; decrypt it first", advice="Decrypt it with `rosbag decrypt`.")
         connections, chunks = (_WORD.unpack(head[name])[0] for name in ("conn_count", "chunk_count"))
         if connections > TOPIC_LIMIT or chunks > _CHUNKS:
-            raise ReadError(f"{self.path} is damaged: {connections} connections in {chunks} chunks")
+            raise ReadError(
+                f"{self.path} is damaged: {connections} connections in {chunks} chunks", advice="Copy the file again."
+            )
         self._seek(file, position)
         records = [self._record(file, _CONNECTION) for _ in range(connections)]
         places = []
@@ -114,14 +116,20 @@ class Ros1Storage(Storage):
         for limit in (TEXT_LIMIT, CHUNK_LIMIT if kind == _CHUNK else 4 * TEXT_LIMIT):
             (length,) = _WORD.unpack(file.read(4))
             if length > limit:
-                raise ReadError(f"{self.path} is damaged: a record of {length} bytes")
+                raise ReadError(f"{self.path} is damaged: a record of {length} bytes", advice="Copy the file again.")
             part = file.read(length)
             if len(part) != length:
-                raise ReadError(f"{self.path} is cut off: a record of {length} bytes where {len(part)} are left")
+                raise ReadError(
+                    f"{self.path} is cut off: a record of {length} bytes where {len(part)} are left",
+                    advice="Copy the file again.",
+                )
             parts.append(part)
         header = dict(_fields(parts[0]))
         if header.get("op") != bytes([kind]):
-            raise ReadError(f"{self.path} is damaged: its index does not lead to a record of kind {kind}")
+            raise ReadError(
+                f"{self.path} is damaged: its index does not lead to a record of kind {kind}",
+                advice="Copy the file again.",
+            )
         return header, parts[1]
 
     def _damaged(self, error: Exception) -> ReadError:

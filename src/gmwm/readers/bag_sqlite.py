@@ -43,7 +43,9 @@ class SqliteStorage(Storage):
                 not all(isinstance(item, str) for item in (name, kind, encoding, text, language))
                 or len(text) > TEXT_LIMIT
             ):
-                raise ReadError(f"{self.path} is damaged: its table of topics does not hold texts")
+                raise ReadError(
+                    f"{self.path} is damaged: its table of topics does not hold texts", advice="Copy the file again."
+                )
             found.append(Topic(name=name, type=kind, encoding=encoding, text=text, language=language, ids=(number,)))
         return merged(iter(found))
 
@@ -62,7 +64,9 @@ class SqliteStorage(Storage):
                 while batch := rows.fetchmany(count):
                     times, messages = (list(column) for column in zip(*batch, strict=True))
                     if set(map(type, messages)) != {bytes} or set(map(type, times)) != {int}:
-                        raise ReadError(f"{self.path} is damaged: a message without bytes or time")
+                        raise ReadError(
+                            f"{self.path} is damaged: a message without bytes or time", advice="Copy the file again."
+                        )
                     yield times, messages
                     count = max(1, min(_MOST, BATCH_BYTES * len(messages) // max(1, sum(map(len, messages)))))
             except (sqlite3.Error, UnicodeDecodeError) as error:
@@ -88,7 +92,8 @@ class SqliteStorage(Storage):
             base.execute("PRAGMA trusted_schema=OFF")
             if not all(self._table(base, name) for name in ("topics", "messages")):
                 raise ReadError(
-                    f"{self.path} is an SQLite database without the tables topics and messages: no recording of ROS 2"
+                    f"{self.path} is an SQLite database without the tables topics and messages: no recording of ROS 2",
+                    advice="Pass a recording of ROS 2.",
                 )
         except (sqlite3.Error, UnicodeDecodeError) as error:
             base.close()
@@ -103,7 +108,9 @@ class SqliteStorage(Storage):
         with self.path.open("rb") as file:
             head = file.read(100)
         if len(head) < 100:
-            raise ReadError(f"{self.path} is cut off: {len(head)} bytes are not a complete database")
+            raise ReadError(
+                f"{self.path} is cut off: {len(head)} bytes are not a complete database", advice="Copy the file again."
+            )
         (size,) = _PAGE.unpack_from(head, 16)
         changed, count, valid = (_WORD.unpack_from(head, k)[0] for k in (24, 28, 92))
         size = 65536 if size == 1 else size

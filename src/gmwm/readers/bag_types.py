@@ -51,7 +51,9 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
     from rosbags.typesys import Stores, get_typestore
 
     if len(topic.text) > TEXT_LIMIT:
-        raise ReadError(f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters")
+        raise ReadError(
+            f"{topic.name}: its type is defined in more than {TEXT_LIMIT} characters", advice="Export the topic as CSV."
+        )
     found: dict[str, Any] = {}
     try:
         for text in _idl_parts(topic.text) if topic.language == "ros2idl" else (topic.text,):
@@ -59,7 +61,8 @@ def _parsed(topic: Topic) -> Mapping[str, Sequence[tuple[str, Description]]]:
     except Exception as error:  # a library can raise any error on an invalid definition
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise ReadError(
-            f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})"
+            f"{topic.name}: the definition of its type {topic.type} is not understood ({reason})",
+            advice="Export the topic as CSV.",
         ) from error
     types = {name: fields for name, (_, fields) in get_typestore(Stores.EMPTY).fielddefs.items()}
     types |= {name: fields for name, (_, fields) in found.items()}
@@ -95,4 +98,7 @@ def _require_plain(name: str, fields: Sequence[tuple[str, Description]], topic: 
             sort, inner = part
         plain &= sort != 2 or bool(_TYPE.fullmatch(inner))
     if not plain:
-        raise ReadError(f"{topic.name}: the definition of its type {topic.type} holds what is no name, or a huge array")
+        raise ReadError(
+            f"{topic.name}: the definition of its type {topic.type} holds what is no name, or a huge array",
+            advice="Export the topic as CSV.",
+        )

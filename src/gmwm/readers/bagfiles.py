@@ -95,7 +95,10 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
         If the chunk is damaged, has a different size, is too large, or has another compression.
     """
     if size > CHUNK_LIMIT:
-        raise ReadError(f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once")
+        raise ReadError(
+            f"{path}: a chunk of {size} bytes; more than {CHUNK_LIMIT >> 20} MB are not unpacked at once",
+            advice="Record with smaller chunks, or export the topic as CSV.",
+        )
     if compression in ("", "none"):
         content = data
     elif compression in ("lz4", "bz2", "zstd"):
@@ -106,10 +109,13 @@ def unpacked(data: bytes, compression: str, size: int, path: Path) -> bytes:
             raise ReadError(f"{path}: a chunk is damaged ({error})", advice="Copy the file again.") from error
     else:
         raise ReadError(
-            f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none"
+            f"{path}: its chunks have the compression {compression!r}, but gmwm reads only lz4, bz2, zstd and none",
+            advice="Compress the recording in one of these formats.",
         )
     if len(content) != size:
-        raise ReadError(f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}")
+        raise ReadError(
+            f"{path}: a chunk is damaged: {len(content)} bytes or more, expected {size}", advice="Copy the file again."
+        )
     return bytes(content)
 
 
@@ -122,7 +128,10 @@ def unpacked_messages(messages: list[bytes], path: Path) -> list[bytes]:
     except Exception as error:  # a library can raise any error on invalid data
         raise ReadError(f"{path}: a compressed message is damaged ({error})", advice="Copy the file again.") from error
     if sum(map(len, found)) > CHUNK_LIMIT:
-        raise ReadError(f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them")
+        raise ReadError(
+            f"{path}: compressed messages of more than {CHUNK_LIMIT >> 20} MB; no recorder writes them",
+            advice="Copy the file again, or export the topic as CSV.",
+        )
     return found
 
 
@@ -142,7 +151,9 @@ def merged(topics: Iterator[Topic]) -> tuple[Topic, ...]:
         text, language = (topic.text, topic.language) if topic.text else (other.text, other.language)
         found[key] = replace(topic, text=text, language=language, ids=other.ids + topic.ids, count=count)
         if len(found) > TOPIC_LIMIT:
-            raise ReadError(f"more than {TOPIC_LIMIT} topics")
+            raise ReadError(
+                f"more than {TOPIC_LIMIT} topics", advice="Copy the topics of the sensor to another recording."
+            )
     return tuple(found.values())
 
 

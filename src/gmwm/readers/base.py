@@ -231,7 +231,7 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     if file.is_dir():
         file = _sign_of(file)
     if not file.exists():
-        raise ReadError(f"{file} does not exist in {file.absolute().parent}")
+        raise ReadError(f"{file} does not exist in {file.absolute().parent}", argument="path", got=str(file))
     if not file.is_file():
         raise ReadError(
             f"{file} is a pipe or a device, which cannot be read twice", advice="Save it to a file and pass the file."
@@ -279,7 +279,9 @@ def find_reader(path: Path, format: str | None = None) -> Reader:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
-        raise ReadError(f"{path} cannot be opened: {error.strerror}") from error
+        raise ReadError(
+            f"{path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+        ) from error
     suffix = path.suffix.lower()
     best = max(_READERS.values(), key=lambda r: (r.sniff(path, head), suffix in r.extensions))
     if best.sniff(path, head) > 0:

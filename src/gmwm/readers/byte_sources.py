@@ -67,7 +67,9 @@ class FileSource:
         try:
             return self.path.open("rb")
         except OSError as error:
-            raise ReadError(f"{self.path} cannot be opened: {error.strerror}") from error
+            raise ReadError(
+                f"{self.path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+            ) from error
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gmwm._text import with_article
 from gmwm.errors import ReadError
 
 Encoding = Literal["cdr", "ros1"]
@@ -81,7 +82,7 @@ class Definition:
 
     def _leaves(self, kind: str, prefix: str, depth: int) -> Iterator[str]:
         if depth > _DEPTH:
-            raise ReadError(f"the message type {self.name} holds itself")
+            raise ReadError(f"the message type {self.name} holds itself", advice="Export the topic as CSV.")
         for name, description in self.fields(kind):
             path = prefix + name
             sort, inner = description
@@ -106,7 +107,10 @@ class Definition:
     def fields(self, kind: str) -> Sequence[tuple[str, Description]]:
         """The fields of one of the types."""
         if kind not in self.types:
-            raise ReadError(f"the message type {self.name} holds {kind}, which the recording does not define")
+            raise ReadError(
+                f"the message type {self.name} holds {kind}, which the recording does not define",
+                advice="Export the topic as CSV.",
+            )
         return self.types[kind]
 
 
@@ -161,7 +165,7 @@ class _Walk:
 
     def struct(self, kind: str, prefix: str, depth: int = 0) -> None:
         if depth > _DEPTH:
-            raise ReadError(f"the message type {self.definition.name} holds itself")
+            raise ReadError(f"the message type {self.definition.name} holds itself", advice="Export the topic as CSV.")
         for name, description in self.definition.fields(kind):
             self.value(description, prefix + name, depth)
 
@@ -197,7 +201,10 @@ class _Walk:
             self.align(size)
             self.number(SIZES[kind], size, path)
         else:
-            raise ReadError(f"the message type {self.definition.name} holds a {kind} ({path}), which is not supported")
+            raise ReadError(
+                f"the message type {self.definition.name} holds {with_article(kind)} ({path}), which is not supported",
+                advice="Export the topic as CSV.",
+            )
 
     def number(self, kind: str, size: int, path: str) -> None:
         if path in self.wanted:
@@ -207,14 +214,18 @@ class _Walk:
     def step(self) -> None:
         self.steps += 1
         if self.steps > _STEPS:
-            raise ReadError(f"a message of type {self.definition.name} has more than {_STEPS} parts")
+            raise ReadError(
+                f"a message of type {self.definition.name} has more than {_STEPS} parts",
+                advice="Export the topic as CSV.",
+            )
         if self.position > len(self.message):
             raise self.broken()
 
     def broken(self) -> ReadError:
         return ReadError(
             f"a message of {len(self.message)} bytes does not fit its type {self.definition.name}: damaged, or of "
-            "another version of it"
+            "another version of it",
+            advice="Copy the file again, or export the topic as CSV.",
         )
 
 
@@ -231,7 +242,8 @@ def template(definition: Definition, message: bytes, wanted: Sequence[str]) -> T
         begin = " ".join(f"{byte:02x}" for byte in message[:4])
         raise ReadError(
             f"a message of type {definition.name} begins with the bytes {begin or '(none)'}, expected CDR (00 00 or "
-            "00 01)"
+            "00 01)",
+            advice="Copy the file again, or export the topic as CSV.",
         )
     start = 4 if cdr else 0
     walk = _Walk(
@@ -362,7 +374,10 @@ class Decoder:
             try:
                 decoded = decode(message, name)
             except Exception as error:  # a library can raise any error on invalid data
-                raise ReadError(f"a message of {len(message)} bytes does not fit its type {name}: {error}") from error
+                raise ReadError(
+                    f"a message of {len(message)} bytes does not fit its type {name}: {error}",
+                    advice="Copy the file again, or export the topic as CSV.",
+                ) from error
             for leaf, path in paths:
                 found[leaf].append(_follow(decoded, path))
         return {leaf: _wide(np.array(values)) for leaf, values in found.items()}
@@ -415,5 +430,7 @@ def _store(definition: Definition) -> Any:
         # file.
         store.register({name: ([], list(fields)) for name, fields in definition.types.items() if name not in known})
     except Exception as error:  # a library can raise any error on an invalid definition
-        raise ReadError(f"the message type {definition.name} is not understood: {error}") from error
+        raise ReadError(
+            f"the message type {definition.name} is not understood: {error}", advice="Export the topic as CSV."
+        ) from error
     return store

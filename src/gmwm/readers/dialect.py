@@ -116,7 +116,10 @@ def detect(lines: list[str], path: object) -> Dialect:
     start = next((i for i, (_, cells) in enumerate(rows) if _is_row(cells, numeric, decimal_comma)), None)
     if start is None or not any(numeric):
         shown = body[-1][1].strip()[:80]
-        raise ReadError(f"{path} has no row of numbers in its first {len(lines)} lines; the last of them is {shown!r}")
+        raise ReadError(
+            f"{path} has no row of numbers in its first {len(lines)} lines; the last of them is {shown!r}",
+            advice="Check that the file is a table of numbers.",
+        )
     first_line, fields = rows[start][0], len(numeric)
     data = [cells for _, cells in rows[start:] if len(cells) == fields]
     trailing = fields > 1 and all(cells[-1] == "" for cells in data)

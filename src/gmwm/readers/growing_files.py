@@ -43,7 +43,9 @@ class GrowingFile:
         try:
             self._file = path.open("rb")
         except OSError as error:
-            raise ReadError(f"{path} cannot be opened: {error.strerror}") from error
+            raise ReadError(
+                f"{path} cannot be opened: {error.strerror}", advice="Check the permissions of the file."
+            ) from error
         self._taken = 0
 
     def __call__(self) -> bytes | None:

@@ -111,7 +111,10 @@ def _collect(library: Any, group: Any, where: str, path: Path, found: list[Array
         node = group.get(key)
         name = f"{where}/{key}" if where else key
         if len(found) > MAX_ARRAYS or depth > _DEPTH:
-            raise ReadError(f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}")
+            raise ReadError(
+                f"{path} holds more than {MAX_ARRAYS} data sets, or groups deeper than {_DEPTH}",
+                advice="Save only the arrays of the recording.",
+            )
         if isinstance(node, library.Group):
             _collect(library, node, where=name, path=path, found=found, depth=depth + 1)
         elif isinstance(node, library.Dataset):

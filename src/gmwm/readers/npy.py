@@ -144,7 +144,7 @@ def _header(file: BinaryIO, name: object) -> tuple[tuple[int, ...], bool, np.dty
             f"{name} is not a complete NumPy file ({first_line(error)})", advice="Copy the file again."
         ) from error
     if dtype.itemsize == 0:
-        raise ReadError(f"{name} holds empty elements instead of numbers")
+        raise ReadError(f"{name} holds empty elements instead of numbers", advice="Save an array of numbers.")
     if dtype.hasobject:
         raise _PicklesError(
             f"{name} holds Python objects, which are not read because they can execute code",

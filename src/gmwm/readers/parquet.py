@@ -76,7 +76,9 @@ class ParquetReader(Reader):
             try:
                 frame = scan.slice(row, ROWS).collect()
             except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
-                raise ReadError(f"{path} is damaged after row {row}: {str(error).splitlines()[0]}") from error
+                raise ReadError(
+                    f"{path} is damaged after row {row}: {str(error).splitlines()[0]}", advice="Copy the file again."
+                ) from error
             if frame.is_empty():
                 return
             columns = zip(wanted, names, strict=True)
@@ -120,5 +122,8 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
         return times.view(np.int64)
     integer = series.dtype.is_integer()
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
-        raise ReadError(f"{path}: column {series.name!r} holds integers above 2⁶³")
+        raise ReadError(
+            f"{path}: column {series.name!r} holds integers above 2⁶³",
+            advice="Leave the column out with {--columns}, or save it as 64-bit floating-point numbers.",
+        )
     return np.ascontiguousarray(series.cast(pl.Int64 if integer else pl.Float64).to_numpy())

@@ -219,11 +219,14 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
     try:
         path = existing_file(part.path)
     except ReadError as error:
-        raise ReadError(f"{error}: the file of this part of a recording does not exist on this machine") from None
+        raise ReadError(
+            error.reason, advice="Make the file available at this path on every machine that reads a part."
+        ) from None
     if path.stat().st_size != part.bytes:
         raise ReadError(
-            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: it was "
-            "changed since then, or another file has this path on this machine"
+            f"{path} has {path.stat().st_size} bytes, and had {part.bytes} when it was divided into parts: "
+            "the file was replaced or changed",
+            advice="Divide the recording again.",
         )
     reader = find_reader(path, part.format)
     with warnings.catch_warnings():

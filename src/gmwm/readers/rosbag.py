@@ -108,7 +108,10 @@ def _opened(path: Path) -> Iterator[list[Storage]]:
             files = _listed(path) if _is_metadata(head) else [path]
             yield [_storage(_plain(file, Path(folder))) for file in files]
         except OSError as error:
-            raise ReadError(f"{path} cannot be read: {error.strerror or error}") from error
+            raise ReadError(
+                f"{path} cannot be read: {error.strerror or error}",
+                advice="Check the permissions of the file and the free space of the disk.",
+            ) from error
 
 
 def _storage(path: Path) -> Storage:
@@ -132,7 +135,10 @@ def _storage(path: Path) -> Storage:
         raise ReadError(
             f"{path} is a ROS 1 bag of version {version}, expected 2.0", advice="Convert it with `rosbag fix`."
         )
-    raise ReadError(f"{path} is neither a ROS 1 bag nor an SQLite database nor an MCAP file")
+    raise ReadError(
+        f"{path} is neither a ROS 1 bag nor an SQLite database nor an MCAP file",
+        advice="Pass a .bag, .db3 or .mcap file, or the folder with its metadata.yaml.",
+    )
 
 
 def _plain(path: Path, folder: Path) -> Path:
@@ -157,7 +163,10 @@ def _listed(path: Path) -> list[Path]:
     from ruamel.yaml import YAML
 
     if path.stat().st_size > _YAML_LIMIT:
-        raise ReadError(f"{path} has more than {_YAML_LIMIT} bytes, the limit for a metadata.yaml")
+        raise ReadError(
+            f"{path} has more than {_YAML_LIMIT} bytes, the limit for a metadata.yaml",
+            advice="Pass one of the files of the recording instead.",
+        )
     try:
         content = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         names = [PurePath(str(name)).name for name in content["relative_file_paths"]]
@@ -168,7 +177,10 @@ def _listed(path: Path) -> list[Path]:
             f"{path} does not list the files of a recording", advice="Pass one of its files instead."
         ) from error
     if not 0 < len(names) <= _FILES:
-        raise ReadError(f"{path} lists {len(names)} files, expected 1 to {_FILES}")
+        raise ReadError(
+            f"{path} lists {len(names)} files, expected 1 to {_FILES}",
+            advice="Pass one of the files of the recording instead.",
+        )
     # Only names are used, so a list cannot lead out of its directory.
     files = [path.parent / name for name in names]
     missing = [file.name for file in files if not file.is_file()]
@@ -202,7 +214,7 @@ def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | N
         kind = definition(topic)
         leaves = () if kind is None else kind.leaves()
     except ReadError as error:
-        raise ReadError(f"{path}: {error}") from error
+        raise error.at(str(path)) from error
     if kind is None:
         return None
     if topic.type == IMU and _imu_leaves() <= set(leaves):
@@ -289,7 +301,7 @@ def _decoded(decoder: Decoder, messages: Sequence[bytes], topic: Topic, path: Pa
     try:
         return decoder.decode(messages)
     except ReadError as error:
-        raise ReadError(f"{path}, topic {topic.name}: {error}") from error
+        raise error.at(f"{path}, topic {topic.name}") from error
 
 
 def _axis(leaf: str) -> str:

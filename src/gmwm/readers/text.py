@@ -211,7 +211,10 @@ def _blocks(source: FileSource, first_line: int, place: Place | None = None) -> 
             if end == 0:
                 rest += read
                 if len(rest) > LINE_BYTES:
-                    raise ReadError(f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line}")
+                    raise ReadError(
+                        f"{source} has a line of more than {LINE_BYTES >> 20} MB after line {line}",
+                        advice="Check that the file is a table of text with one sample per line.",
+                    )
                 continue
             block, rest = rest + read[:end], read[end:]
             yield begin, block
@@ -288,10 +291,14 @@ class _Parser:
         except pl.exceptions.PolarsError as error:
             self._explain(block, line)
             reason = str(error).splitlines()[0]
-            raise ReadError(f"{self.source}, from line {line} on: {reason}") from error
+            raise ReadError(
+                f"{self.source}, from line {line} on: {reason}", advice="Repair or remove this row."
+            ) from error
         if any(series.null_count() for series in frame):
             self._explain(block, line)
-            raise ReadError(f"{self.source}, from line {line} on: a row is not complete")
+            raise ReadError(
+                f"{self.source}, from line {line} on: a row is not complete", advice="Repair or remove this row."
+            )
         return None if frame.is_empty() else frame
 
     def _frame(self, block: bytes) -> pl.DataFrame:

@@ -52,7 +52,7 @@ _AGREES = 0.05
 """Relative difference within which a declared rate agrees with time stamps in one unit; units differ by 1000."""
 _RATE_TOLERANCE = 1e-2
 """Relative difference between a stated or declared rate and the time stamps beyond which they contradict each other.
-The clock of a MEMS gyroscope is specified to 1 % (MPU-6050 datasheet)."""
+The clock of a MEMS gyroscope is specified to 1 % (for example in the InvenSense product specification PS-MPU-6000A)."""
 _RATE_REMARK, _RATE_TROUBLE = 1e-4, 1e-3
 """Relative differences from a declared rate that are remarked and warned of: a crystal has 1e-4 or less."""
 _JITTER = 0.5

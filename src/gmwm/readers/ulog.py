@@ -109,7 +109,9 @@ def _loaded(path: Path) -> Any:
     except ReadError:
         raise
     except Exception as error:  # pyulog raises any type of error for a damaged file
-        raise ReadError(f"pyulog cannot read {path}: {str(error) or type(error).__name__}") from error
+        raise ReadError(
+            f"pyulog cannot read {path}: {str(error) or type(error).__name__}", advice="Copy the file again."
+        ) from error
     if log.file_corruption:
         reason = printed.getvalue().strip() or "a message is invalid"
         raise ReadError(f"{path} is damaged: {reason}", advice="Copy it again.")
@@ -135,13 +137,16 @@ def _require_small(path: Path, formats: Mapping[str, Any]) -> None:
 
     def size(name: str, above: tuple[str, ...] = ()) -> int:
         if name in above:
-            raise ReadError(f"{path} is damaged: the type {name!r} contains itself")
+            raise ReadError(f"{path} is damaged: the type {name!r} contains itself", advice="Copy the file again.")
         if name not in sizes:
             inner = (max(1, count) * (size(of, (*above, name)) if of in formats else 1)
                      for of, count, _ in formats[name].fields)  # fmt: skip
             sizes[name] = sum(inner)
         if sizes[name] > _MOST_FIELDS:
-            raise ReadError(f"{path} is damaged: the message {name!r} has more than {_MOST_FIELDS} fields")
+            raise ReadError(
+                f"{path} is damaged: the message {name!r} has more than {_MOST_FIELDS} fields",
+                advice="Copy the file again.",
+            )
         return sizes[name]
 
     for name in formats:

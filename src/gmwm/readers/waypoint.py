@@ -94,7 +94,8 @@ class ImuReader(Reader):
             return (_layout(path, fitting[0], " or ".join(kind.name for kind in fitting)),)
         if not fitting:
             raise ReadError(
-                f"{path} does not begin with .imu records: neither with 32 nor with 56 bytes are their times in order"
+                f"{path} does not begin with .imu records: neither with 32 nor with 56 bytes are their times in order",
+                advice="Check the name of the format, or leave {--format} out.",
             )
         meaning = ", ".join(f"{_gravity(head, kind):.3g} m/s² as {kind.name}" for kind in fitting)
         likely = [kind for kind in fitting if _heavy(head, kind)] or fitting

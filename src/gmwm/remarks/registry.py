@@ -97,8 +97,9 @@ class Message:
         return named | set(_fields(self.sentence_for(facts), self.advice_for(facts), self.detail)) - {"subjects"}
 
     def shared(self, facts: Mapping[str, Fact]) -> set[str]:
-        """Names of the facts in the sentence and the advice, which must be the same for all merged subjects."""
-        return set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
+        """Names of the facts that all subjects in one sentence share."""
+        chosen = {text.by for text in (self.sentence, self.advice) if isinstance(text, Choice)}
+        return chosen | set(_fields(self.sentence_for(facts), self.advice_for(facts))) - {"subjects"}
 
 
 def _fields(*templates: str) -> Iterator[str]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gmwm._arrays import Vector, as_rate
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import MINIMUM_SAMPLES
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances
@@ -271,9 +271,14 @@ class WaveletAccumulator(SegmentedAccumulator):
             made._first = SegmentState.restored("first_", made.exact, values)
             made._last = SegmentState.restored("last_", made.exact, values)
         except KeyError as error:
-            raise ReadError(f"this is not the state of an accumulator: {error.args[0]!r} is missing") from error
+            raise ReadError(
+                f"this is not the state of an accumulator: {error.args[0]!r} is missing",
+                advice="Save the state again with `to_dict()`.",
+            ) from error
         except (TypeError, ValueError) as error:
-            raise ReadError(f"this is not the state of an accumulator: {error}") from error
+            raise ReadError(
+                f"this is not the state of an accumulator: {error}", advice="Save the state again with `to_dict()`."
+            ) from error
         return made
 
     def __getstate__(self) -> dict[str, Any]:
@@ -316,6 +321,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             raise DataError(
                 f"a wavelet variance needs at least {MINIMUM_SAMPLES} samples without a gap; got {longest} so far",
                 got=longest,
+                advice="Record longer, or read more samples before you call `result()`.",
             )
         squares, counts = self._sums()
         reach = int(np.argmin(np.append(counts > 0, False)))

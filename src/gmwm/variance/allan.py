@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.options import as_confidence, one_of
 from gmwm.signals import Signal
 from gmwm.variance.clusters import ClusterVariance
 from gmwm.variance.edf import degrees_of_freedom
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.noise_type import NoiseType, noise_types
 from gmwm.variance.phase import Clusters, Data, Progress, cluster_sizes, mean_squares, phase_of
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector
-from gmwm._text import Summarised
+from gmwm._text import Summarised, with_article
 from gmwm.errors import OptionError
+from gmwm.remarks import Remark, texts
 from gmwm.signals import Signal
 from gmwm.variance.allan import allan_variance
 from gmwm.variance.clusters import ClusterVariance
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
     from gmwm.plots.view import UnitSystem
 
+_Reason = Literal["slope", "chance", "few", "rising"]
+"""Why a term is not found."""
 OCTAVE = 1.9
 """Smallest ratio of neighbouring averaging times between which a slope is computed."""
 
@@ -40,13 +43,14 @@ class AllanRegression(Summarised):
         The curve.
     lines : tuple of SlopeLine
         The fitted lines, one for each term found.
-    missing : mapping of term to text
-        Reason why each of the other terms was not found.
+    remarks : tuple of Remark
+        One remark for each term that was not found; its subject is the term, and its fact `reason` is "slope",
+        "chance", "few" or "rising".
     """
 
     allan: ClusterVariance
     lines: tuple[SlopeLine, ...]
-    missing: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -57,10 +61,11 @@ class AllanRegression(Summarised):
         for line in self.lines:
             if line.term == term:
                 return line
-        if term in self.missing:
-            raise OptionError(
-                f"the Allan deviation has no line for {term}: {self.missing[term]}", argument="term", got=term
-            )
+        for remark in self.remarks:
+            if remark.subject == term:
+                raise OptionError(
+                    remark.text().rstrip("."), argument="term", got=term, advice="Fit a model with `gmwm.fit`."
+                )
         raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
@@ -71,14 +76,15 @@ class AllanRegression(Summarised):
              "si": line.coefficient * coefficient_unit(line.term, unit)[1]}
             for line in self.lines
         ]  # fmt: skip
-        return {"allan": self.allan.to_dict(), "lines": lines, "missing": dict(self.missing)}
+        return {"allan": self.allan.to_dict(), "lines": lines, "remarks": [one.to_dict() for one in self.remarks]}
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> AllanRegression:
         """Restore a result from `values`, the output of `to_dict`."""
         names = ("term", "coefficient", "first", "last", "points", "bound")
         lines = tuple(SlopeLine(**{name: line[name] for name in names}) for line in values["lines"])
-        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, missing=dict(values["missing"]))
+        remarks = tuple(map(Remark.from_dict, values["remarks"]))
+        return cls(allan=ClusterVariance.from_dict(values["allan"]), lines=lines, remarks=remarks)
 
     def summary(self, units: Literal["si", "datasheet"] = "si") -> str:
         """Format a table in `units`, "si" or "datasheet": coefficient, unit and averaging times of the fit."""
@@ -94,7 +100,7 @@ class AllanRegression(Summarised):
                 f"{line.term} {sign:>2} {factor * line.coefficient:<11.5g} {unit:<11} {line.name:<30} "
                 f"slope {line.slope:+.1f}, {where}"
             )
-        rows += [f"{term}  not found: {reason}" for term, reason in self.missing.items()]
+        rows += texts(self.remarks)
         rows.append("a graphical method: inconsistent where several terms share the range; see avlr")
         return "\n".join(rows)
 
@@ -177,7 +183,7 @@ def avlr(
     Returns
     -------
     AllanRegression
-        Lines, coefficients, and the reason why each other term is missing.
+        Lines, coefficients, and a remark about each term that was not found.
 
     Raises
     ------
@@ -202,7 +208,7 @@ def avlr(
     allan = x if isinstance(x, ClusterVariance) else allan_variance(x, rate)
     if allan.family == "hadamard" or allan.kind == "modified":
         raise OptionError(
-            f"the lines can be fitted to an Allan deviation only; got a {allan.title}",
+            f"the lines can be fitted to an Allan deviation only; got {with_article(allan.title)}",
             argument="x",
             got=x,
             advice="Use `gmwm.allan_variance`.",
@@ -218,7 +224,7 @@ def avlr(
     used = _octaves(allan.tau, (allan.variance > 0) & (allan.degrees_of_freedom >= least_freedom))
     tau, deviation = allan.tau[used], allan.deviation[used]
     lines: list[SlopeLine] = []
-    missing: dict[str, str] = {}
+    remarks: list[Remark] = []
     for term in (term for term in LAWS if term in wanted):
         if ranges and term in ranges:
             found = _line(term, tau, deviation, _inside(term, ranges[term], tau))
@@ -228,13 +234,13 @@ def avlr(
             found = _line(
                 term, tau, deviation, _fitted_range(np.log(tau), np.log(deviation), LAWS[term].slope, tolerance)
             )
-        if not isinstance(found, str) and not (ranges and term in ranges) and _contradicted(found, allan):
-            found = f"a slope near {LAWS[term].slope:+.1f} by chance: its line lies above the curve elsewhere"
-        if isinstance(found, str):
-            missing[term] = found
-        else:
+        if isinstance(found, SlopeLine) and not (ranges and term in ranges) and _contradicted(found, allan):
+            found = "chance"
+        if isinstance(found, SlopeLine):
             lines.append(found)
-    return AllanRegression(allan=allan, lines=tuple(lines), missing=missing)
+        else:
+            remarks.append(Remark.of("slope-line-missing", term, reason=found, slope=LAWS[term].slope))
+    return AllanRegression(allan=allan, lines=tuple(lines), remarks=tuple(remarks))
 
 
 def _contradicted(line: SlopeLine, allan: ClusterVariance) -> bool:
@@ -281,21 +287,21 @@ def _fitted_range(log_tau: Vector, log_deviation: Vector, slope: float, toleranc
     return chosen
 
 
-def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_]) -> SlopeLine | str:
+def _line(term: Term, tau: Vector, deviation: Vector, chosen: NDArray[np.bool_]) -> SlopeLine | _Reason:
     law = LAWS[term]
     if not chosen.any():
-        return f"nowhere has the curve a slope near {law.slope:+.1f}"
+        return "slope"
     t, heights = tau[chosen], np.log(deviation[chosen]) - law.slope * np.log(tau[chosen])
     coefficient = math.exp(float(heights.mean())) / law.factor
     return SlopeLine(term=term, coefficient=coefficient, first=float(t[0]), last=float(t[-1]), points=int(t.size))
 
 
-def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | str:
+def _minimum(tau: Vector, deviation: Vector) -> SlopeLine | _Reason:
     if tau.size < 2:
-        return "there are fewer than two usable values"
+        return "few"
     k = int(np.argmin(deviation))
     if k == 0:
-        return "the curve rises from its beginning"
+        return "rising"
     at = float(tau[k])
     return SlopeLine(
         term="B",

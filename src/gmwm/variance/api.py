@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, require_finite
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError
 from gmwm.filters import HAAR, WaveletFilter, find_filter
 from gmwm.options import as_confidence, one_of
@@ -19,7 +20,6 @@ from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import require_robust
 from gmwm.variance.coefficients import Coefficients, HaarCoefficients, PlainCoefficients, PooledCoefficients
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.phase import SCALE_DOWN, TOO_LARGE, contradicting_rate
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import RobustVariances, robust_variances

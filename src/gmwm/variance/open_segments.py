@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Vector, as_vector
+from gmwm._text import with_article
 from gmwm.errors import OptionError
 from gmwm.variance.segment_state import SegmentState
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
@@ -103,7 +104,7 @@ class SegmentedAccumulator:
     def _require_following(self, following: object, *alike: str) -> None:
         """Raise unless another part directly follows this one and agrees in the attributes `alike`."""
         if not isinstance(following, type(self)):
-            raise OptionError(argument="following", expected=f"a {type(self).__name__}", got=following)
+            raise OptionError(argument="following", expected=with_article(type(self).__name__), got=following)
         for name in alike:
             if getattr(self, name) != getattr(following, name):
                 raise OptionError(

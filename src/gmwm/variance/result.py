@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm._arrays import Matrix, Vector, as_rate, as_vector, freeze
 from gmwm._text import Summarised
+from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError
 from gmwm.filters import find_filter
 from gmwm.options import one_of
 from gmwm.remarks import Remark, texts
-from gmwm.variance.limits import chi_square_limits
 from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
 
 if TYPE_CHECKING:
@@ -220,7 +220,9 @@ class WaveletVariance(Summarised):
                 raise DataError(argument=name, expected=f"{values.size} values, one for each variance", got=limit)
             limits.append(limit)
         if np.any(limits[0] > values) or np.any(limits[1] < values):
-            raise DataError("the limits must enclose the variance: lower ≤ variance ≤ upper at every level")
+            raise DataError(
+                "the limits must enclose the variance: lower ≤ variance ≤ upper at every level", argument="limits"
+            )
         return cls(
             levels=levels,
             variance=values,

@@ -107,7 +107,8 @@ class SecondPass(SegmentedAccumulator):
         if self.start != self._seen.start or self.lengths != self._seen.lengths:
             raise DataError(
                 f"the second pass must read all samples of the first pass, {_extent(self._seen)}; it read "
-                f"{_extent(self)}"
+                f"{_extent(self)}",
+                advice="Pass the same chunks of the same recording to both passes.",
             )
         sketched = self._seen._sketched()
         sums: SecondPassSums = self._all_statistics()
@@ -120,7 +121,8 @@ class SecondPass(SegmentedAccumulator):
         if others := [k for k, (share, at) in enumerate(zip(moved, rooted, strict=True)) if at and share > OTHERS]:
             raise DataError(
                 f"the second pass read other samples than the first pass: at level {others[0] + 1} the variance "
-                f"differs by {100 * moved[others[0]]:.2g} %"
+                f"differs by {100 * moved[others[0]]:.2g} %",
+                advice="Pass the same chunks of the same recording to both passes.",
             )
         found = replace(exact, diagnostics={**exact.diagnostics, "moved": moved})
         return self._seen._curve(confidence, found, self.efficiency, self._rise)

@@ -121,7 +121,11 @@ class Sketch:
         if array.size == 0:
             return cls()
         if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
-            raise ReadError(f"a sketch must have rows of three whole numbers; got {array.dtype} of shape {array.shape}")
+            raise ReadError(
+                f"a sketch must have rows of three whole numbers; got {array.dtype} of shape {array.shape}",
+                argument="rows",
+                got=rows,
+            )
         bins, counts, sums = array.astype(np.int64).T
         inside = (bins > 0) & (bins < BEYOND)
         if (
@@ -129,7 +133,9 @@ class Sketch:
             or np.any(sums < 0) or np.any(sums * UNIT >= np.where(inside, counts, UNIT))
         ):  # fmt: skip
             raise ReadError(
-                "this is not a sketch: its bins must ascend, and the sum of each bin must agree with its count"
+                "this is not a sketch: its bins must ascend, and the sum of each bin must agree with its count",
+                argument="rows",
+                got=rows,
             )
         zeros, beyond = (int(counts[bins == end].sum()) for end in (0, BEYOND))
         if not inside.any():
@@ -198,7 +204,11 @@ class Sketches:
         if table.size == 0:
             table = np.empty((0, 4), dtype=np.int64)
         if table.ndim != 2 or table.shape[1] != 4 or np.any((table[:, 0] < 1) | (table[:, 0] > sizes.size)):
-            raise ReadError(f"sketches must have rows of a level from 1 to {sizes.size}, a bin, a count and a sum")
+            raise ReadError(
+                f"sketches must have rows of a level from 1 to {sizes.size}, a bin, a count and a sum",
+                argument="rows",
+                got=rows,
+            )
         parts = (table[table[:, 0] == level, 1:] for level in range(1, sizes.size + 1))
         return cls(tuple(Sketch.from_array(part) for part in parts), sizes)
 

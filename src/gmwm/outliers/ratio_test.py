@@ -1,4 +1,6 @@
-"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?"""
+"""Test a recording for outliers: does the classical wavelet variance exceed the robust one by more than chance?
+
+Heavy tails raise it as well, so that the samples must also have bursts or isolated wrong samples."""
 
 from __future__ import annotations
 
@@ -14,13 +16,13 @@ from gmwm._text import Summarised, rounded
 from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
+from gmwm.outliers.bursts import Bursts
+from gmwm.outliers.screening import Screen, screened
 from gmwm.processes.model import ModelLike
 from gmwm.remarks import Quantity, Remark, texts
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
-
-__all__ = ["Verdict", "contamination"]
 
 HUGE = 10.0
 """Excess from which on text states it as a factor instead of a percentage."""
@@ -35,15 +37,11 @@ first share, the ratio of the level depends by up to 15 % on the position of the
 second share, this holds for every level, because the mean drifts from step to step. The false alarms with these values
 are in docs/validation/contamination-test.md.
 """
+TOLERANCE = 0.02
+"""Default of the excess that is not an outlier."""
 FELT = 4
 """Number of levels, from a coarse level on, whose ratio changes by more than 1 %; see the same study."""
 Reason = Literal["few", "rounded", "nothing"]
-
-_REASONS: Mapping[str, str] = {
-    "few": "too few coefficients",
-    "rounded": "the quantization steps of the output are larger than its noise",
-    "nothing": "there is no noise",
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,7 +51,8 @@ class Verdict(Summarised):
     Attributes
     ----------
     contaminated : bool
-        Whether `pvalue` is at most `size`.
+        Whether outliers raise the classical curve: `pvalue` is at most `size`, and the samples have bursts or isolated
+        wrong samples. If only two curves were given, the p-value decides.
     pvalue : float
         p-value for all tested levels and all `comparisons` together: the smallest p-value of a level times their
         number, at most 1. It is 1 if no level can be tested.
@@ -73,6 +72,14 @@ class Verdict(Summarised):
     comparisons : int
         As for `contamination`.
     axis : str
+    bursts : Bursts or None
+        Knocks and motion in the samples; None if only two curves were given.
+    spikes : int
+        Number of isolated wrong samples that are in the curves.
+    repaired : int
+        Number of isolated wrong samples that were replaced before the curves were measured; see `calibrate`.
+    largest : float
+        Largest deviation of the isolated wrong samples, in local standard deviations.
     """
 
     contaminated: bool
@@ -89,6 +96,10 @@ class Verdict(Summarised):
     tolerance: float
     efficiency: float
     axis: str = ""
+    bursts: Bursts | None = None
+    spikes: int = 0
+    repaired: int = 0
+    largest: float = 0.0
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -98,6 +109,16 @@ class Verdict(Summarised):
     def tested(self) -> NDArray[np.bool_]:
         """Which levels are tested (J,)."""
         return np.array([int(j) not in self.left_out for j in self.levels], dtype=np.bool_)
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether the classical curve exceeds the robust one by more than chance."""
+        return self.pvalue <= self.size
+
+    @property
+    def heavy_tailed(self) -> bool:
+        """Whether it exceeds the robust one although there are no outliers: the noise has heavy or varying tails."""
+        return self.exceeds and not self.contaminated
 
     @property
     def exceeding(self) -> NDArray[np.bool_]:
@@ -122,10 +143,12 @@ class Verdict(Summarised):
         return self.size / (self.comparisons * max(int(np.count_nonzero(self.tested)), 1))
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Reason | Literal[""]:
         """The most frequent reason why a level was not tested; "" if all levels were tested."""
         reasons = list(self.left_out.values())
-        return _REASONS[max(reasons, key=reasons.count)] if reasons else ""
+        if not reasons:
+            return ""
+        return max(reasons, key=reasons.count)
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -137,7 +160,9 @@ class Verdict(Summarised):
         if not tested.size:
             yield Remark.of("outlier-test-impossible", self.axis, reason=self.reason)
             return
-        if self.contaminated:
+        if self.heavy_tailed:
+            yield Remark.of("heavy-tails", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue)
+        elif self.contaminated:
             worst = int(np.argmax(np.where(self.exceeding, self.excess, -np.inf)))
             yield Remark.of(
                 "outliers-found", self.axis, taus=_scales(self.tau[self.exceeding]), p=self.pvalue,
@@ -159,24 +184,34 @@ class Verdict(Summarised):
     def to_dict(self) -> dict[str, Any]:
         """All fields as plain numbers, lists and texts, ready for JSON; None for NaN."""
         plain = {name: [_plain(value) for value in getattr(self, name).tolist()] for name in _ARRAYS}
-        scalars = ("contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis")
         left_out = {str(level): reason for level, reason in self.left_out.items()}
-        return {name: getattr(self, name) for name in scalars} | plain | {"left_out": left_out}
+        bursts = None if self.bursts is None else self.bursts.to_dict()
+        remarks = [remark.to_dict() for remark in self.remarks]
+        more = {"left_out": left_out, "bursts": bursts, "remarks": remarks}
+        return {name: getattr(self, name) for name in _SCALARS} | plain | more
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Verdict:
         """The verdict whose `to_dict` gave `values`."""
-        arrays = {name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"}
+        arrays: dict[str, Any] = {
+            name: np.array(values[name], dtype=np.float64) for name in _ARRAYS if name != "levels"
+        }
         left_out = {int(level): reason for level, reason in values["left_out"].items()}
         known = get_args(Reason)
         if wrong := [reason for reason in left_out.values() if reason not in known]:
             raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
-        return cls(**{**values, **arrays, "levels": np.array(values["levels"], dtype=np.int64), "left_out": left_out})
+        levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
+        made = None if bursts is None else Bursts.from_dict(bursts)
+        scalars = {name: values[name] for name in _SCALARS}
+        return cls(**scalars, **arrays, levels=levels, left_out=left_out, bursts=made)
 
     def __str__(self) -> str:
         return self.summary()
 
 
+_SCALARS = (
+    "contaminated", "pvalue", "size", "comparisons", "tolerance", "efficiency", "axis", "spikes", "repaired", "largest",
+)  # fmt: skip
 _ARRAYS = ("levels", "tau", "excess", "critical", "standard_errors", "pvalues")
 
 
@@ -188,9 +223,14 @@ def contamination(
     efficiency: float = 0.6,
     size: float = 0.05,
     comparisons: int = 1,
-    tolerance: float = 0.02,
+    tolerance: float = TOLERANCE,
+    screen: Screen | None = None,
 ) -> Verdict:
     """Test a recording for outliers, by the ratio of the classical to the robust wavelet variance at every level.
+
+    Noise with heavy tails, or with a varying variance, raises this ratio too, but the robust curve estimates another
+    quantity then. A signal is therefore contaminated only if its samples have bursts as well (at least 1 % of the
+    classical variance of a level, in at most 15 % of the time, see `find_bursts`), or isolated wrong samples.
 
     In Gaussian noise d_j = log(ν̂_j²/ν̃_j²), classical over robust, has mean 0 and
 
@@ -226,6 +266,8 @@ def contamination(
     tolerance : float
         Excess that is not an outlier: 0.02 changes a standard deviation by 1 %. In a long recording, the test would
         otherwise reject noise that is only approximately Gaussian.
+    screen : Screen, optional
+        For a pair, the screen of its samples. Without it, a pair is contaminated if its p-value is small.
 
     Returns
     -------
@@ -258,6 +300,8 @@ def contamination(
     if not 0 <= tolerance < np.inf:
         raise OptionError(argument="tolerance", expected="zero or a positive number", got=tolerance)
     classical, robust = _both(x, rate, efficiency)
+    if screen is None and not _is_pair(x):
+        screen = screened(x if isinstance(x, Signal) else Signal(np.asarray(x, dtype=np.float64), classical.rate))
     left_out = _left_out(robust)
     tested = np.array([int(j) not in left_out for j in robust.levels])
     error = np.full(len(robust), np.nan)
@@ -274,7 +318,7 @@ def contamination(
         critical[tested] = np.expm1(allowed + e * place)
     pvalue = min(1.0, count * float(np.min(pvalues[tested], initial=1.0))) if count else 1.0
     return Verdict(
-        contaminated=pvalue <= size,
+        contaminated=pvalue <= size and (screen is None or screen.bursts.found or screen.spikes > 0),
         pvalue=pvalue,
         levels=robust.levels.copy(),
         tau=robust.tau.copy(),
@@ -288,12 +332,20 @@ def contamination(
         tolerance=float(tolerance),
         efficiency=robust.efficiency,
         axis=robust.axis,
+        bursts=None if screen is None or not screen.bursts.tau.size else screen.bursts,
+        spikes=0 if screen is None else screen.spikes,
+        repaired=0 if screen is None else screen.repaired,
+        largest=0.0 if screen is None else screen.largest,
     )
+
+
+def _is_pair(x: Any) -> bool:
+    return isinstance(x, tuple | list) and any(isinstance(part, WaveletVariance) for part in x)
 
 
 def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVariance, WaveletVariance]:
     """The classical and the robust wavelet variance of the recording."""
-    pair = isinstance(x, tuple | list) and any(isinstance(part, WaveletVariance) for part in x)
+    pair = _is_pair(x)
     if isinstance(x, WaveletVariance) or (pair and not all(isinstance(part, WaveletVariance) for part in x)):
         raise DataError(argument="x", expected="a signal, or a pair (classical, robust) of wavelet variances", got=x)
     if not pair:
@@ -312,7 +364,12 @@ def _both(x: Any, rate: float | None, efficiency: float) -> tuple[WaveletVarianc
     differ = [name for name in same if getattr(classical, name) != getattr(robust, name)]
     if differ or not np.array_equal(classical.levels, robust.levels):
         what = differ[0] if differ else "levels"
-        raise DataError(f"the two wavelet variances are of different recordings: their {what} differ")
+        raise DataError(
+            f"the two wavelet variances are of different recordings: their {what} differ",
+            argument="x",
+            got=what,
+            advice="Compute both wavelet variances from the same recording.",
+        )
     if rate is not None and rate != robust.rate:
         raise OptionError(argument="rate", expected=f"{robust.rate:g} Hz, as that of the wavelet variances", got=rate)
     return classical, robust

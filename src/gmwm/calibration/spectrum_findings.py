@@ -1,0 +1,70 @@
+"""Remarks on the lines and the resonances in the spectrum of an axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm.calibration.misfit import line_in, line_process
+from gmwm.filters import find_filter
+from gmwm.remarks import Quantity, Remark
+
+if TYPE_CHECKING:
+    from gmwm.calibration.result import AxisCalibration
+    from gmwm.spectrum import Line
+    from gmwm.variance import WaveletVariance
+
+SHARE = 0.05
+"""Share of the wavelet variance of some level from which lines disturb the numbers: it changes a density such as N, the
+root of a variance, by 2.5 %."""
+
+
+def spectrum_remarks(axis: str, found: AxisCalibration) -> Iterator[Remark]:
+    """Remarks on the spectrum of an axis; none if there is no spectrum."""
+    spectrum = found.spectrum
+    if spectrum is None:
+        return
+    if spectrum.lines:
+        yield _lines(axis, found, spectrum.lines)
+    if spectrum.bumps:
+        yield Remark.of(
+            "resonance-found",
+            axis,
+            frequencies=tuple(Quantity(bump.frequency, "Hz") for bump in spectrum.bumps),
+            widths=tuple(Quantity(bump.width, "Hz") for bump in spectrum.bumps),
+            heights=tuple(bump.height for bump in spectrum.bumps),
+        )
+
+
+def _lines(axis: str, found: AxisCalibration, lines: tuple[Line, ...]) -> Remark:
+    wv = found.fit.wavelet_variance
+    strongest = sorted(lines, key=lambda line: -line.amplitude)
+    share, tau = line_share(wv, lines)
+    modelled = line_in(found.fit.model) is not None
+    return Remark.of(
+        "lines-found" if share >= SHARE and not modelled else "lines-known",
+        axis,
+        frequencies=tuple(Quantity(line.frequency, "Hz") for line in strongest),
+        amplitudes=tuple(Quantity(line.amplitude, wv.unit) for line in strongest),
+        widths=tuple(Quantity(line.width, "Hz") for line in strongest),
+        share=share,
+        tau=Quantity(tau, "s"),
+        modelled="yes" if modelled else "no",
+        sinusoid=line_process() or "",
+    )
+
+
+def line_share(wv: WaveletVariance, lines: tuple[Line, ...]) -> tuple[float, float]:
+    """Largest share of lines in the wavelet variance of a level, and the scale (s) of this level.
+
+    A sinusoid of amplitude A and frequency f adds A² |H_j(f)|² / 2 to ν_j².
+    """
+    wavelet = find_filter(wv.filter)
+    cycles = np.array([line.frequency for line in lines]) / wv.rate
+    powers = np.array([line.amplitude for line in lines]) ** 2 / 2
+    added = np.array([float(powers @ wavelet.squared_gain(cycles, int(level))) for level in wv.levels])
+    share = np.divide(added, wv.variance, out=np.zeros(len(wv)), where=wv.variance > 0)
+    worst = int(np.argmax(share))
+    return min(float(share[worst]), 1.0), float(wv.tau[worst])

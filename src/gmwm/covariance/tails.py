@@ -1,0 +1,223 @@
+"""Covariance of the wavelet variance beyond that of a Gaussian signal: from heavy tails, and from a varying variance.
+
+Squared coefficients of all levels rise together where the tails of the noise are heavy, or where its variance is large.
+This adds a common factor to the estimates: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k² with E = c l lᵀ. For independent
+samples with excess kurtosis κ, E_jk = κ / N at every level. A level has a loading l_j of less than 1 if a part of its
+variance is of another process.
+
+The factor is measured with the mean squares y_b (levels) of blocks of B samples. Their relative covariance times B is
+compared with that of a Gaussian signal with the same spectral density S, 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²). The
+largest eigenvalue λ of the ratio of both matrices is 1 without a common factor. For independent samples λ does not
+depend on B. If the variance varies slowly, λ grows with B, so several B are compared, and the one with the largest
+lower limit of λ is used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.signals import Signal
+from gmwm.variance.panels import LEAST, Panels
+from gmwm.variance.result import WaveletVariance
+
+BLOCK = 128
+"""Samples of the shortest blocks."""
+FINE = 8
+"""Blocks are at least so many scales long: shorter ones cut the correlation of the coefficients."""
+MOST_LEVELS = 12
+"""Levels whose covariance is measured, at most."""
+FEWEST = 24
+"""Fewest blocks from which a covariance is measured."""
+CHANCE = 2.5
+"""Standard errors by which the largest eigenvalue exceeds that of chance; docs/validation/tails.md has the share of
+Gaussian recordings beyond it, as for the numbers above."""
+ENDS = 0.05
+"""What the ends of blocks change in an eigenvalue, at most."""
+MATERIAL = 0.05
+"""Smallest share of the Gaussian variance of a level: a standard error changes by 2.5 %. Smaller ones come from levels
+of a low-pass filtered signal that are nearly equal."""
+_SEGMENT = 8192
+"""Longest segment (samples) of the spectral density."""
+
+
+class TailSums:
+    """Sums of a signal that arrives in chunks, from which the covariance beyond a Gaussian signal is estimated.
+
+    Memory is bounded: two matrices for each length of blocks, one spectral density, and a few numbers for each 131 072
+    samples.
+    """
+
+    def __init__(self) -> None:
+        self._panels = Panels(LEAST)
+        sizes = int(np.log2(LEAST // BLOCK)) + 1
+        # For each length of blocks: number of blocks with a level, sums, and sums of products.
+        self._number = np.zeros((sizes, MOST_LEVELS))
+        self._sum = np.zeros((sizes, MOST_LEVELS))
+        self._product = np.zeros((sizes, MOST_LEVELS, MOST_LEVELS))
+        self._whole: list[Vector] = []
+        self._power: dict[int, tuple[float, Vector]] = {}
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples of the segment."""
+        for panel in self._panels.cut(values):
+            self._add(panel)
+
+    def gap(self) -> None:
+        """End the segment: samples are missing before the next ones."""
+        for panel in self._panels.end():
+            self._add(panel)
+
+    def excess(self, wv: WaveletVariance) -> Matrix | None:
+        """The matrix E (J, J) for the levels of a classical wavelet variance of all samples; None if it is zero."""
+        self.gap()
+        if not self._power or not np.all(wv.variance > 0):
+            return None
+        found = self._factor()
+        if found is None:
+            return None
+        loading = np.minimum.accumulate(np.maximum(found, 0.0))
+        own = loading.size
+        loading = np.concatenate([loading, np.zeros(max(len(wv) - own, 0))])[: len(wv)]
+        if own < len(wv):
+            # Beyond the measured levels, white noise is the part 2^-k of a curve.
+            share = np.ldexp(wv.variance[own - 1], own - wv.levels[own:]) / wv.variance[own:]
+            loading[own:] = loading[own - 1] * np.minimum(share, 1.0)
+        return np.asarray(np.outer(loading, loading) / wv.samples)
+
+    def _add(self, panel: Vector) -> None:
+        levels = min(MOST_LEVELS, int(np.log2(max(panel.size // BLOCK, 1))))
+        count = (panel.size - (1 << levels)) // BLOCK
+        if levels < 1 or count < 1:
+            return
+        y = _block_means(panel, levels, count)
+        if count == (LEAST - (1 << MOST_LEVELS)) // BLOCK:
+            self._whole.append(y.mean(axis=0))
+        for size in range(self._sum.shape[0]):
+            self._number[size, :levels] += y.shape[0]
+            self._sum[size, :levels] += y.sum(axis=0)
+            self._product[size, :levels, :levels] += y.T @ y
+            if y.shape[0] < 2:
+                break
+            y = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2])
+        length = min(_SEGMENT, 1 << int(np.log2(panel.size // 16)))
+        number, power = self._power.get(length, (0.0, np.zeros(length // 2 + 1)))
+        more, part = _power(panel, length)
+        self._power[length] = number + more, power + part
+
+    def _factor(self) -> Vector | None:
+        """√(λ − 1) times the loadings of the fine levels, for one sample; None without a common factor."""
+        length = max(self._power, key=lambda key: self._power[key][0] * key)
+        number, power = self._power[length]
+        gaussian = _gaussian(power / number, length, number)
+        best, found = 1.0, None
+        for block, blocks, mean, covariance in self._covariances():
+            reach = int(np.log2(min(block, length) // FINE))
+            reach = min(reach, int(np.count_nonzero((mean > 0) & (blocks >= FEWEST))))
+            if reach < 2:
+                continue
+            n = float(blocks[reach - 1])
+            relative = block * covariance[:reach, :reach] / np.outer(mean[:reach], mean[:reach])
+            root = np.linalg.cholesky(gaussian[:reach, :reach])
+            half = np.linalg.solve(root, relative)
+            values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
+            edge = (1 + np.sqrt(reach / n)) ** 2 + CHANCE * np.sqrt(2 / n) + ENDS
+            if values[-1] / edge <= best:
+                continue
+            factor = root @ vectors[:, -1] * np.sqrt(values[-1] - 1)
+            if np.max(factor**2 / np.diag(gaussian)[:reach]) > MATERIAL:
+                best = float(values[-1] / edge)
+                found = np.asarray(factor * np.sign(factor.sum()))
+        return found
+
+    def _covariances(self) -> list[tuple[int, Vector, Vector, Matrix]]:
+        """Length, number, means and covariance of blocks, from short to long ones."""
+        out = []
+        number = np.maximum(self._number, 1.0)
+        mean = self._sum[0] / number[0]
+        for size in range(self._sum.shape[0]):
+            pairs = np.minimum.outer(number[size], number[size])
+            # Blocks of all lengths have the means of the shortest, which leave no sample out.
+            own = self._sum[size] / number[size]
+            covariance = self._product[size] / pairs - np.outer(own, own)
+            out.append((BLOCK << size, self._number[size], mean, covariance * pairs / np.maximum(pairs - 1, 1.0)))
+        y = np.array(self._whole).reshape(-1, MOST_LEVELS)
+        block = LEAST
+        while y.shape[0] >= FEWEST:
+            out.append((block, np.full(MOST_LEVELS, y.shape[0]), mean, np.cov(y.T)))
+            y, block = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2]), 2 * block
+        return out
+
+
+def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
+    """Estimate the relative covariance E of a wavelet variance beyond that of a Gaussian signal.
+
+    Parameters
+    ----------
+    x : Signal
+    wv : WaveletVariance
+        Its classical Haar wavelet variance.
+
+    Returns
+    -------
+    (J, J) array or None
+        E = c l lᵀ, positive semi-definite; None if a Gaussian signal explains the covariance.
+
+    Examples
+    --------
+    >>> from gmwm import wavelet_variance
+    >>> x = Signal(np.random.default_rng(1).standard_t(6, size=200_000), rate=100.0)
+    >>> excess = excess_covariance(x, wavelet_variance(x))
+    >>> bool(2.0 < excess[0, 0] * 200_000 < 5.0)  # the excess kurtosis is 3
+    True
+    """
+    sums = TailSums()
+    for segment in x.segment_values():
+        sums.update(segment)
+        sums.gap()
+    return sums.excess(wv)
+
+
+def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
+    """Mean squares of the coefficients that begin in each of the first blocks of a panel (count, levels)."""
+    path = _core.running_sum(panel)
+    y = np.empty((count, levels))
+    for k in range(levels):
+        half = 1 << k
+        # Coefficients an eighth of a half scale apart have nearly the information of all.
+        stride = max(1, half // 8)
+        size = count * BLOCK // stride
+        p0, p1, p2 = (path[shift::stride][:size] for shift in (0, half, 2 * half))
+        w = p0 - 2.0 * p1 + p2
+        w *= w
+        y[:, k] = w.reshape(count, -1).mean(axis=1) * 0.25 ** (k + 1)
+    return y
+
+
+def _power(panel: Vector, length: int) -> tuple[float, Vector]:
+    """Number of segments, and sum of their spectral densities, with a Hann window and an overlap of one half."""
+    window = np.hanning(length + 1)[:-1]
+    window /= np.sqrt(np.sum(window**2))
+    windows = np.lib.stride_tricks.sliding_window_view(panel, length)[:: length // 2]
+    total = np.zeros(length // 2 + 1)
+    for first in range(0, windows.shape[0], 16):
+        part = windows[first : first + 16]
+        total += np.sum(np.abs(np.fft.rfft((part - part.mean(axis=1, keepdims=True)) * window)) ** 2, axis=0)
+    return float(windows.shape[0]), total
+
+
+def _gaussian(power: Vector, length: int, number: float) -> Matrix:
+    """N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, for the levels it resolves."""
+    levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
+    frequency = np.arange(1, power.size) / length
+    half = np.ldexp(1.0, np.arange(levels))[:, None]
+    sine = np.sin(np.pi * frequency * half)
+    gain = (sine**2 / (np.sin(np.pi * frequency) * half)) ** 2
+    weight = np.full(frequency.size, 2.0 / length)  # both signs of the frequency
+    weight[-1] = 1.0 / length
+    density = gain * power[1:]
+    curve = density @ weight
+    # A mean of n periodograms has squares that are too large by 1 / n; segments that overlap count for 1.9 / n.
+    square = (density * weight) @ density.T / (1 + 1.9 / number)
+    return np.asarray(2 * square / np.outer(curve, curve))

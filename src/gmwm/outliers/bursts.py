@@ -1,0 +1,218 @@
+"""Find bursts of large wavelet coefficients: knocks and motion, as opposed to noise with heavy tails.
+
+Heavy tails also raise the classical wavelet variance above the robust one, but their large coefficients are scattered
+in time like all others. A knock lasts: it makes many neighbouring coefficients large, of both signs, because the sensor
+is where it was when it ends. A burst is therefore a group of at least `FEWEST` coefficients beyond `LARGE` local
+standard deviations, both signs among them, with at most `APART` smaller ones between two of them. Coefficients are
+taken half a scale apart, so that a single wrong sample changes two of them, a jump of the mean one or two, and two
+wrong samples at most four. A pulse without any structure changes three or four: they are a burst if one is larger than
+the tails of noise ever are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gmwm import _core
+from gmwm._arrays import Vector, as_rate, as_vector, freeze
+from gmwm.inspection.resolution import Sample, step_of
+from gmwm.signals import Signal
+from gmwm.variance.panels import Panels, panel_length
+
+LARGE = 5.0
+"""Local standard deviations of a large coefficient. As the next four, pinned by docs/validation/tails.md."""
+FEWEST = 5
+"""Fewest large coefficients of a burst."""
+HUGE, FEW = 20.0, 3
+"""Fewest large coefficients of a burst of which one is huge, and what huge is (local standard deviations)."""
+APART = 8
+"""Largest distance of two neighbouring large coefficients of a burst, in half scales."""
+MATERIAL = 0.01
+"""Share of the classical variance from which on bursts matter: a standard deviation changes by 0.5 %."""
+RARE = 0.15
+"""Largest share of the time in bursts. What lasts longer is a state of the sensor, not a disturbance."""
+LONGEST = 10.0
+"""Longest scale (s) at which bursts are looked for: longer, a warm-up looks the same."""
+NEIGHBOURHOOD = 60.0
+"""Time (s) over which a local standard deviation is measured: longer than knocks, shorter than changes of the noise."""
+_PIECES = 64
+"""Fewest coefficients of a local standard deviation; its relative error is about 15 %."""
+_QUARTILE = 0.6744897501960817
+_ROUNDING = 12**-0.5
+"""Standard deviation of the rounding error, in quantization steps."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bursts:
+    """Bursts of large wavelet coefficients, level by level.
+
+    Attributes
+    ----------
+    tau : (L,) array
+        Scales (s) at which bursts were looked for, from level 1.
+    energy : (L,) array
+        Share of the classical wavelet variance that is due to large coefficients in bursts.
+    time : (L,) array
+        Share of the time in bursts.
+    count : int
+        Number of bursts at the level with most of them.
+    """
+
+    tau: Vector
+    energy: Vector
+    time: Vector
+    count: int
+
+    def __post_init__(self) -> None:
+        for name in ("tau", "energy", "time"):
+            freeze(getattr(self, name))
+
+    @property
+    def material(self) -> NDArray[np.bool_]:
+        """Levels whose variance rare bursts raise (L,)."""
+        return np.asarray((self.energy >= MATERIAL) & (self.time <= RARE))
+
+    @property
+    def found(self) -> bool:
+        """Whether rare bursts raise the variance of a level."""
+        return bool(np.any(self.material))
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields as plain numbers and lists, ready for JSON."""
+        arrays = {name: getattr(self, name).tolist() for name in ("tau", "energy", "time")}
+        return {**arrays, "count": self.count}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Bursts:
+        """The result whose `to_dict` gave `values`."""
+        arrays = {name: np.array(values[name], dtype=np.float64) for name in ("tau", "energy", "time")}
+        return cls(**arrays, count=int(values["count"]))
+
+
+class BurstFinder:
+    """Find bursts in samples that arrive in chunks; see `find_bursts`.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate (Hz).
+    """
+
+    def __init__(self, rate: float) -> None:
+        self.rate = as_rate(rate)
+        self.panels = Panels(panel_length(self.rate))
+        reach = int(np.floor(np.log2(max(LONGEST * self.rate, 2.0))))
+        self.levels = min(reach, int(np.log2(self.panels.length // _PIECES)))
+        # Sums over all panels: squares, squares in bursts, number of coefficients, those in bursts, bursts.
+        self._sums = np.zeros((5, self.levels))
+        self._sample = Sample()
+
+    def update(self, values: Vector) -> None:
+        """Add the next samples of the segment."""
+        self._sample.update(values)
+        for panel in self.panels.cut(values):
+            self._add(panel)
+
+    def gap(self) -> None:
+        """End the segment: samples are missing before the next ones."""
+        for panel in self.panels.end():
+            self._add(panel)
+
+    def result(self) -> Bursts:
+        """The bursts of all samples."""
+        self.gap()
+        squares, within, count, occupied, bursts = self._sums
+        reach = int(np.count_nonzero(count >= _PIECES / 2))
+        energy = np.divide(within, squares, out=np.zeros(self.levels), where=squares > 0)[:reach]
+        return Bursts(
+            tau=np.ldexp(1.0, np.arange(1, reach + 1)) / self.rate,
+            energy=energy,
+            time=occupied[:reach] / count[:reach],
+            count=int(np.max(bursts[:reach], initial=0.0)),
+        )
+
+    def _add(self, panel: Vector) -> None:
+        step = step_of(self._sample.values()) or 0.0
+        path = _core.running_sum(panel)
+        for k in range(self.levels):
+            w = np.diff(np.diff(path))
+            if w.size < _PIECES // 2:
+                return
+            w *= 0.5 ** (k + 1)
+            least = _ROUNDING * step * 2.0 ** (-0.5 * (k + 1))
+            piece = max(_PIECES, round(NEIGHBOURHOOD * self.rate / 2**k))
+            self._sums[:, k] += _bursts(w, piece, least)
+            path = path[::2]
+
+
+def find_bursts(x: Signal | ArrayLike, rate: float | None = None) -> Bursts:
+    """Find bursts of large Haar wavelet coefficients in a signal.
+
+    Parameters
+    ----------
+    x : Signal, or (N,) array
+        Finite samples.
+    rate : float, optional
+        Sampling rate (Hz); needed only if `x` is an array.
+
+    Returns
+    -------
+    Bursts
+
+    Raises
+    ------
+    DataError, OptionError
+        If the samples or the rate cannot be used.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).standard_t(5, size=100_000)
+    >>> find_bursts(x, rate=100.0).found
+    False
+    >>> x[50_000:50_050] *= 20.0
+    >>> find_bursts(x, rate=100.0).found
+    True
+    """
+    segments = x.segment_values() if isinstance(x, Signal) else [as_vector(x, "x")]
+    finder = BurstFinder(x.rate if isinstance(x, Signal) else as_rate(rate))
+    for segment in segments:
+        finder.update(segment)
+        finder.gap()
+    return finder.result()
+
+
+def _bursts(w: Vector, piece: int, least: float) -> tuple[float, float, int, int, int]:
+    """Squares, squares in bursts, number of coefficients, those in bursts, and bursts of one panel of a level."""
+    size = np.abs(w)
+    spread = np.maximum(_local_spread(size, piece), least)
+    squares = float(np.dot(w, w))
+    if not spread.min() > 0:
+        return squares, 0.0, w.size, 0, 0
+    limit = np.repeat(spread, piece)[: w.size] if spread.size > 1 else np.broadcast_to(spread, w.shape)
+    at = np.flatnonzero(size > LARGE * limit)
+    if at.size < FEW:
+        return squares, 0.0, w.size, 0, 0
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > APART) + 1])
+    counts = np.diff(np.append(begins, at.size))
+    positive = np.add.reduceat((w[at] > 0).astype(np.int64), begins)
+    huge = np.maximum.reduceat(size[at] / limit[at], begins) > HUGE
+    kept = (counts >= np.where(huge, FEW, FEWEST)) & (positive > 0) & (positive < counts)
+    energy = np.add.reduceat(w[at] ** 2, begins)
+    lengths = at[begins + counts - 1] - at[begins] + 1
+    return squares, float(energy[kept].sum()), w.size, int(lengths[kept].sum()), int(np.count_nonzero(kept))
+
+
+def _local_spread(size: Vector, piece: int) -> Vector:
+    """Standard deviation of each piece, from the median of |w|; at least the median of all pieces."""
+    whole = size.size // piece
+    if whole < 2:
+        return np.array([float(np.median(size)) / _QUARTILE])
+    local = np.median(size[: whole * piece].reshape(whole, piece), axis=1) / _QUARTILE
+    if whole * piece < size.size:
+        local = np.append(local, local[-1])
+    return np.asarray(np.maximum(local, np.median(local)))

@@ -1,0 +1,301 @@
+"""Find isolated wrong samples (spikes), and replace them by what the other samples predict.
+
+The residual of a sample is its distance from the median of its six neighbours, in local standard deviations. Residuals
+beyond a threshold θ are spikes if three things hold. They are far more than the tails of the rest explain: of N samples
+of a t distribution with the spread of the bulk. They are apart from the rest: beyond θ / 1.5 there are hardly more than
+beyond θ, as in no distribution with a finite variance. And they are isolated: the signal returns at once.
+
+A replaced sample is drawn from its distribution given the others: a linear prediction from its neighbours and from mean
+values of rings around it, plus a residual of this prediction. The drawn samples have the covariance with all others
+that the right samples had, so the wavelet variance is unbiased at every level. Interpolation would make the first
+levels too small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector, freeze
+from gmwm.inspection.resolution import lsb
+from gmwm.outliers.bursts import NEIGHBOURHOOD
+from gmwm.signals import Signal
+
+APART = 1.5
+"""Ratio of the threshold and the residuals that the spikes are apart from. As all constants here, pinned by
+docs/validation/tails.md and tests/outliers/test_spikes.py."""
+MORE = 1.6
+"""Largest number of residuals beyond θ / 1.5, in those beyond θ. A tail with an infinite variance has 1.5² = 2.25."""
+CERTAIN = 1e-6
+"""Largest probability of so many residuals beyond θ."""
+LEAST = 4.0
+"""Smallest threshold, in local standard deviations."""
+MOST = 0.1
+"""Largest share of spikes among the samples."""
+RUN = 3
+"""Longest run of neighbouring samples that are spikes: an encoder error changes two rates."""
+CROWD, NEAR = 6, 10
+"""Most spikes among the samples up to `NEAR` away. With more, they belong to a knock."""
+CLEAR = 100
+"""Distance (samples) from a crowd within which no sample is a spike."""
+_FEW = 12
+"""With fewer spikes, nothing may lie between θ / 2 and θ."""
+_TAIL = APART**-3.0
+"""Share of residuals beyond θ / 1.5 that are beyond θ, in a tail with infinite skewness."""
+_BULK = 50_000
+"""Residuals from which the spread and the tails of the bulk are estimated."""
+_SIDE = np.array([-3, -2, -1, 1, 2, 3])
+_QUARTILE = 0.6744897501960817
+_LAGS = 8
+"""Neighbours on each side whose values predict a sample one by one."""
+_TRAINING = 100_000
+"""Samples from which the prediction is learned."""
+_SWEEPS = 3
+"""Draws of each sample; those with a replaced sample beside them need more than one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spikes:
+    """Isolated wrong samples.
+
+    Attributes
+    ----------
+    indices : (k,) int array
+        Their places in the signal.
+    deviations : (k,) array
+        Distances from their neighbours, in local standard deviations of such distances.
+    """
+
+    indices: NDArray[np.int64]
+    deviations: Vector
+
+    def __post_init__(self) -> None:
+        freeze(self.indices)
+        freeze(self.deviations)
+
+    def __len__(self) -> int:
+        return int(self.indices.size)
+
+    @property
+    def largest(self) -> float:
+        """Largest deviation; 0 if there are no spikes."""
+        return float(np.max(self.deviations, initial=0.0))
+
+
+def find_spikes(x: Signal) -> Spikes:
+    """Find the samples of a signal that are certainly wrong: isolated, and far beyond what its tails explain.
+
+    Parameters
+    ----------
+    x : Signal
+
+    Returns
+    -------
+    Spikes
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[::400] += 12.0
+    >>> spikes = find_spikes(Signal(x, rate=100.0))
+    >>> len(spikes), spikes.indices[:3].tolist()
+    (50, [0, 400, 800])
+    """
+    values = x.values
+    none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
+    if values.size < 8 * _SIDE.size:
+        return none
+    scale, length, tail = _bulk(values, x.rate, lsb(values) or 0.0)
+    if not scale.min() > 0:
+        return none
+    # A spike differs from the mean of its two neighbours by its size, or half of it beside another spike.
+    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    block = np.minimum(np.arange(scale.size) * length, values.size)
+    limit = np.repeat(scale, np.diff(np.append(block, values.size)))
+    large = np.ones(values.size, dtype=np.bool_)
+    large[1:-1] = bend > 0.5 * LEAST * limit[1:-1]
+    # The middle one of three equal spikes has no bend.
+    large[1:-1] |= large[:-2] | large[2:]
+    candidates = np.flatnonzero(large)
+    deviation = np.abs(_residuals(values, values, candidates)) / limit[candidates]
+    threshold = _threshold(deviation, values.size, tail)
+    found = candidates[deviation >= threshold]
+    if not 0 < found.size <= MOST * values.size:
+        return none
+    # Once more without the spikes among the neighbours, which shift their median.
+    filled = _filled(values, found)
+    deviation = np.abs(_residuals(values, filled, candidates)) / limit[candidates]
+    threshold = _threshold(deviation, values.size, tail)
+    spiky = deviation >= threshold
+    found, deviation = candidates[spiky], deviation[spiky]
+    kept = _isolated(found, values.size) if found.size else np.zeros(0, dtype=np.bool_)
+    kept &= _returns(values, filled, found, threshold * limit[found])
+    return Spikes(indices=found[kept], deviations=deviation[kept])
+
+
+def repaired(x: Signal, spikes: Spikes) -> Signal:
+    """Replace spikes by samples that are drawn from their distribution given all others, with a fixed seed.
+
+    Parameters
+    ----------
+    x : Signal
+    spikes : Spikes
+        Result of `find_spikes`.
+
+    Returns
+    -------
+    Signal
+        The same signal if there are no spikes.
+    """
+    if not len(spikes):
+        return x
+    return replace(x, values=_drawn(x.values, spikes.indices))
+
+
+# --- detection --------------------------------------------------------------------------------------------
+
+
+def _residuals(values: Vector, others: Vector, at: NDArray[np.int64]) -> Vector:
+    """Distance of samples from the median of their neighbours among `others`, three on each side."""
+    # At an end, the neighbours are the next six.
+    centre = np.clip(at, 3, values.size - 4)
+    around = others[centre[:, None] + _SIDE]
+    shifted = np.flatnonzero(centre != at)
+    for k in shifted:
+        nearest = np.arange(7) + (0 if at[k] < 3 else values.size - 7)
+        around[k] = others[nearest[nearest != at[k]]]
+    return np.asarray(values[at] - np.median(around, axis=1))
+
+
+def _bulk(values: Vector, rate: float, step: float) -> tuple[Vector, int, float]:
+    """Local standard deviation of residuals for each block, length of a block, and degrees of freedom of the tails."""
+    stride = max(1, values.size // _BULK)
+    # An odd offset within each stride, so that a period of the signal is not sampled at one phase.
+    places = np.arange(0, values.size - stride + 1, stride)
+    places = places + (places // stride * 7919) % stride
+    residual = np.abs(_residuals(values, values, places))
+    piece = min(max(round(NEIGHBOURHOOD * rate / stride), 128), residual.size)
+    count = residual.size // piece
+    local = np.median(residual[: count * piece].reshape(count, piece), axis=1) / _QUARTILE
+    local = np.maximum(local, np.maximum(np.median(local), step * 12**-0.5))
+    if not local.min() > 0:
+        return local, values.size, np.inf
+    relative = residual[: count * piece] / np.repeat(local, piece)
+    return local, piece * stride, _freedom(relative)
+
+
+def _freedom(relative: Vector) -> float:
+    """Degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, or fewer."""
+    from scipy.stats import t
+
+    grid = np.geomspace(1.0, 1000.0, 200)
+    expected = t.ppf(0.95, grid) / t.ppf(0.75, grid)
+    error = 2.5 / np.sqrt(relative.size)  # of the ratio, for Gaussian noise, with correlated residuals
+    middle, high = np.quantile(relative, [0.5, 0.9])
+    ratio = float(high / middle) * (1 + 3 * error) if middle > 0 else np.inf
+    return float(np.interp(-ratio, -expected, grid))
+
+
+def _threshold(deviation: Vector, samples: int, freedom: float) -> float:
+    """The smallest θ beyond which residuals are spikes, from all large residuals; infinite if there are none."""
+    from scipy.stats import binom, poisson, t
+
+    ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
+    ks = np.arange(1, np.count_nonzero(ordered >= LEAST) + 1)
+    if not ks.size:
+        return np.inf
+    theta = ordered[ks - 1]
+    beyond = np.searchsorted(-ordered, -theta / APART, side="right")
+    double = np.searchsorted(-ordered, -theta / 2, side="right")
+    scale = t.ppf(0.75, freedom) / _QUARTILE
+    expected = samples * 2 * t.sf(theta * scale, freedom)
+    good = (poisson.sf(ks - 1, expected) <= CERTAIN) & (beyond <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, binom.sf(ks - 1, beyond, _TAIL) <= CERTAIN)
+    return float(theta[good][-1]) if np.any(good) else np.inf
+
+
+def _isolated(at: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
+    """Which of the places, in order, are in no crowd and no long run, and not near a crowd."""
+    from scipy.stats import binom
+
+    # Crowds and runs that so many spikes at random places have by chance, at most one in a hundred recordings.
+    share, rare = at.size / samples, 0.01 / at.size
+    crowd = max(CROWD, int(binom.isf(rare, 2 * NEAR, share)))
+    run = max(RUN, int(np.ceil(np.log(rare) / np.log(share))))
+    near = np.searchsorted(at, at + NEAR, side="right") - np.searchsorted(at, at - NEAR) - 1
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > 1) + 1])
+    lengths = np.diff(np.append(begins, at.size))
+    crowded = at[(near > crowd) | (np.repeat(lengths, lengths) > run)]
+    if not crowded.size:
+        return np.ones(at.size, dtype=np.bool_)
+    close = np.searchsorted(crowded, at + CLEAR, side="right") > np.searchsorted(crowded, at - CLEAR)
+    return np.asarray(~close)
+
+
+def _returns(values: Vector, filled: Vector, at: NDArray[np.int64], limit: Vector) -> NDArray[np.bool_]:
+    """Whether the signal returns: a spike is far from the samples before it and from those after it, a step is not."""
+    last = values.size - 1
+    steps = np.arange(1, 6)
+    before = np.median(filled[np.maximum(at[:, None] - steps, 0)], axis=1)
+    after = np.median(filled[np.minimum(at[:, None] + steps, last)], axis=1)
+    apart = np.minimum(np.abs(values[at] - before), np.abs(values[at] - after))
+    return np.asarray(apart > 0.5 * limit)
+
+
+def _filled(values: Vector, at: NDArray[np.int64]) -> Vector:
+    """The values with those at some places interpolated from all others."""
+    good = np.ones(values.size, dtype=np.bool_)
+    good[at] = False
+    filled = values.copy()
+    filled[at] = np.interp(at, np.flatnonzero(good), values[good])
+    return filled
+
+
+# --- replacement ------------------------------------------------------------------------------------------
+
+
+def _drawn(values: Vector, at: NDArray[np.int64]) -> Vector:
+    """The values with those at some places drawn given all others."""
+    rng = np.random.default_rng(0)
+    wrong = np.zeros(values.size, dtype=np.bool_)
+    wrong[at] = True
+    good = np.flatnonzero(~wrong)
+    middle = float(np.mean(values[good]))
+    x = _filled(values, at) - middle
+    training = good[:: max(1, good.size // _TRAINING)]
+    # A sample beside a wrong one is of no use: its neighbour is an interpolation.
+    touched = np.convolve(wrong, np.ones(2 * _LAGS + 1), mode="same") > 0.5
+    kept = training[~touched[training]]
+    training = kept if kept.size > 50 * _LAGS else training
+    group = np.arange(at.size) % 4
+    for _ in range(_SWEEPS):
+        features = _features(x, training)
+        # The rings contain replaced samples, so that the prediction is learned again after each sweep.
+        weights = np.linalg.lstsq(features.T @ features, features.T @ x[training], rcond=None)[0]
+        residuals = x[training] - features @ weights
+        for part in range(4):
+            # Neighbours are drawn one after the other, given each other.
+            mine = at[group == part]
+            if mine.size:
+                x[mine] = _features(x, mine) @ weights + rng.choice(residuals, mine.size)
+    x += middle
+    x[good] = values[good]
+    return x
+
+
+def _features(x: Vector, at: NDArray[np.int64]) -> NDArray[np.float64]:
+    """What predicts samples: sums of the two values at lags 1 … 8, and means over lags 9 … 16, 17 … 32, and so on."""
+    last = x.size - 1
+    columns = [x[np.maximum(at - lag, 0)] + x[np.minimum(at + lag, last)] for lag in range(1, _LAGS + 1)]
+    path = np.concatenate([[0.0], np.cumsum(x)])
+    inner = _LAGS
+    while 2 * inner <= x.size // 64:
+        outer = 2 * inner
+        left, right = np.maximum(at - inner, 0), np.minimum(at + inner + 1, x.size)
+        far_left, far_right = np.maximum(at - outer, 0), np.minimum(at + outer + 1, x.size)
+        count = (left - far_left) + (far_right - right)
+        columns.append((path[left] - path[far_left] + path[far_right] - path[right]) / np.maximum(count, 1))
+        inner = outer
+    return np.stack(columns, axis=1)

@@ -1,0 +1,118 @@
+"""Narrow lines: single peaks of a few bins above the level on both of their sides."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.spectrum.level import flanks, p_values
+from gmwm.spectrum.line import LEAST_QUALITY, Bump, Line
+from gmwm.spectrum.line_measurement import measured_line
+from gmwm.spectrum.shape import lorentz_fit
+from gmwm.spectrum.welch import HALF_POWER_WIDTH
+
+if TYPE_CHECKING:
+    from gmwm.spectrum.result import PowerSpectrum
+
+FIRST_BIN = 2
+"""The first bin used: the Hann window spreads the mean that was removed over the bins 0 and 1."""
+NEAR, FAR = 4, 19
+"""Distances (bins) of the flanks of a line: outside of the four bins of the Hann window, 16 bins on each side."""
+LEAST_FLANK = 6
+"""Fewest bins of a flank; without them a frequency is too close to zero to be tested."""
+INNER, OUTER = 2, 8
+"""A peak is narrow if the excess at 3 to 8 bins from it is less than half of that within 2 bins."""
+OUTSIDE_NOISE = 6.0
+"""Standard error of the excess at 3 to 8 bins on both sides, in units of that of a density: √12 for 12 bins, √1.94 for
+the correlation of neighbours, and 12 times 0.3 for the level."""
+CORE = 3
+"""Bins on each side that have the power of a line under the Hann window, but 7e-5 of it."""
+
+
+def narrow_lines(
+    spectrum: PowerSpectrum, freedom: Vector, testable: NDArray[np.bool_], *, level: float
+) -> tuple[list[Line], list[Bump], NDArray[np.bool_]]:
+    """Return the narrow peaks that are significant at a level for all bins together, and the bins without lines.
+
+    A peak of a few bins whose shape is that of a resonance is a bump, the others are lines.
+    """
+    density, size = spectrum.density, spectrum.density.size - 1
+    free = testable.copy()
+    # A sampled spectrum is symmetric about half the rate, so a line close to it has a flank on each side too. The
+    # density at half the rate itself is of another scale and is left out.
+    shown = np.concatenate([density[FIRST_BIN:size], density[size - 1 : size - 1 - FAR : -1]])
+    of_each = np.concatenate([freedom[FIRST_BIN:size], freedom[size - 1 : size - 1 - FAR : -1]])
+    found = flanks(shown, of_each, NEAR, FAR, least=LEAST_FLANK)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = p_values(shown / found.level, of_each)
+    tested = np.isfinite(p) & (found.level > 0)
+    tested[size - FIRST_BIN :] = False
+    tested[: size - FIRST_BIN] &= testable[FIRST_BIN:size]
+    (hits,) = np.nonzero(tested & (p * max(int(np.count_nonzero(tested)), 1) < level))
+    lines: list[Line] = []
+    bumps: list[Bump] = []
+    for k in sorted(hits.tolist(), key=lambda k: -shown[k]):
+        if not free[k + FIRST_BIN]:
+            continue
+        between = float(found.between[k])
+        half = _half_width(shown, k, between, between * math.sqrt(2 / float(of_each[k])))
+        if half is None:
+            continue
+        ratio = float(shown[k] / between)
+        center = k + FIRST_BIN
+        first, last = max(center - half, FIRST_BIN), min(center + half, size - 1)
+        line = measured_line(
+            spectrum, first, last, level=between, freedom=float(of_each[k]), height=ratio, p_value=float(p[k])
+        )
+        width = _resonance_width(spectrum, line, freedom)
+        if width is not None:
+            bumps.append(
+                Bump(frequency=line.frequency, width=width, height=ratio, density=float(shown[k]), p_value=line.p_value)
+            )
+            # No second peak is looked for in its shape.
+            free[max(center - OUTER, 0) : center + OUTER + 1] = False
+            continue
+        lines.append(line)
+        # Beyond the skirt the side lobes of the window, which fall as 1 / π² x⁶, are below a tenth of the level.
+        skirt = max(half, math.ceil((10 * ratio / math.pi**2) ** (1 / 6)))
+        free[max(center - skirt, 0) : center + skirt + 1] = False
+    return lines, bumps, free
+
+
+def _resonance_width(spectrum: PowerSpectrum, line: Line, freedom: Vector) -> float | None:
+    """Width (Hz) of a resonance that looks like a line of some bins; None if it is too narrow for one.
+
+    The fitted width is that of a Lorentz shape under the Hann window, a Voigt shape: of Olivero and Longbothum's
+    0.5346 w + √(0.2166 w² + v²), where v is the width of the window.
+    """
+    if line.narrow or line.frequency >= LEAST_QUALITY * line.width:
+        return None
+    spacing = spectrum.rate / spectrum.length
+    part = np.abs(spectrum.frequencies - line.frequency) <= FAR * spacing
+    part[:FIRST_BIN] = part[-1] = False
+    found = lorentz_fit(
+        spectrum.frequencies[part], spectrum.density[part], freedom[part], center=line.frequency, width=line.width
+    )
+    if found is None:
+        return None
+    seen, window = found[1], HALF_POWER_WIDTH * spacing
+    a = 0.5346**2 - 0.2166
+    b = 2 * 0.5346 * seen
+    width = (b - math.sqrt(max(b**2 - 4 * a * (seen**2 - window**2), 0.0))) / (2 * a)
+    return width if width > spacing and line.frequency < LEAST_QUALITY * width else None
+
+
+def _half_width(density: Vector, k: int, level: float, noise: float) -> int | None:
+    """Bins on each side that hold the power of the peak at k; None if the peak is not narrow."""
+    excess = density[max(k - OUTER, 0) : k + OUTER + 1] - level
+    distance = np.abs(np.arange(excess.size) - min(k, OUTER))
+    inside, outside = float(excess[distance <= INNER].sum()), float(excess[distance > INNER].sum())
+    if outside > inside / 2 + OUTSIDE_NOISE * noise:
+        return None
+    # A few bins wide: more than the window and the noise explain lies outside of the core.
+    beyond = float(excess[distance > CORE].sum())
+    return OUTER if beyond > inside / 10 + OUTSIDE_NOISE * noise else CORE

@@ -1,0 +1,57 @@
+"""Fit of a resonance: a Lorentz shape on a power law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gmwm._arrays import Vector
+
+LEAST_POINTS = 8
+"""Fewest densities for the five parameters of the shape."""
+WITHIN = 3.0
+"""A fit that moves the frequency by more than the width, or changes the width by more than this factor, is of something
+else and is not used."""
+
+
+def lorentz_fit(
+    frequencies: Vector, density: Vector, freedom: Vector, *, center: float, width: float
+) -> tuple[float, float] | None:
+    """Fit S(f) = a (f/c)^b + h / (1 + ((f − f₀) / (w/2))²) to densities by maximum likelihood.
+
+    Each density has a gamma distribution. The sum of the squares of its deviance residuals is minimised.
+
+    Parameters
+    ----------
+    frequencies, density, freedom : (n,) arrays
+        Frequencies (Hz), densities (u²/Hz) and their degrees of freedom.
+    center, width : float
+        First values of f₀ and w (Hz).
+
+    Returns
+    -------
+    (float, float) or None
+        f₀ and w (Hz); None if the fit does not succeed.
+    """
+    from scipy.optimize import least_squares
+
+    if density.size < LEAST_POINTS:
+        return None
+    level, top = float(np.median(density[np.argsort(density)[: density.size // 2]])), float(density.max())
+    start = np.array([math.log(level), 0.0, math.log(max(top - level, level / 10)), 0.0, math.log(width)])
+    weights, away = np.sqrt(freedom), frequencies - center
+    logs = np.log(frequencies / center)
+
+    def residuals(parameters: Vector) -> Vector:
+        a, slope, height, shift, size = np.clip(parameters, -200, 200)
+        shape = math.exp(height) / (1 + ((away - shift * width) / (math.exp(size) / 2)) ** 2)
+        ratio = density / (np.exp(np.clip(a + slope * logs, -300, 300)) + shape)
+        deviance = np.maximum(ratio - 1 - np.log(ratio), 0.0)
+        return np.asarray(weights * np.sign(ratio - 1) * np.sqrt(deviance))
+
+    found = least_squares(residuals, start, method="lm", max_nfev=400)
+    shift, size = float(found.x[3]), math.exp(float(np.clip(found.x[4], -200, 200)))
+    if not found.success or abs(shift) > 1 or not width / WITHIN <= size <= width * WITHIN:
+        return None
+    return center + shift * width, size

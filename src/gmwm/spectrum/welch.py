@@ -1,0 +1,150 @@
+"""Welch's method: sums of windowed periodograms of overlapping blocks, and the degrees of freedom of their mean."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector, freeze
+
+Detrend = Literal["constant", "linear"]
+"""What is removed from each block: its mean, or its straight line of least squares."""
+OVERLAP_CORRELATION = (1 / 6) ** 2
+"""Correlation of the periodograms of two Hann blocks that overlap by one half: (Σ w_t w_{t+L/2} / Σ w_t²)² in the
+limit of long blocks (Percival and Walden 1993, chapter 6.17)."""
+ENERGY_WIDTH = 1.5
+"""Equivalent noise bandwidth of the Hann window, L Σ w² / (Σ w)², in bins (Harris 1978, table 1)."""
+HALF_POWER_WIDTH = 1.44
+"""Width of a line at half its power under the Hann window, in bins (Harris 1978, table 1)."""
+BATCH = 1 << 17
+"""Samples that are transformed at once: 1 MB, so that they stay in the processor's cache."""
+TINY = 1e-300
+"""Least periodogram of which a logarithm is taken; that of a constant signal is 0."""
+
+
+@lru_cache(maxsize=16)
+def hann(length: int) -> Vector:
+    """Periodic Hann window (length,), as `scipy.signal.get_window("hann", length)`."""
+    return freeze(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length))
+
+
+class Periodograms(NamedTuple):
+    """Sums over the periodograms of blocks of one length.
+
+    Attributes
+    ----------
+    total : (length/2 + 1,) array
+        Σ |FFT(w · block)|².
+    levels, squares : (bands,) arrays
+        Sum over the blocks of the geometric mean of the periodogram in each band, and of its square. A geometric mean
+        hardly depends on lines, so these show whether the noise has the same power in all blocks.
+    blocks : int
+        Number of blocks.
+    """
+
+    total: Vector
+    levels: Vector
+    squares: Vector
+    blocks: int
+
+    @classmethod
+    def none(cls, length: int) -> Periodograms:
+        """Return the sums over no block."""
+        bands = len(band_edges(length))
+        return cls(np.zeros(length // 2 + 1), np.zeros(bands), np.zeros(bands), 0)
+
+    def plus(self, other: Periodograms) -> Periodograms:
+        """Return the sums over the blocks of both."""
+        return Periodograms(
+            total=self.total + other.total,
+            levels=self.levels + other.levels,
+            squares=self.squares + other.squares,
+            blocks=self.blocks + other.blocks,
+        )
+
+
+@lru_cache(maxsize=16)
+def band_edges(length: int) -> NDArray[np.int64]:
+    """First bins of the bands: one from bin 2 to 31, then octaves. Bins 0 and 1 have part of the mean."""
+    octaves = [1 << power for power in range(5, 40) if 1 << power < length // 2]
+    return np.array([min(2, length // 2), *octaves], dtype=np.int64)
+
+
+def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
+    """Sum over all blocks of `values` that begin at multiples of length / 2."""
+    from scipy.fft import rfft
+
+    found = Periodograms.none(length)
+    if values.size < length:
+        return found
+    blocks, window = sliding_window_view(values, length)[:: length // 2], hann(length)
+    edges = band_edges(length)
+    sizes = np.diff(np.append(edges, length // 2 + 1))
+    total, levels, squares = found[:3]
+    step = max(1, BATCH // length)
+    for first in range(0, len(blocks), step):
+        some = blocks[first : first + step]
+        some = some - some.mean(axis=1, keepdims=True)
+        if detrend == "linear":
+            line = _centred_time(length)
+            some -= (some @ line)[:, None] * line
+        some *= window
+        parts = rfft(some, axis=1, overwrite_x=True).view(np.float64)
+        np.multiply(parts, parts, out=parts)
+        power = parts[:, ::2] + parts[:, 1::2]
+        total += power.sum(axis=0)
+        logs = np.log(np.maximum(power, TINY, out=power), out=power)
+        means = np.exp(np.add.reduceat(logs, edges, axis=1) / sizes)
+        levels += means.sum(axis=0)
+        squares += (means**2).sum(axis=0)
+    return Periodograms(total, levels, squares, len(blocks))
+
+
+@lru_cache(maxsize=4)
+def _centred_time(length: int) -> Vector:
+    """Sample numbers with mean 0 and norm 1."""
+    time = np.arange(length) - (length - 1) / 2
+    return freeze(time / np.linalg.norm(time))
+
+
+def one_sided_density(sums: Periodograms, length: int, rate: float) -> Vector:
+    """One-sided power spectral density (u²/Hz) from the sums over all blocks."""
+    density = sums.total / (sums.blocks * rate * float(np.sum(hann(length) ** 2)))
+    density[1:-1] *= 2
+    return density
+
+
+def nominal_freedom(blocks: int, pairs: int) -> float:
+    """Equivalent degrees of freedom of the mean of K periodograms of stationary noise.
+
+    2 K² / (K + 2 P r) for K blocks of which P pairs overlap, with the correlation r of their periodograms (Welch 1967).
+    """
+    return 2 * blocks**2 / (blocks + 2 * pairs * OVERLAP_CORRELATION)
+
+
+def degrees_of_freedom(sums: Periodograms, pairs: int, length: int) -> Vector:
+    """Equivalent degrees of freedom of the mean periodogram at each frequency (length/2 + 1,).
+
+    If the power of the noise differs between the blocks, the mean has fewer: they are divided by 1 + c², where c is the
+    coefficient of variation of the block's power beyond that of stationary noise. The first and the last frequency have
+    half as many, because their Fourier coefficients are real.
+    """
+    blocks, edges = sums.blocks, band_edges(length)
+    sizes = np.diff(np.append(edges, length // 2 + 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        variation = np.nan_to_num(blocks * sums.squares / sums.levels**2 - 1)
+    # The logarithm of a periodogram has the variance π²/6, and its mean over m bins of a Hann spectrum 1.94/m of it.
+    # Three standard errors are allowed, √(2/K) for the variance of K values.
+    stationary = np.expm1(np.pi**2 / 6 * 1.94 / sizes) * (1 + 3 * math.sqrt(2 / blocks))
+    reduction = 1 + np.maximum(variation - stationary, 0.0)
+    freedom = np.empty(length // 2 + 1)
+    for first, size, factor in zip(edges, sizes, reduction, strict=True):
+        freedom[first : first + size] = nominal_freedom(blocks, pairs) / factor
+    freedom[: edges[0]] = freedom[edges[0]]
+    freedom[[0, -1]] /= 2
+    return np.maximum(freedom, 1.0)

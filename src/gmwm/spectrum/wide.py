@@ -1,0 +1,234 @@
+"""Wide peaks: bumps, and lines that wander, on grids of constant relative resolution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+from gmwm.spectrum.level import flanks, p_values, pooled_freedom
+from gmwm.spectrum.line import LEAST_QUALITY, Bump, Line
+from gmwm.spectrum.line_measurement import measured_line
+from gmwm.spectrum.narrow import FIRST_BIN
+from gmwm.spectrum.shape import lorentz_fit
+
+if TYPE_CHECKING:
+    from gmwm.spectrum.result import PowerSpectrum
+
+RESOLUTIONS = tuple(6 * 2**k for k in range(9, -1, -1))
+"""Bins per octave of the grids, the finest first: for widths from 0.02 % to 50 % of the frequency."""
+LEAST_BINS = 2
+"""Fewest bins of the spectrum in a bin of a grid."""
+NEAR, FAR = 4, 11
+"""Distances of the flanks, in bins of the grid: 8 bins on each side."""
+LEAST_FLANK = 3
+"""Fewest bins of a flank at the ends of the grid."""
+INNER, OUTER = 1, 5
+"""A peak belongs to a grid if its excess at 2 to 5 bins from it is less than half of that within one bin: its flanks
+are then outside of it. Otherwise it belongs to a coarser grid."""
+SHARP = 3.0
+"""Q factor from which the shape of a resonance is that of Lorentz, so that its frequency and width are fitted."""
+AROUND, PER_WIDTH = 3.0, 6.0
+"""The fit uses three widths on each side, and bins of at most a sixth of the width."""
+LEAST_HEIGHT = 1.25
+"""Least ratio of a bump to the level beside it, so that ripples in the response of a sensor's filter are not listed."""
+
+
+class Grid(NamedTuple):
+    """Means of the density over bins of a constant relative width; NaN where all of it belongs to lines."""
+
+    frequencies: Vector
+    density: Vector
+    freedom: Vector
+    per_octave: int
+
+
+class WidePeak(NamedTuple):
+    """A significant peak on a grid."""
+
+    frequency: float
+    width: float
+    density: float
+    level: float
+    freedom: float
+    p_value: float
+    compact: bool
+
+    @property
+    def height(self) -> float:
+        """Ratio to the level beside it."""
+        return self.density / self.level
+
+
+def grid_of(spectrum: PowerSpectrum, freedom: Vector, free: NDArray[np.bool_], per_octave: int) -> Grid:
+    """Return the means of the density over bins of 1 / per_octave octaves, of at least two frequencies each."""
+    size = spectrum.density.size - 1
+    lowest = max(FIRST_BIN, math.ceil(LEAST_BINS * per_octave / math.log(2)))
+    count = int(per_octave * math.log2(size / lowest)) + 1 if lowest < size else 0
+    edges = np.unique(np.round(lowest * 2.0 ** (np.arange(count + 1) / per_octave)).astype(np.int64))
+    edges = edges[edges <= size]
+    if edges.size < 2:
+        empty = np.empty(0)
+        return Grid(empty, empty, empty, per_octave)
+    sums = [
+        np.add.reduceat(np.where(free, values, 0.0)[: edges[-1]], edges[:-1])
+        for values in (spectrum.density, spectrum.frequencies, freedom, np.ones(free.size))
+    ]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        density, frequencies, own = (one / sums[3] for one in sums[:3])
+        freedom = pooled_freedom(own, sums[3])
+    return Grid(frequencies, density, freedom, per_octave)
+
+
+def wide_peaks(
+    spectrum: PowerSpectrum,
+    freedom: Vector,
+    free: NDArray[np.bool_],
+    *,
+    narrow: tuple[Sequence[Line], Sequence[Bump]],
+    level: float,
+) -> tuple[list[Line], list[Bump]]:
+    """Return the wide lines and the bumps that are significant at a level for all bins of all grids together.
+
+    The pedestal of a line in `narrow` is not a peak of its own, nor are the flanks of a bump in it.
+    """
+    grids = [grid_of(spectrum, freedom, free, resolution) for resolution in RESOLUTIONS]
+    tests = max(1, sum(grid.density.size for grid in grids))
+    found: list[WidePeak] = []
+    wider: list[WidePeak] = []
+    for grid in grids:
+        for peak in _peaks(grid, level / tests):
+            if _is_known(peak, *narrow) or any(_overlap(peak, one, grid) for one in found):
+                continue
+            (found if peak.compact else wider).append(peak)
+    # Peaks that no coarser grid can measure, because they are close to an end.
+    for peak in reversed(wider):
+        if not any(_overlap(peak, one, None) for one in found):
+            found.append(peak)
+    found = [_fitted(peak, grids) for peak in found]
+    lines = [_line(spectrum, peak) for peak in found if peak.frequency >= LEAST_QUALITY * peak.width]
+    bumps = [
+        Bump(
+            frequency=peak.frequency, width=peak.width, height=peak.height, density=peak.density, p_value=peak.p_value
+        )
+        for peak in found
+        if peak.frequency < LEAST_QUALITY * peak.width
+    ]  # fmt: skip
+    return lines, bumps
+
+
+def _peaks(grid: Grid, level: float) -> list[WidePeak]:
+    """The significant peaks of one grid, the most significant first."""
+    if grid.density.size < 2 * NEAR:
+        return []
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beside = flanks(grid.density, grid.freedom, NEAR, FAR, least=LEAST_FLANK)
+        ratio = grid.density / beside.level
+        p = p_values(ratio, grid.freedom)
+    top = np.ones(ratio.size, dtype=bool)
+    top[1:] &= ~(grid.density[1:] < grid.density[:-1])
+    top[:-1] &= ~(grid.density[:-1] < grid.density[1:])
+    (hits,) = np.nonzero(top & np.isfinite(p) & (p < level) & (ratio >= LEAST_HEIGHT))
+    found = []
+    for k in sorted(hits.tolist(), key=lambda k: -ratio[k]):
+        between = float(beside.between[k])
+        width = _width(grid, k, (float(grid.density[k]) + between) / 2)
+        if width is not None:
+            found.append(
+                WidePeak(
+                    frequency=_summit(grid, k),
+                    width=width,
+                    density=float(grid.density[k]),
+                    level=between,
+                    freedom=float(grid.freedom[k]),
+                    p_value=float(p[k]),
+                    compact=_is_compact(grid, k, between),
+                )
+            )
+    return found
+
+
+def _fitted(peak: WidePeak, grids: Sequence[Grid]) -> WidePeak:
+    """The peak with the frequency and the width of a fitted Lorentz shape, if it is sharp."""
+    if peak.frequency < SHARP * peak.width:
+        return peak
+    fine = [grid for grid in grids if peak.frequency * math.log(2) / grid.per_octave <= peak.width / PER_WIDTH]
+    # The coarsest one of them, if its bins reach down to the peak, or else the finest that does.
+    reaching = [grid for grid in grids if grid.density.size and grid.frequencies[0] < peak.frequency - peak.width]
+    usable = [grid for grid in fine if any(grid is other for other in reaching)] or reaching[:1]
+    if not usable:
+        return peak
+    grid = usable[-1]
+    part = (np.abs(grid.frequencies - peak.frequency) < AROUND * peak.width) & (grid.density > 0)
+    found = lorentz_fit(
+        grid.frequencies[part], grid.density[part], grid.freedom[part], center=peak.frequency, width=peak.width
+    )
+    return peak if found is None else peak._replace(frequency=found[0], width=found[1])
+
+
+def _width(grid: Grid, k: int, half: float) -> float | None:
+    """Width (Hz) at a density on both sides of bin k, less that of the bins; None if it is not reached on a side."""
+    ends = []
+    for step in (-1, 1):
+        j = k
+        while 0 <= j + step < grid.density.size and not grid.density[j + step] < half:
+            j += step
+        if not 0 <= j + step < grid.density.size or math.isnan(grid.density[j]):
+            return None
+        inside, outside = grid.density[j], grid.density[j + step]
+        share = (inside - half) / (inside - outside)
+        ends.append(grid.frequencies[j] + share * (grid.frequencies[j + step] - grid.frequencies[j]))
+    width, own = ends[1] - ends[0], grid.frequencies[k] * math.log(2) / grid.per_octave
+    return float(math.sqrt(max(width**2 - own**2, own**2 / 4)))
+
+
+def _summit(grid: Grid, k: int) -> float:
+    """Frequency (Hz) of the peak at bin k: the top of a parabola through the logarithms of three bins."""
+    left, top, right = np.log(grid.density[k - 1 : k + 2])
+    curve = left - 2 * top + right
+    shift = 0.5 * (left - right) / curve if np.isfinite(curve) and curve < 0 else 0.0
+    return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))
+
+
+def _is_compact(grid: Grid, k: int, level: float) -> bool:
+    """Whether most of the excess of the peak at bin k over a level lies within few bins."""
+    first = max(k - OUTER, 0)
+    excess = np.nan_to_num(grid.density[first : k + OUTER + 1] - level)
+    near = np.abs(np.arange(excess.size) - (k - first)) <= INNER
+    return float(excess[~near].sum()) <= float(excess[near].sum()) / 2
+
+
+def _overlap(one: WidePeak, other: WidePeak, grid: Grid | None) -> bool:
+    """Whether two peaks are one: as far as the width of the wider one or two bins of the grid."""
+    bin_width = 0.0 if grid is None else 2 * other.frequency * math.log(2) / grid.per_octave
+    return abs(one.frequency - other.frequency) <= max(one.width, other.width, bin_width)
+
+
+def _is_known(peak: WidePeak, lines: Sequence[Line], bumps: Sequence[Bump]) -> bool:
+    """Whether the peak belongs to a narrow bump close to it, or is the pedestal of a line whose phase is not steady.
+
+    A pedestal has less than half the power of the line within it.
+    """
+    if any(abs(bump.frequency - peak.frequency) <= 4 * bump.width + peak.width for bump in bumps):
+        return True
+    # The power of a Lorentz shape is π/2 times its height and its width.
+    power = np.pi / 2 * (peak.density - peak.level) * peak.width
+    return any(abs(line.frequency - peak.frequency) <= peak.width and power < line.amplitude**2 / 4 for line in lines)
+
+
+def _line(spectrum: PowerSpectrum, peak: WidePeak) -> Line:
+    """Measure a peak that is narrow enough for a line."""
+    spacing = spectrum.rate / spectrum.length
+    reach = 1.5 * peak.width
+    first = max(FIRST_BIN, round((peak.frequency - reach) / spacing))
+    last = min(spectrum.density.size - 2, round((peak.frequency + reach) / spacing))
+    line = measured_line(
+        spectrum, first, last, level=peak.level, freedom=float(spectrum.degrees_of_freedom[first]),
+        height=peak.height, p_value=peak.p_value,
+    )  # fmt: skip
+    return replace(line, width=peak.width)

@@ -1,0 +1,69 @@
+"""Cut samples that arrive in chunks of any length into panels of a fixed length.
+
+A result that is a sum over panels does not depend on the chunks. The panels of a recording in memory are the same as
+those of the same recording read in chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gmwm._arrays import Vector
+
+SECONDS = 128.0
+"""A panel is at least so long (s), or `LEAST` samples; a power of two of samples."""
+LEAST = 1 << 17
+
+
+def panel_length(rate: float) -> int:
+    """Number of samples of a panel: a power of two.
+
+    >>> panel_length(100.0), panel_length(4000.0)
+    (131072, 524288)
+    """
+    return max(LEAST, 1 << int(np.ceil(np.log2(SECONDS * rate))))
+
+
+class Panels:
+    """Cut one segment after the other into panels; the last panel of a segment is shorter.
+
+    Parameters
+    ----------
+    length : int
+        Samples of a panel.
+
+    Examples
+    --------
+    >>> panels = Panels(4)
+    >>> [part.tolist() for part in panels.cut(np.arange(6.0))], [part.tolist() for part in panels.end()]
+    ([[0.0, 1.0, 2.0, 3.0]], [[4.0, 5.0]])
+    """
+
+    def __init__(self, length: int) -> None:
+        self.length = length
+        self._rest: list[Vector] = []
+        self._held = 0
+
+    def cut(self, values: Vector) -> Iterator[Vector]:
+        """Add samples of the current segment, and return the panels that are complete."""
+        first = 0
+        while self._held + values.size - first >= self.length:
+            last = first + self.length - self._held
+            yield self._joined(values[first:last])
+            first = last
+        if first < values.size:
+            # A copy, because the chunk may be reused by the reader.
+            self._rest.append(values[first:].copy())
+            self._held += values.size - first
+
+    def end(self) -> Iterator[Vector]:
+        """End the segment, and return its last panel, if it has samples."""
+        if self._held:
+            yield self._joined(np.empty(0))
+
+    def _joined(self, values: Vector) -> Vector:
+        joined = np.concatenate([*self._rest, values]) if self._rest else values
+        self._rest, self._held = [], 0
+        return np.ascontiguousarray(joined, dtype=np.float64)

@@ -1,0 +1,77 @@
+"""The shortest recording that can be calibrated, and where its limits come from."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.calibration.findings import LEAST_SCALES, SCALES
+from gmwm.calibration.options import WITHIN
+from gmwm.errors import DataError
+from gmwm.inference.goodness import usable_levels
+from tests.helpers import raises
+
+WHITE = "WN(sigma2=1.0)"
+TWO = "WN(sigma2=1.0) + RW(gamma2=0.05)"
+"""The two terms have the same wavelet variance near a scale of 16 samples."""
+
+
+def signal(model, samples, seed):
+    return gmwm.simulate_signal(model, rate=100.0, samples=samples, rng=seed, unit="rad/s").signal
+
+
+def samples_for(scales):
+    """Samples of the shortest signal with this number of usable scales."""
+    return next(n for n in 2 ** np.arange(3, 12) if np.sum(usable_levels(gmwm.wavelet_variance(white(n)))) == scales)
+
+
+@cache
+def white(samples):
+    return signal(WHITE, int(samples), 0)
+
+
+def recognised(text, scales, recordings):
+    """Share of recordings for which the selection recommends the true model."""
+    samples, truth = int(samples_for(scales)), gmwm.Model.parse(text)
+    curves = (gmwm.wavelet_variance(signal(text, samples, seed)) for seed in range(recordings))
+    return np.mean([gmwm.select(WITHIN, curve).recommended.model.structure == truth.structure for curve in curves])
+
+
+@pytest.mark.slow
+def test_the_least_number_of_scales_is_that_at_which_white_noise_is_recognised():
+    assert recognised(WHITE, LEAST_SCALES - 1, 60) < 0.95 <= recognised(WHITE, LEAST_SCALES, 60)
+
+
+@pytest.mark.slow
+def test_two_terms_are_recognised_from_the_scales_that_a_usable_calibration_needs():
+    assert recognised(TWO, SCALES - 1, 60) < 0.6
+    assert recognised(TWO, SCALES, 60) > 0.8
+
+
+@pytest.mark.parametrize("samples", [9, 63])
+def test_a_recording_of_fewer_scales_is_refused(samples):
+    imu = gmwm.simulate({"gyro_x": WHITE}, rate=100.0, samples=samples, rng=1)
+    scales = int(np.sum(usable_levels(gmwm.wavelet_variance(imu["gyro_x"]))))
+    assert scales < LEAST_SCALES
+    with raises(DataError, "gyro_x", f"{samples} samples", LEAST_SCALES, argument="data", got=samples,
+                advises=["gmwm.fit"]):  # fmt: skip
+        gmwm.calibrate(imu)
+
+
+def test_the_limit_is_64_samples():
+    assert samples_for(LEAST_SCALES) == 64
+    imu = gmwm.simulate({"gyro_x": WHITE}, rate=100.0, samples=64, rng=1)
+    assert gmwm.calibrate(imu, "WN")["gyro_x"].model.structure == "WN"
+
+
+def test_a_short_axis_does_not_stop_the_others():
+    found = gmwm.calibrate({"gyro_x": white(4096), "gyro_y": white(32)}, "WN")
+    assert list(found) == ["gyro_x"]
+    with raises(DataError, "32 samples", argument="axis", got="gyro_y"):
+        found["gyro_y"]
+
+
+def test_a_model_can_be_fitted_to_a_short_curve():
+    curve = gmwm.wavelet_variance(white(16))
+    assert gmwm.fit("WN", curve).parameters["WN.sigma2"] > 0
