@@ -61,11 +61,13 @@ class AllanRegression(Summarised):
         for line in self.lines:
             if line.term == term:
                 return line
-        for remark in self.remarks:
-            if remark.subject == term:
-                raise OptionError(
-                    remark.text().rstrip("."), argument="term", got=term, advice="Fit a model with `gmwm.fit`."
-                )
+        if any(remark.subject == term for remark in self.remarks):
+            raise OptionError(
+                argument="term",
+                expected=f"one of the terms found ({', '.join(self.coefficients) or 'none'})",
+                got=term,
+                advice="`remarks` has the reason why a term is not found.",
+            )
         raise OptionError(argument="term", expected=f"one of {', '.join(LAWS)}", got=term)
 
     def to_dict(self) -> dict[str, Any]:
