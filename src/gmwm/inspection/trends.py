@@ -17,7 +17,7 @@ from gmwm.inspection.wander import Likelihood, Profile
 Kind = Literal["exponential", "linear", "quadratic"]
 
 _FEWEST = 48
-"""Fewest blocks: with fewer, a walk and a trend cannot be distinguished (docs/validation/trends.md)."""
+"""Fewest blocks that are tested; tests/test_inspection_trends.py has the false alarms at 70 and 256 blocks."""
 _TIMES = 18
 """Number of time constants on the first grid; a second grid refines the best one."""
 _FIRST_STEP = 3
@@ -53,7 +53,7 @@ class Trend:
     until : float or None
         Time (s) after which the rest of an exponential is smaller than one standard error of the noise.
     walk, walk_limit : float
-        Random walk of the axis beside the trend, and its 95 % upper limit, in the unit of the axis per √s.
+        Random walk of the axis beside the trend, and its approximate 95 % upper limit, in the unit of the axis per √s.
     walk_with_trend : float
         Random walk if the trend is taken for noise, with white noise only.
     """
