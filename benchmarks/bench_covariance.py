@@ -40,7 +40,7 @@ def cases() -> Iterable[Case]:
     yield Case("the same, robust", run, "np.cumsum of 10^6", cumsum, 15, 15.0)
     model = gmwm.Model.parse(RESONANCE)
     run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0)
-    yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, 20.0)
+    yield Case(f"covariance of {model.structure}", run, "np.cumsum of 10^6", cumsum, 15, 6.0)
     model = gmwm.Model.parse(LASTING)
     run = partial(gmwm.covariance.wavelet_covariance, model, 10**6, 100.0)
     yield Case(f"covariance of {model.structure} that lasts long", run, "np.cumsum of 10^6", cumsum, 1)

@@ -1,8 +1,9 @@
-"""Fitting 3·GM + WN + QN + RW, from a wavelet variance and from data, against `numpy.cumsum` of 10^6 numbers."""
+"""Fitting 3·GM + WN + QN + RW and models with a resonance, against `numpy.cumsum` of 10^6 numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -14,6 +15,10 @@ RATE = 100.0
 TRUTH = gmwm.Model.parse(
     "GM(beta=10.0, sigma2=2e-7) + GM(beta=0.5, sigma2=3e-8) + GM(beta=0.02, sigma2=3e-8) + WN(sigma2=1e-6)"
     " + QN(q2=2e-6) + RW(gamma2=1e-13)"
+)
+RESONANT = (
+    "AR(2, phi1=1.2, phi2=-0.5, sigma2=1e-6) + GM(beta=0.5, sigma2=2e-6) + GM(beta=0.01, sigma2=1e-6)"
+    " + RW(gamma2=1e-13)"
 )
 
 
@@ -30,6 +35,18 @@ def cases() -> Iterable[Case]:
         ("from 10^6 samples to a certified fit", 30.0, partial(gmwm.fit, model, x, RATE)),
     ):
         yield Case(name, run, "np.cumsum of 10^6", cumsum, 31, target)
+    resonant = gmwm.Model.parse(RESONANT)
+    curve = gmwm.wavelet_variance(resonant.simulate(10**6, RATE, np.random.default_rng(2)), RATE)
+    for text, target in (("AR(2) + 2*GM + RW", 45.0), ("ARMA(2,1) + 2*GM + RW", 90.0)):
+        yield Case(f"fit of {text}", partial(gmwm.fit, text, curve), "np.cumsum of 10^6", cumsum, 11, target)
+    found = gmwm.fit("AR(2) + 2*GM + RW", curve)
+    run = partial(_goodness_of_fit, found)
+    yield Case("goodness of fit of AR(2) + 2*GM + RW", run, "np.cumsum of 10^6", cumsum, 11, 30.0)
     given = (wv.upper - wv.lower) ** -2.0
     run = partial(gmwm.fit, model, wv, weighting=given)
     yield Case("fit with weights given, certified", run, "np.cumsum of 10^6", cumsum, 31)
+
+
+def _goodness_of_fit(fit: gmwm.Fit) -> None:
+    # A fit keeps its test; this is a copy without it.
+    replace(fit).goodness_of_fit()

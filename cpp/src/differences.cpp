@@ -61,6 +61,7 @@ struct Decay {
   double h, hk, decay;
   double gain, epsilon, epsilon_coarse, cosh_part, sinh_part, excess, sinh_decay, at_end;
   bool by_series;
+  double powers[block];  // exp(-λ i) - 1: lags one sample apart need one exponential together
 
   Decay(double fine, double coarse, double rate) : h(fine), hk(coarse), decay(rate) {
     const double half = std::sinh(0.5 * rate), a = rate * fine;
@@ -73,11 +74,13 @@ struct Decay {
     cosh_part = sinh_part = 0;
     if (by_series) short_series(a, cosh_part, sinh_part);
     at_end = std::exp(-a);
+    for (std::size_t i = 0; i < block; ++i) powers[i] = std::expm1(-rate * static_cast<double>(i));
   }
 
-  GMWM_INLINE double outside(double d) const {
-    return -0.5 * epsilon * epsilon * expm1_below(decay * std::min(d, 0.0));
-  }
+  GMWM_INLINE double outside(double d) const { return outside_of(expm1_below(decay * std::min(d, 0.0))); }
+
+  // Of exp(λ d) - 1.
+  GMWM_INLINE double outside_of(double part) const { return -0.5 * epsilon * epsilon * part; }
 
   // a <= 1.
   GMWM_INLINE double inside_series(double d) const {
@@ -90,8 +93,12 @@ struct Decay {
   // a > 1: nothing cancels in exp(-x) - exp(-a) cosh x.
   GMWM_INLINE double inside_direct(double d) const {
     d = std::max(d, 0.0);
-    const double near = expm1_below(-decay * (h - d)) + 1;
-    return near * (1 - 0.5 * at_end) - at_end - 0.5 * expm1_below(-decay * d) + 0.5 * at_end * at_end - d * sinh_decay;
+    return inside_of(expm1_below(-decay * (h - d)), expm1_below(-decay * d), d);
+  }
+
+  // Of exp(-λ (h - d)) - 1 and exp(-λ d) - 1.
+  GMWM_INLINE double inside_of(double to_middle, double to_end, double d) const {
+    return (to_middle + 1) * (1 - 0.5 * at_end) - at_end - 0.5 * to_end + 0.5 * at_end * at_end - d * sinh_decay;
   }
 
   // Where the filters do not overlap any more, the covariance decays exponentially with the distance of the two blocks.
@@ -117,8 +124,37 @@ GMWM_INLINE void depths(const double* u, double h, double offset, Depths& to) {
   }
 }
 
+// exp(-λ (x + i)) - 1, or from the last back to the first if `back`: sums and products of negative numbers.
+GMWM_INLINE void successive(const Decay& at, double x, bool back, double* out) {
+  const double first = expm1_below(-at.decay * x);
+  for (std::size_t i = 0; i < block; ++i) {
+    const double step = at.powers[back ? block - 1 - i : i];
+    out[i] = first + step + first * step;
+  }
+}
+
+// The same for lags one sample apart with d rising or falling all the way.
+GMWM_INLINE void add_successive(const Decay& at, const Depths& depth, double weight, double* out) {
+  const bool rising = depth.d[1] > depth.d[0];
+  double end[block], middle[block];
+  if (depth.most <= 0) {
+    successive(at, -depth.most, rising, end);
+    for (std::size_t i = 0; i < block; ++i) out[i] += weight * at.outside_of(end[i]);
+    return;
+  }
+  successive(at, depth.least, !rising, end);
+  successive(at, at.h - depth.most, rising, middle);
+  for (std::size_t i = 0; i < block; ++i) out[i] += weight * at.inside_of(middle[i], end[i], depth.d[i]);
+}
+
 // Adds weight · D to a block.
-GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double weight, double* out) {
+GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double weight, bool unit, double* out) {
+  // d turns in the middle of the filter.
+  const bool monotone = unit && std::abs(depth.d[block - 1] - depth.d[0]) == block - 1;
+  if (monotone && (depth.most <= 0 || (depth.least > 0 && !at.by_series))) {
+    add_successive(at, depth, weight, out);
+    return;
+  }
   if (depth.most <= 0) {
     for (std::size_t i = 0; i < block; ++i) out[i] += weight * at.outside(depth.d[i]);
     return;
@@ -143,10 +179,12 @@ GMWM_CLONES void exponential_block(const Decay& at, const double* u, double* out
   std::size_t count = 0;
   for (std::size_t i = 0; i < block; ++i) count += u[i] >= 2 * at.hk || u[i] <= -2 * at.h;
   if (count < block) {
+    bool unit = true;
+    for (std::size_t i = 1; i < block; ++i) unit = unit && u[i] == u[i - 1] + 1;
     Depths depth;
     for (int b = 0; b < 3; ++b) {
       depths(u, at.h, b * at.hk, depth);
-      add_difference(at, depth, b == 1 ? -2 : 1, value);
+      add_difference(at, depth, b == 1 ? -2 : 1, unit, value);
     }
     if (count == 0) {
       for (std::size_t i = 0; i < block; ++i) out[i] = at.gain * value[i];

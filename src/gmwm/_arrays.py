@@ -158,10 +158,10 @@ def as_levels(levels: int | ArrayLike) -> NDArray[np.int64]:
     array = np.asarray(levels)
     if array.dtype.kind not in "iu":
         raise OptionError(argument="levels", expected=expected, got=levels)
-    result = np.arange(1, int(array) + 1) if array.ndim == 0 else array.astype(np.int64)
-    if result.ndim != 1 or result.size == 0 or result[0] < 1 or result[-1] > 62 or np.any(np.diff(result) <= 0):
+    result = np.arange(1, int(array) + 1, dtype=np.int64) if array.ndim == 0 else array.astype(np.int64)
+    if result.ndim != 1 or result.size == 0 or result[0] < 1 or result[-1] > 62 or (result[1:] <= result[:-1]).any():
         raise OptionError(argument="levels", expected=expected, got=levels)
-    return result.astype(np.int64)
+    return result
 
 
 def freeze(array: NDArray[Any]) -> NDArray[Any]:

@@ -9,6 +9,10 @@ import gmwm
 from gmwm import AR, AR1, ARMA, GM, MA, RW, WN, fixed
 from gmwm.errors import FitWarning
 from gmwm.estimation import Sampled
+from gmwm.estimation.problem import pose
+from gmwm.estimation.solver import KEPT, solve
+from gmwm.estimation.starts import scanned_points, scans_alone
+from gmwm.estimation.variable_projection import Surface
 from tests.helpers import codes, only, raises
 
 pytestmark = pytest.mark.filterwarnings("ignore::gmwm.errors.FitWarning")
@@ -60,6 +64,20 @@ def test_a_larger_order_never_fits_worse():
     chain = [AR(1), AR(2), AR(3), ARMA(3, 1), ARMA(3, 2)]
     values = [gmwm.fit(model, wv, weighting=omega).objective for model in chain]
     assert all(larger <= smaller * (1 + 1e-9) for smaller, larger in pairwise(values))
+
+
+@pytest.mark.parametrize("model", ["AR(2) + 2*GM + RW", "ARMA(2,1) + GM + RW", "MA(2) + GM + RW", "AR(2) + MA(1) + GM"])
+@pytest.mark.parametrize("seed", range(2))
+def test_descents_that_are_not_followed_lead_nowhere(model, seed):
+    rng = np.random.default_rng(seed)
+    r, w = rng.uniform(0.5, 0.97), rng.uniform(0.05, 2.8)
+    truth = AR(phi=[2 * r * np.cos(w), -(r**2)], sigma2=1.0) + GM(10 ** rng.uniform(-3, 0), 10.0) + RW(1e-5)
+    wv = gmwm.wavelet_variance(truth.simulate(2**14, 1.0, rng), 1.0)
+    problem = pose(gmwm.Model.parse(model), wv, np.diag(wv.degrees_of_freedom / wv.variance**2))
+    surface = Surface(problem)
+    points, _ = scanned_points(problem, surface, scans_alone(problem, surface), KEPT)
+    every = [surface.downhill(point).objective for _, point in points]
+    assert solve(problem, certify=False).objective <= min(every) * problem.unit**2 * (1 + 1e-6)
 
 
 def test_the_order_of_terms_changes_nothing():

@@ -22,6 +22,11 @@ from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
+KEPT = 512
+"""Memory (samples) up to which nodes are kept for the next call; they take at most 80 MB a time."""
+SHARED = 500_000
+"""Number of nodes up to which covariances of fixed shapes are kept with them, at 8 bytes a node and shape."""
+
 
 def knows(model: Model, design: Design) -> bool:
     """Whether this module can compute the covariance: the Haar MODWT, and a closed form for every process."""
@@ -151,24 +156,28 @@ def _lags(
     # Steps of several samples do not alternate: strides are even.
     decays = [(decay if stride == 1 else abs(decay) * stride) for process in present for decay in process.decays(rate)]
     sizes = [abs(decay) for decay in decays]
-    memory = max((process.memory(rate) or 0 for process in present), default=0)
-    # Powers of two enclose the decays, so that models with similar ones share a grid.
-    slowest, fastest = (2.0 ** rounded(math.log2(size)) if size > 0 else 0.0 for rounded, size in (
-        (math.floor, min(sizes, default=0.0)), (math.ceil, max(sizes, default=0.0))
-    ))  # fmt: skip
-    alternating = any(decay < 0 for decay in decays)
-    return _grid(
-        tuple(design.levels.tolist()), design.samples, (slowest, fastest), (alternating, diagonal), -(-memory // stride)
-    )
+    memory = -(-max((process.memory(rate) or 0 for process in present), default=0) // stride)
+    # Ends of the rates and a memory that are rounded outwards serve all iterations of a fit.
+    ends = (2.0 ** math.floor(math.log2(min(sizes))), 2.0 ** math.ceil(math.log2(max(sizes)))) if sizes else (0.0, 0.0)
+    unit = 1 << max(memory.bit_length() - 3, 0)
+    nodes = _nodes if memory <= KEPT else _nodes.__wrapped__
+    return nodes(
+        tuple(design.levels.tolist()), design.samples, ends, any(decay < 0 for decay in decays), diagonal,
+        -(-memory // unit) * unit,
+    )  # fmt: skip
 
 
-@lru_cache(maxsize=6)
-def _grid(
-    levels: tuple[int, ...], samples: int, ends: tuple[float, float], kind: tuple[bool, bool], memory: int
+@lru_cache(maxsize=4)
+def _nodes(
+    levels: tuple[int, ...],
+    samples: int,
+    rates: tuple[float, float],
+    alternating: bool,
+    diagonal: bool,
+    memory: int,
 ) -> tuple[LagGrid, Vector, NDArray[np.int64]]:
-    """The nodes for decays from the slowest to the fastest, alternating or not, of levels with themselves or all."""
     starts, fine, coarse, lag, weight, odd = _core.covariance_lags(
-        np.array(levels, dtype=np.int64), samples, *ends, *kind, memory
+        np.array(levels, dtype=np.int64), samples, *rates, alternating, diagonal, memory
     )
     return LagGrid(fine, coarse, lag, odd if odd.size else None), weight, starts
 
@@ -181,7 +190,7 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
     """2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
-        if not all(process.is_fixed(p.name) for p in process.nonlinear_parameters()):
+        if at.lag.size > SHARED or not all(process.is_fixed(p.name) for p in process.nonlinear_parameters()):
             total += process.coefficient_covariance(at, rate)
             continue
         # The shape is the same for every scale, and models that are compared share it.

@@ -45,6 +45,8 @@ HOPE = 12
 convergence by a factor of up to 0.94 per iteration still passes."""
 NEARLY = 3
 """Iterations after which the weights agree with the estimate to a few per cent, which is enough to compare models."""
+MIXED = 5
+"""Largest number of iterations that are combined for the next one."""
 RETURNS = 4
 """Number of times that the iteration is repeated if the global search finds another optimum."""
 
@@ -112,7 +114,7 @@ def settle(
         problem = pose(model, wv, weighting_matrix("diagonal", wv))
     else:
         problem = pose(model, wv, implied_weights(weighting, start, design, wv.variance))
-    solution = solve(problem, certify=False) if first is None else first(problem)
+    solution = solve(problem, certify=False, quick=True) if first is None else first(problem)
     implied = _implied(problem, solution, wv)
     ahead = _Ahead()
     for _ in range(RETURNS):
@@ -130,7 +132,9 @@ def settle(
             before, implied = implied, _implied(problem, solution, wv)
             change = _change(before, implied)
             history.append(change)
-            if change <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
+            # The steps shrink by at least the last ratio.
+            expected = change * min(1.0, change / history[-2]) if len(history) > 1 and history[-2] > 0 else change
+            if expected <= fixed or (len(history) > HOPE and change > history[-HOPE - 1] / 2):
                 break
         last = finish(problem, solution)
         moved = _change(implied, _implied(problem, last, wv))
@@ -148,7 +152,7 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
     """Fit with nearly converged weights, for comparing models; also returns V (J, J), from which they are made."""
     design = Design.of(wv)
     problem = pose(model, wv, weighting_matrix("diagonal", wv))
-    solution = solve(problem, certify=False)
+    solution = solve(problem, certify=False, quick=True)
     for _ in range(NEARLY):
         at = estimated(problem, solution, wv.slope).sorted(wv.rate)
         wavelet = drawn_covariance(at, design, wv.variance)
@@ -156,7 +160,7 @@ def nearly_settled(model: Model, wv: WaveletVariance, weighting: str) -> tuple[S
             raise _no_noise(model)
         problem = problem.under(precision(wavelet) if weighting == "optimal" else np.diag(1 / np.diag(wavelet)))
         solution = resume(problem, solution)
-    return Settled(problem, solve(problem, certify=False)), wavelet
+    return Settled(problem, solve(problem, certify=False, near=solution)), wavelet
 
 
 def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) -> Matrix:
@@ -166,37 +170,43 @@ def _weights_of_the_data(weighting: str, wv: WaveletVariance, design: Design) ->
 
 
 class _Ahead:
-    """Accelerate the fixed-point iteration: the next model is the last estimate, or the extrapolated limit.
+    """Accelerate the fixed-point iteration by Anderson mixing of the logarithms of the parameters.
 
-    The steps of the iteration shrink by about the same factor ρ. The remaining distance is ρ/(1 − ρ) times the last
-    step (Aitken's delta-squared process).
+    Each iteration maps a model x to the estimate g under the weights of x. The next model is the combination of the
+    last estimates whose residual g − x would be least if the map were linear (Anderson 1965, J. ACM 12, 547-560).
     """
 
     def __init__(self) -> None:
-        self.logs: list[dict[str, float]] = []
+        self.given: dict[str, float] = {}
+        self.pairs: list[tuple[Vector, Vector]] = []
 
     def of(self, problem: Problem, solution: Solution, wv: WaveletVariance) -> Model:
         model = estimated(problem, solution, wv.slope).sorted(wv.rate)
-        values = {
-            name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names
-        }
-        self.logs.append({name: math.log(value) for name, value in values.items() if 0 < value < math.inf})
-        if len(self.logs) < 3:
+        found = _logarithms(model)
+        if list(found) != list(self.given):
+            self.pairs = []
+        else:
+            self.pairs.append((np.array(list(self.given.values())), np.array(list(found.values()))))
+        self.given = found
+        if len(self.pairs) < 2:
             return model
-        names = list(self.logs[-1])
-        if any(list(logs) != names for logs in self.logs[-3:]):
-            return model
-        points = np.array([[logs[name] for name in names] for logs in self.logs[-3:]])
-        first, last = np.diff(points, axis=0)
-        if not abs(ratio := float(first @ last / max(first @ first, 1e-300))) < 0.95:
-            return model
-        self.logs.clear()
-        reach = np.clip(last * ratio / (1 - ratio), -0.7, 0.7)
-        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(names, reach, strict=True)}
+        inputs, outputs = (np.array(each) for each in zip(*self.pairs[-MIXED:], strict=True))
+        residuals = outputs - inputs
+        share, *_ = np.linalg.lstsq(np.diff(residuals, axis=0).T, residuals[-1], rcond=1e-6)
+        reach = np.clip(-share @ np.diff(outputs, axis=0), -0.7, 0.7)
+        moved = {name: (model.parameters[name] or 0.0) * math.exp(d) for name, d in zip(found, reach, strict=True)}
         try:
-            return model.with_values(moved)
+            there = model.with_values(moved)
         except ModelError:  # extrapolated coefficients of an AR process may not be stationary
             return model
+        self.given = _logarithms(there)
+        return there
+
+
+def _logarithms(model: Model) -> dict[str, float]:
+    """The logarithms of the sizes of the free parameters that are not zero, by label."""
+    values = {name: abs(value) for name, value in model.parameters.items() if value and name not in model.fixed_names}
+    return {name: math.log(value) for name, value in values.items() if 0 < value < math.inf}
 
 
 def implied_weights(weighting: str, model: Model, design: Design, observed: Vector | None = None) -> Matrix:

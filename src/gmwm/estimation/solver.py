@@ -28,7 +28,7 @@ from gmwm.estimation.starts import (
     scanned_points,
     scans_alone,
 )
-from gmwm.estimation.variable_projection import NOISE, Point, Projection, Surface
+from gmwm.estimation.variable_projection import NOISE, Curvature, Point, Projection, Surface
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model
 from gmwm.variance.result import WaveletVariance
@@ -36,6 +36,18 @@ from gmwm.variance.result import WaveletVariance
 RETURNS = 3
 """Number of alternating searches of the curved processes with the free ones held, and of the free ones; pinned by
 tests/estimation/test_arma_fits.py (two lines are both found)."""
+
+KEPT = 10
+"""Number of points of a scan from which a descent starts."""
+KEPT_QUICK = 3
+"""The same if the weights will change."""
+SCOUTED = 10
+"""Steps of each descent before only the lowest are followed. Pinned by tests/estimation/test_arma_fits.py: descents
+followed to the end from every point reach no smaller objective."""
+FOLLOWED = 3
+"""Number of descents that are followed to the end."""
+TOGETHER = 0.03
+"""Difference of every coordinate up to which two descents count as one."""
 
 
 @dataclass(frozen=True)
@@ -51,16 +63,20 @@ class Solution:
     nodes: int
     start: Start
     point: Point | None = None
+    curvature: Curvature | None = None
+    origin: Point | None = None
+    """The point from which the descent to `point` started."""
 
 
-def solve(problem: Problem, *, certify: bool) -> Solution:
+def solve(problem: Problem, *, certify: bool, quick: bool = False, near: Solution | None = None) -> Solution:
     """Find the optimum of a problem from deterministic starting points.
 
     It is the global optimum, with its certificate if `certify`, unless a process has several shape parameters. It is
-    then the best of the local optima that a scan leads to.
+    then the best of the local optima that a scan leads to, and of the one next to the solution `near`. If `quick`, only
+    the best points of the scan are used: enough for weights that will change.
     """
     if problem.free:
-        return _scanned(problem)
+        return _scanned(problem, quick=quick, near=near)
     square = problem.unit**2
     if problem.curved_class is None:
         weights, objective = _core.nonnegative_least_squares(problem.target, problem.fixed)
@@ -80,8 +96,8 @@ def solve(problem: Problem, *, certify: bool) -> Solution:
     search = Search(problem, problem.curved_class)
     candidates, bound, relaxed, nodes = search.branch_and_bound(certify=certify)
     least = candidates[0][0]
-    near = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
-    best = search.settled(min((search.polished(search.located(p)) for p in near), key=lambda found: found.objective))
+    lowest = [positions for value, positions in candidates if value <= (1 + TABLE_ERROR) * least]
+    best = search.settled(min((search.polished(search.located(p)) for p in lowest), key=lambda found: found.objective))
     return Solution(
         objective=best.objective * square,
         lower_bound=min(bound, best.objective) * square if certify else None,
@@ -103,12 +119,9 @@ def solve_near(problem: Problem) -> Solution:
     found = None if point is None else surface.downhill(point)
     if point is None or found is None:
         return solve(problem, certify=False)
-    return _solution(
-        problem,
-        surface,
-        surface.sharpened(found),
-        Start(how="given", tried=1, objective=_value(surface.at(point), problem)),
-    )
+    start = Start(how="given", tried=1, objective=_value(surface.at(point), problem))
+    best, curvature = surface.sharpened(found)
+    return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
 def resume(problem: Problem, solution: Solution, *, ends: bool = False) -> Solution:
@@ -140,7 +153,8 @@ def solve_sampled(problem: Problem, wv: WaveletVariance, sampled: Sampled, sprea
             advice="Increase the number of draws.",
         )
     start = Start(how="sampled", tried=sampled.draws, objective=_value(before, problem))
-    return _solution(problem, surface, surface.sharpened(found), start)
+    best, curvature = surface.sharpened(found)
+    return replace(_solution(problem, surface, best, start), curvature=curvature)
 
 
 def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
@@ -150,7 +164,7 @@ def final(problem: Problem, solution: Solution, *, certify: bool) -> Solution:
     objective that the deterministic search reaches under the same weights.
     """
     if solution.start.how != "sampled":
-        return solve(problem, certify=certify)
+        return solve(problem, certify=certify, near=solution)
     followed = resume(problem, solution, ends=True)
     if not certify:
         return followed
@@ -167,36 +181,66 @@ def _value(found: Projection | None, problem: Problem) -> float:
     return float(found.objective * problem.unit**2)
 
 
-def _scanned(problem: Problem) -> Solution:
+def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solution:
     """The best of the local optima that descents from the points of a scan reach."""
     surface = Surface(problem)
     alone = scans_alone(problem, surface)
-    points, tried = scanned_points(problem, surface, alone)
-    best: Projection | None = None
-    start = Start(how="scan", tried=tried, objective=np.inf)
-    for how, point in points:
-        before, found = surface.at(point), surface.downhill(point)
-        if before is None or found is None:
-            continue
-        if best is None or not problem.as_low(best.objective, found.objective, NOISE):
-            best, start = found, Start(how=how, tried=tried, objective=_value(before, problem))
-    if best is None:
+    points, tried = scanned_points(problem, surface, alone, KEPT_QUICK if quick else KEPT)
+    known = None if near is None or near.point is None else surface.downhill(near.point)
+    found = _lowest(problem, surface, [point for _, point in points], 1 if quick else FOLLOWED, known)
+    if found is None:
         raise ModelError(
             f"no starting values were found for {problem.model}", advice="Write starting values into the model."
         )
-    if alone is not None:
+    place, best = found
+    how, origin = points[place or 0]
+    if place is None and near is not None and near.origin is not None:
+        how, origin = near.start.how, near.origin
+    start = Start(how=how, tried=tried, objective=_value(surface.at(origin), problem))
+    if alone is not None and not quick:
         best = _rearranged(problem, surface, alone, best)
-    return _solution(problem, surface, surface.sharpened(_elsewhere(problem, surface, best)), start)
+    best, curvature = surface.sharpened(_elsewhere(problem, surface, best))
+    return replace(_solution(problem, surface, best, start), curvature=curvature, origin=origin)
+
+
+def _lowest(
+    problem: Problem, surface: Surface, points: list[Point], count: int = FOLLOWED, known: Projection | None = None
+) -> tuple[int | None, Projection] | None:
+    """The lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
+
+    A few steps from each point show which `count` descents are worth following to the end.
+    """
+    scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, SCOUTED)) is not None]
+    reached: list[Projection] = [] if known is None else [known]
+    best: tuple[int | None, Projection] | None = None if known is None else (None, known)
+    for k, scout in sorted(scouts, key=lambda scout: scout[1].objective):
+        if count == 0:
+            break
+        if any(_together(scout.point, other.point) for other in reached):
+            continue
+        found = surface.downhill(scout)
+        if found is None:
+            continue
+        count -= 1
+        reached += [scout, found]
+        if best is None or not problem.as_low(best[1].objective, found.objective, NOISE):
+            best = k, found
+    return best
+
+
+def _together(one: Point, other: Point) -> bool:
+    """Whether two points are so close that descents from them reach the same optimum."""
+    return one.branches == other.branches and bool(np.all(np.abs(one.x - other.x) < TOGETHER))
 
 
 def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Projection) -> Projection:
     """The optimum after moving one free process at a time to the best places of its own scan."""
     for _ in range(RETURNS):
-        found = [surface.downhill(point) for point in moved_points(problem, surface, alone, best.point)]
-        better = min((f for f in found if f is not None), key=lambda f: f.objective, default=best)
-        if problem.as_low(best.objective, better.objective, NOISE):
+        moved = list(moved_points(problem, surface, alone, best.point))
+        found = _lowest(problem, surface, moved, FOLLOWED, best)
+        if found is None or problem.as_low(best.objective, found[1].objective, NOISE):
             break
-        best = better
+        best = found[1]
     return best
 
 
@@ -219,12 +263,13 @@ def _resumed(problem: Problem, solution: Solution, *, ends: bool) -> Solution:
     surface = Surface(problem)
     assert solution.point is not None
     here = surface.at(solution.point)
-    found = None if here is None else surface.sharpened(here)
+    found, curvature = (None, None) if here is None else surface.sharpened(here, solution.curvature)
     if found is None or not _at_rest(surface, found):
         found = surface.downhill(solution.point)
         assert found is not None  # the point was a process under the weights before, too
-        found = surface.sharpened(found)
-    return _solution(problem, surface, found, solution.start, ends=ends)
+        found, curvature = surface.sharpened(found)
+    there = _solution(problem, surface, found, solution.start, ends=ends)
+    return replace(there, curvature=curvature, origin=solution.origin)
 
 
 def _at_rest(surface: Surface, found: Projection) -> bool:

@@ -37,8 +37,6 @@ ALIKE = 0.9999
 """Inner product of two unit vectors above which their points count as one."""
 LEFT_FOR = 4
 """Number of places to which each process is moved after the first descent."""
-KEPT = 10
-"""Number of points of a scan from which a descent starts."""
 LOOKED_AT = 256
 """Number of the best points of a scan from which the `KEPT` points are chosen, no two of them close to each other."""
 DICTIONARY = 48
@@ -135,7 +133,7 @@ class Start:
 
 
 def scanned_points(
-    problem: Problem, surface: Surface, alone: list[Alone] | None
+    problem: Problem, surface: Surface, alone: list[Alone] | None, kept: int
 ) -> tuple[list[tuple[How, Point]], int]:
     """Points from which to descend, the best first, and the number of points evaluated.
 
@@ -151,7 +149,7 @@ def scanned_points(
     for free in surface.frees:
         columns.append(_over_its_scan(free, share[:, at : at + free.size], problem))
         at += free.size
-    chosen = _best(problem, surface, columns, share)
+    chosen = _best(problem, surface, columns, share, kept)
     points: list[tuple[How, Point]] = []
     if (given := given_point(problem, surface)) is not None:
         points.append(("given", given))
@@ -242,8 +240,8 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
             yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
 
 
-def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix) -> list[int]:
-    """Indices of the points with the smallest objectives, no two of them close to each other."""
+def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix, kept: int) -> list[int]:
+    """Indices of the `kept` points with the smallest objectives, no two of them close to each other."""
     base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
     for free, values in zip(surface.frees, columns, strict=True):
         possible &= free.possible(values)
@@ -261,7 +259,7 @@ def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matr
     near = 1.5 * len(share) ** (-1.0 / max(share.shape[1], 1))
     chosen: list[int] = []
     for k in np.argsort(objectives, kind="stable")[:LOOKED_AT].tolist():
-        if not np.isfinite(objectives[k]) or len(chosen) == KEPT:
+        if not np.isfinite(objectives[k]) or len(chosen) == kept:
             break
         if all(np.abs(share[k] - share[other]).max() > near for other in chosen):
             chosen.append(k)

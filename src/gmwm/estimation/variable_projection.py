@@ -26,7 +26,11 @@ STEPS = 100
 """Largest number of Levenberg-Marquardt steps."""
 ALIKE = 1e-9
 """These steps end when one lowers the objective by less (relative); Newton steps then converge faster."""
-NEWTON_STEPS = 6
+NEWTON_STEPS = 15
+HESSIANS = 6
+"""Largest number of times that Newton steps compute the second derivatives."""
+SLOW = 0.1
+"""They are computed again if a step is longer than this share of the one before."""
 SHARP = 1e-11
 """Newton steps end when they move every coordinate by less."""
 NEAR = 0.3
@@ -71,10 +75,10 @@ class Coordinates:
             values[:, k] = parameter.at_coordinate(z[:, column])
         return values
 
-    def slopes(self, z: Vector) -> Matrix:
-        """∂ values/∂ z (q, d) at one point, by complex steps."""
-        moved = z + 1j * _COMPLEX * np.eye(z.size)
-        return np.asarray(np.imag(self.values(moved)).T / _COMPLEX)
+    def with_slopes(self, z: Vector) -> tuple[Matrix, Matrix]:
+        """Values (1, q) at one point, and ∂ values/∂ z (q, d), by complex steps."""
+        moved = self.values(z + 1j * _COMPLEX * np.eye(z.size))
+        return np.ascontiguousarray(moved[:1].real), np.asarray(moved.imag.T / _COMPLEX)
 
     def of(self, values: Matrix) -> Matrix:
         """Coordinates (n, d) of nonlinear parameters (n, q), without the held ones."""
@@ -130,6 +134,14 @@ class Projection:
     residual: Vector
 
 
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """Second derivatives of the objective, in the unit of the data, by the coordinates that can move."""
+
+    able: NDArray[np.bool_]
+    hessian: Matrix
+
+
 class Surface:
     """The objective of one problem as a function of all coordinates."""
 
@@ -149,10 +161,10 @@ class Surface:
     def at(self, point: Point) -> Projection | None:
         """The optimal weights at a point; None if a process is not valid there."""
         u, z = self.split(point)
-        for free, part in zip(self.frees, z, strict=True):
-            if not free.possible(free.values(part.reshape(1, -1)))[0]:
-                return None
-        rows = self.free_shapes(z)
+        values = [free.values(part.reshape(1, -1)) for free, part in zip(self.frees, z, strict=True)]
+        if not all(free.possible(row)[0] for free, row in zip(self.frees, values, strict=True)):
+            return None
+        rows = self._free_shapes(values)
         if point.branches:
             rows = np.concatenate([self._curved(point.branches, u), rows])
         rows = rows @ self.problem.root.T
@@ -174,10 +186,13 @@ class Surface:
 
     def free_shapes(self, z: list[Vector]) -> Matrix:
         """Wavelet variances (n, J) of the free processes at unit scale."""
+        return self._free_shapes([f.values(part.reshape(1, -1)) for f, part in zip(self.frees, z, strict=True)])
+
+    def _free_shapes(self, values: list[Matrix]) -> Matrix:
         problem = self.problem
         rows = [
-            free.kind.shape(free.values(part.reshape(1, -1)), problem.levels, problem.rate, problem.filter)
-            for free, part in zip(self.frees, z, strict=True)
+            free.kind.shape(row, problem.levels, problem.rate, problem.filter)
+            for free, row in zip(self.frees, values, strict=True)
         ]
         return np.concatenate([np.empty((0, problem.levels.size)), *rows])
 
@@ -214,9 +229,9 @@ class Surface:
             )
         owner = list(range(len(branches)))
         for place, (free, part) in enumerate(zip(self.frees, z, strict=True)):
-            values = free.values(part.reshape(1, -1))
+            values, by_z = free.with_slopes(part)
             jacobian = free.kind.shape_jacobian(values, problem.levels, problem.rate, problem.filter)[0]
-            rows.append((jacobian @ free.slopes(part)).T)
+            rows.append((jacobian @ by_z).T)
             owner += [len(branches) + place] * free.size
         lengths = found.lengths[owner]
         share = found.weights[first:][owner] / np.where(lengths > 0, lengths, 1.0)
@@ -242,13 +257,13 @@ class Surface:
 
     # --- downhill ---------------------------------------------------------------------------------------
 
-    def downhill(self, start: Point) -> Projection | None:
+    def downhill(self, start: Point | Projection, steps: int = STEPS) -> Projection | None:
         """The local optimum that Levenberg-Marquardt steps reach from a point, to some digits."""
-        best = self.at(start)
+        best = start if isinstance(start, Projection) else self.at(start)
         if best is None:
             return None
         damping = 1e-3
-        for _ in range(STEPS):
+        for _ in range(steps):
             better = None
             slopes = self.slopes(best)
             gradient = -slopes @ best.residual
@@ -281,29 +296,42 @@ class Surface:
         basis, _ = np.linalg.qr(rows.T)
         return np.asarray(slopes - (slopes @ basis) @ basis.T)
 
-    def sharpened(self, best: Projection, steps: int = NEWTON_STEPS) -> Projection:
-        """The optimum after Newton's method, if its objective is not larger."""
-        for _ in range(steps):
+    def sharpened(self, best: Projection, known: Curvature | None = None) -> tuple[Projection, Curvature | None]:
+        """The optimum after Newton's method, if its objective is not larger, and the last second derivatives.
+
+        Steps use the same second derivatives until they become slow. `known` are those of a problem with nearly the
+        same weights.
+        """
+        square, before, computed = self.problem.unit**2, np.inf, 0
+        for _ in range(NEWTON_STEPS):
             gradient = -self.slopes(best) @ best.residual
             able = self.moving(best, gradient)
             ends = np.array(
                 [b.low < u < b.high for b, u in zip(best.point.branches, best.point.x, strict=False)], dtype=np.bool_
             )
             able[: ends.size] &= ends
-            hessian = self._hessian(best, able)
-            if hessian is None:
-                break
+            if known is None or not np.array_equal(known.able, able):
+                if computed == HESSIANS or (hessian := self._hessian(best, able)) is None:
+                    break
+                known, computed, fresh = Curvature(able, square * hessian), computed + 1, True
+            else:
+                fresh = False
             step = np.zeros(best.point.x.size)
-            step[able] = _solved(hessian, -gradient[able])
-            if not np.all(np.abs(step) < NEAR):
-                break
-            there = self.at(self.moved(best.point, step))
+            step[able] = _solved(known.hessian / square, -gradient[able])
+            size = float(np.abs(step).max(initial=0.0))
+            there = self.at(self.moved(best.point, step)) if size < NEAR else None
             if there is None or not self.problem.as_low(there.objective, best.objective, NOISE):
-                break
+                if fresh:
+                    break
+                known = None
+                continue
             best = there
-            if np.all(np.abs(step) < SHARP):
+            if size < SHARP:
                 break
-        return best
+            if size > SLOW * before:
+                known = None
+            before = size
+        return best, known
 
     def _hessian(self, best: Projection, able: NDArray[np.bool_]) -> Matrix | None:
         """Hessian in the coordinates that can move, by differences; None if it is not positive definite."""
