@@ -41,9 +41,9 @@ KEPT = 10
 """Number of points of a scan from which a descent starts."""
 KEPT_QUICK = 3
 """The same if the weights will change."""
-SCOUTED = 10
-"""Steps of each descent before only the lowest are followed. Pinned by tests/estimation/test_arma_fits.py: descents
-followed to the end from every point reach no smaller objective."""
+SCOUTED = 5
+"""Steps of each descent before half of them are followed for as many steps again. Pinned by
+tests/estimation/test_arma_fits.py: descents followed to the end from every point reach no smaller objective."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
 TOGETHER = 0.03
@@ -208,9 +208,13 @@ def _lowest(
 ) -> tuple[int | None, Projection] | None:
     """The lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
 
-    A few steps from each point show which `count` descents are worth following to the end.
+    A few steps from each point show which half of the descents is worth a few more, and these which `count` of them are
+    worth following to the end.
     """
     scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, SCOUTED)) is not None]
+    scouts.sort(key=lambda scout: scout[1].objective)
+    halved = scouts[: max((len(scouts) + 1) // 2, count)]
+    scouts = [(k, found) for k, scout in halved if (found := surface.downhill(scout, SCOUTED)) is not None]
     reached: list[Projection] = [] if known is None else [known]
     best: tuple[int | None, Projection] | None = None if known is None else (None, known)
     for k, scout in sorted(scouts, key=lambda scout: scout[1].objective):

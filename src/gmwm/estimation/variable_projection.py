@@ -8,7 +8,7 @@ Levenberg-Marquardt steps lead to a minimum, and Newton steps give all digits.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -149,14 +149,14 @@ class Surface:
         self.problem = problem
         self.fixed = problem.fixed
         self.frees = [Coordinates(problem.model.processes[place]) for place in problem.free]
+        self.spans = list(pairwise(accumulate((free.size for free in self.frees), initial=0)))
         ends = [free.ends(problem.samples, problem.rate) for free in self.frees]
         self.ends = np.concatenate([np.empty((0, 2)), *ends])
 
     def split(self, point: Point) -> tuple[Vector, list[Vector]]:
         """Search coordinates of the curved processes, and the coordinates of each free one."""
         count = len(point.branches)
-        ends = count + np.cumsum([0, *(free.size for free in self.frees)])
-        return point.x[:count], [point.x[a:b] for a, b in pairwise(ends.tolist())]
+        return point.x[:count], [point.x[count + a : count + b] for a, b in self.spans]
 
     def at(self, point: Point) -> Projection | None:
         """The optimal weights at a point; None if a process is not valid there."""

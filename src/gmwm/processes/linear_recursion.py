@@ -9,7 +9,7 @@ unit circle with a relative error of 1e-16/δ.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -55,6 +55,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     scale_of = Parameter("sigma2", "σ²", "innovation variance", signal_power=2, scale_power=1)
 
     @classmethod
+    @cache
     def full_orders(cls) -> tuple[int, int, int, int, int]:
         """Return p, q, P, Q and the period s, which is 1 for a class without a period."""
         by_name = dict(zip((p.name for p in cls.polynomials), cls.orders, strict=False))
@@ -133,6 +134,7 @@ class Lagged(Ordered, abstract=True, listed=False):
     # --- coordinates ----------------------------------------------------------------------------------
 
     @classmethod
+    @cache
     def _factors(cls) -> list[tuple[Coefficients, slice]]:
         """Return the polynomials and the slices of their coefficients in the nonlinear parameters."""
         ends = np.cumsum([0, *cls.orders[: len(cls.polynomials)]]).tolist()
