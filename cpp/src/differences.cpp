@@ -61,7 +61,7 @@ struct Decay {
   double h, hk, decay;
   double gain, epsilon, epsilon_coarse, cosh_part, sinh_part, excess, sinh_decay, at_end;
   bool by_series;
-  double powers[block];  // exp(-λ i) - 1: lags one sample apart need one exponential together
+  double powers[block];  // exp(-λ i) - 1, so that a block of successive lags needs one exponential
 
   Decay(double fine, double coarse, double rate) : h(fine), hk(coarse), decay(rate) {
     const double half = std::sinh(0.5 * rate), a = rate * fine;
@@ -124,7 +124,7 @@ GMWM_INLINE void depths(const double* u, double h, double offset, Depths& to) {
   }
 }
 
-// exp(-λ (x + i)) - 1, or from the last back to the first if `back`: sums and products of negative numbers.
+// exp(-λ (x + i)) - 1 for i = 0, 1, …, or in reverse order if `back`. No terms cancel: all are negative.
 GMWM_INLINE void successive(const Decay& at, double x, bool back, double* out) {
   const double first = expm1_below(-at.decay * x);
   for (std::size_t i = 0; i < block; ++i) {
@@ -133,7 +133,7 @@ GMWM_INLINE void successive(const Decay& at, double x, bool back, double* out) {
   }
 }
 
-// The same for lags one sample apart with d rising or falling all the way.
+// As `add_difference`, for lags one sample apart between which d only rises or only falls.
 GMWM_INLINE void add_successive(const Decay& at, const Depths& depth, double weight, double* out) {
   const bool rising = depth.d[1] > depth.d[0];
   double end[block], middle[block];
@@ -149,7 +149,7 @@ GMWM_INLINE void add_successive(const Decay& at, const Depths& depth, double wei
 
 // Adds weight · D to a block.
 GMWM_INLINE void add_difference(const Decay& at, const Depths& depth, double weight, bool unit, double* out) {
-  // d turns in the middle of the filter.
+  // d changes direction in the middle of the filter.
   const bool monotone = unit && std::abs(depth.d[block - 1] - depth.d[0]) == block - 1;
   if (monotone && (depth.most <= 0 || (depth.least > 0 && !at.by_series))) {
     add_successive(at, depth, weight, out);

@@ -1,9 +1,9 @@
 // The running sum of a process with autocovariances r(0) … r(L) has the covariance K(m) = -S |m| / 2 - T(|m|) up to a
-// constant, S = r(0) + 2 Σ r(k), T(m) = Σ_{k > m} (k - m) r(k), which is 0 from L on. Differenced over the finer filter,
-// D(m) = K(m) - 2 K(m + h) + K(m + 2h), it is that of white noise with the variance S, and a table.
+// constant, with S = r(0) + 2 Σ r(k) and T(m) = Σ_{k > m} (k - m) r(k), which is 0 for m >= L. The difference over the
+// finer filter, D(m) = K(m) - 2 K(m + h) + K(m + 2h), is that of white noise with the variance S plus a table.
 //
-// Where h <= L the terms of slow processes would cancel. There D comes from level to level without a difference:
-//   D(m) = -r(m + 1) where h = 1,  D(m) + 2 D(m + h) + D(m + 2h) where h is twice as large.
+// If h <= L, these terms nearly cancel for a slow process. D is then computed from the level below, without a difference:
+// D(m) = -r(m + 1) for h = 1, and D(m) + 2 D(m + h) + D(m + 2h) for twice the h.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -16,15 +16,15 @@ namespace gmwm {
 
 namespace {
 
-// D at the integers -2h - L … L, and 0 beyond.
+// D at the integers -2h - L … L; it is 0 at all others.
 struct Table {
   std::int64_t h = 0, memory = 0;
   std::vector<double> values;
 
-  Table(std::span<const double> r) : h(1), memory(static_cast<std::int64_t>(r.size()) - 1) {
+  explicit Table(std::span<const double> r) : h(1), memory(static_cast<std::int64_t>(r.size()) - 1) {
     values.resize(static_cast<std::size_t>(2 * memory + 3));
-    for (std::int64_t m = -2 - memory; m <= memory; ++m)
-      if (std::abs(m + 1) <= memory) values[static_cast<std::size_t>(m + 2 + memory)] = -r[static_cast<std::size_t>(std::abs(m + 1))];
+    for (std::int64_t k = -memory; k <= memory; ++k)
+      values[static_cast<std::size_t>(k + 1 + memory)] = -r[static_cast<std::size_t>(std::abs(k))];
   }
 
   void twice() {
@@ -54,7 +54,7 @@ void tabulated(const Table& table, const double* lag, std::size_t count, std::in
   }
 }
 
-// One pair of levels, with h > L: at most one of the nine terms of T is not 0, or several at the same kink.
+// One pair of levels, with h > L: only terms of T at the nearest kink differ from 0.
 void separate(std::span<const double> tails, double density, const double* lag, std::size_t count, double h, double hk,
               double* out) {
   const double memory = static_cast<double>(tails.size());
@@ -78,7 +78,7 @@ void separate(std::span<const double> tails, double density, const double* lag, 
 }  // namespace
 
 void short_memory_differences(const Nodes& nodes, std::span<const double> r, std::span<double> out) {
-  // T from its far end; the sums are those of sums, and nothing that is large cancels.
+  // T is the sum of the sums of r from the far end, without cancellation of large numbers.
   std::vector<double> tails(r.size());
   double slope = 0, value = 0;
   for (std::size_t m = r.size() - 1; m-- > 0;) {
@@ -87,17 +87,17 @@ void short_memory_differences(const Nodes& nodes, std::span<const double> r, std
     tails[m] = value;
   }
   const double density = r[0] + 2 * slope;
-  Table table(r);
   const std::size_t n = nodes.lag.size();
-  std::vector<Table> tables{table};
-  while (tables.back().h < table.memory) {
+  std::vector<Table> tables{Table(r)};
+  while (tables.back().h < tables.back().memory) {
     tables.push_back(tables.back());
     tables.back().twice();
   }
   for (std::size_t first = 0, end; first < n; first = end) {
     const double h = nodes.fine[first], hk = nodes.coarse[first];
     for (end = first + 1; end < n && nodes.fine[end] == h && nodes.coarse[end] == hk;) ++end;
-    const auto found = std::find_if(tables.begin(), tables.end(), [h](const Table& t) { return static_cast<double>(t.h) == h; });
+    const auto found =
+        std::find_if(tables.begin(), tables.end(), [h](const Table& t) { return static_cast<double>(t.h) == h; });
     if (found != tables.end())
       tabulated(*found, &nodes.lag[first], end - first, static_cast<std::int64_t>(hk), &out[first]);
     else

@@ -44,6 +44,8 @@ KEPT_QUICK = 3
 SCOUTED = 5
 """Steps of each descent before half of them are followed for as many steps again. Pinned by
 tests/estimation/test_arma_fits.py: descents followed to the end from every point reach no smaller objective."""
+SCOUTED_BESIDE = 10
+"""The same with several free processes: lines have many optima close to each other (test_two_lines_are_both_found)."""
 FOLLOWED = 3
 """Number of descents that are followed to the end."""
 TOGETHER = 0.03
@@ -187,7 +189,7 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
     alone = scans_alone(problem, surface)
     points, tried = scanned_points(problem, surface, alone, KEPT_QUICK if quick else KEPT)
     known = None if near is None or near.point is None else surface.downhill(near.point)
-    found = _lowest(problem, surface, [point for _, point in points], 1 if quick else FOLLOWED, known)
+    found = _lowest(problem, surface, [point for _, point in points], count=1 if quick else FOLLOWED, known=known)
     if found is None:
         raise ModelError(
             f"no starting values were found for {problem.model}", advice="Write starting values into the model."
@@ -204,17 +206,18 @@ def _scanned(problem: Problem, *, quick: bool, near: Solution | None) -> Solutio
 
 
 def _lowest(
-    problem: Problem, surface: Surface, points: list[Point], count: int = FOLLOWED, known: Projection | None = None
+    problem: Problem, surface: Surface, points: list[Point], *, count: int = FOLLOWED, known: Projection | None = None
 ) -> tuple[int | None, Projection] | None:
     """The lowest local optimum that descents from points reach, with the index of its point; or the `known` one.
 
     A few steps from each point show which half of the descents is worth a few more, and these which `count` of them are
     worth following to the end.
     """
-    scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, SCOUTED)) is not None]
+    steps = SCOUTED if len(surface.frees) == 1 else SCOUTED_BESIDE
+    scouts = [(k, found) for k, point in enumerate(points) if (found := surface.downhill(point, steps)) is not None]
     scouts.sort(key=lambda scout: scout[1].objective)
     halved = scouts[: max((len(scouts) + 1) // 2, count)]
-    scouts = [(k, found) for k, scout in halved if (found := surface.downhill(scout, SCOUTED)) is not None]
+    scouts = [(k, found) for k, scout in halved if (found := surface.downhill(scout, steps)) is not None]
     reached: list[Projection] = [] if known is None else [known]
     best: tuple[int | None, Projection] | None = None if known is None else (None, known)
     for k, scout in sorted(scouts, key=lambda scout: scout[1].objective):
@@ -241,7 +244,7 @@ def _rearranged(problem: Problem, surface: Surface, alone: list[Alone], best: Pr
     """The optimum after moving one free process at a time to the best places of its own scan."""
     for _ in range(RETURNS):
         moved = list(moved_points(problem, surface, alone, best.point))
-        found = _lowest(problem, surface, moved, FOLLOWED, best)
+        found = _lowest(problem, surface, moved, known=best)
         if found is None or problem.as_low(best.objective, found[1].objective, NOISE):
             break
         best = found[1]

@@ -149,7 +149,7 @@ def scanned_points(
     for free in surface.frees:
         columns.append(_over_its_scan(free, share[:, at : at + free.size], problem))
         at += free.size
-    chosen = _best(problem, surface, columns, share, kept)
+    chosen = _best(problem, surface, columns, share=share, kept=kept)
     points: list[tuple[How, Point]] = []
     if (given := given_point(problem, surface)) is not None:
         points.append(("given", given))
@@ -240,7 +240,7 @@ def moved_points(problem: Problem, surface: Surface, every: list[Alone], point: 
             yield _with_curved(problem, surface, [*z[:place], there, *z[place + 1 :]])
 
 
-def _best(problem: Problem, surface: Surface, columns: list[Matrix], share: Matrix, kept: int) -> list[int]:
+def _best(problem: Problem, surface: Surface, columns: list[Matrix], *, share: Matrix, kept: int) -> list[int]:
     """Indices of the `kept` points with the smallest objectives, no two of them close to each other."""
     base, units, possible = _dictionary(problem), [], np.ones(len(share), dtype=np.bool_)
     for free, values in zip(surface.frees, columns, strict=True):
