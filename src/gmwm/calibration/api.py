@@ -6,7 +6,7 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,10 +14,11 @@ import numpy as np
 from gmwm._text import counted
 from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
+from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
 from gmwm.calibration.measurement import Measured, Pair, measured_axis
 from gmwm.calibration.misfit import line_in
-from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.recording_findings import as_concerns
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
@@ -28,6 +29,7 @@ from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit, usable_levels
+from gmwm.inference.model_error import relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection, inspect
 from gmwm.options import as_whole_number
@@ -35,8 +37,9 @@ from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
 from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
-from gmwm.selection.api import select_within
+from gmwm.selection.search import Searched, search, within_family
 from gmwm.signals import Imu, Signal
+from gmwm.spectrum import PowerSpectrum
 from gmwm.units import SI_UNIT, find_unit
 from gmwm.variance.result import WaveletVariance
 
@@ -54,7 +57,7 @@ Progress = Callable[[int, int, str], None]
 
 def calibrate(
     data: Imu | Signal | Stream | Mapping[str, Measured],
-    within: ModelLike = WITHIN,
+    within: ModelLike = SEARCHED,
     *,
     robust: Literal["auto"] | bool = "auto",
     weighting: Literal["diagonal", "optimal"] = "optimal",
@@ -79,8 +82,10 @@ def calibrate(
     ----------
     data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
         A recording of a sensor at rest. A Stream is read twice, in bounded memory.
-    within : Model, Process or str
-        The largest model; all models made of some of its terms are compared.
+    within : "auto", or Model, Process or str
+        "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
+        rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
+        largest model; all models made of some of its terms are compared.
     robust : "auto", False or True
         Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes with
         knocks or motion that raise the classical curve, at the 5 % level for all axes together (see `contamination`).
@@ -219,7 +224,7 @@ def _inspected(
             data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
             progress=steps.read,
         )  # fmt: skip
-        pairs = {
+        pairs: dict[str, Measured] = {
             axis: Pair(pair[0], pair[1], measured.screens[axis], measured.spectra[axis])
             for axis, pair in measured.curves.items()
         }
@@ -336,26 +341,38 @@ class _Axis:
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
         _require_scales(wv)
         self.steps.step(self.name, next(stages))
-        ranking = select_within(options.general, wv, options.ranking, progress=lambda *_: self.steps.check())
+        found = self._searched(wv, spectrum)
+        ranking, wv = found.ranking, found.with_error
         self.steps.step(self.name, next(stages))
         model = ranking.recommended.model
         # `as_fit` issues no warnings, because threads share the filters of Python's warnings. Remarks are in the fit.
         fit = as_fit(settle(model, wv, options.weighting, certify=True), wv, options.weighting)
         self.steps.step(self.name, next(stages))
         level = options.confidence
-        sheet = datasheet(fit, level)
-        found = AxisCalibration(
+        sheet = averaged_datasheet(datasheet(fit, level), ranking, level)
+        axis = AxisCalibration(
             fit=fit,
-            intervals=fit.confidence_intervals(level),
-            test=_test(fit),
+            intervals=averaged_intervals(fit, fit.confidence_intervals(level), sheet),
+            test=_test(replace(fit, wavelet_variance=found.wavelet_variance)),
             datasheet=sheet,
             ranking=ranking,
             verdict=verdict,
             needed=needed(fit, options.weighting),
             spectrum=spectrum,
+            misfit=relative_misfit(fit),
+            model_error=found.error,
+            tried=found.tried,
         )
         self.steps.step(self.name, next(stages))
-        return found
+        return axis
+
+    def _searched(self, wv: WaveletVariance, spectrum: PowerSpectrum | None) -> Searched:
+        """The search for a model, or the choice within the sum that the user gave."""
+        options, check = self.options, self.steps.check
+        if options.searched:
+            # The covariance of a robust estimate of a sinusoid is unknown.
+            return search(wv, None if wv.robust else spectrum, options.ranking, check=check)
+        return within_family(options.general, wv, options.ranking, check=check)
 
 
 def _require_scales(wv: WaveletVariance) -> None:

@@ -24,6 +24,7 @@ from gmwm.errors import ReadError
 from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
+from gmwm.inference.model_error import RelativeMisfit
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 from gmwm.spectrum import PowerSpectrum
@@ -40,7 +41,7 @@ _PARTS: Mapping[str, type | UnionType] = {
 _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
     "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
-    "spectrum": Mapping | NoneType,
+    "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
 }  # fmt: skip
 """Parts of a document and of its axes, and what each must be."""
 
@@ -77,6 +78,9 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "needed": dict(found.needed),
         "ranking": ranking_document(found.ranking),
         "spectrum": None if found.spectrum is None else found.spectrum.to_dict(),
+        "misfit": None if found.misfit is None else found.misfit.to_dict(),
+        "model_error": found.model_error,
+        "tried": list(found.tried),
     }
 
 
@@ -122,7 +126,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
-    spectrum = content["spectrum"]
+    spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
         fit=fit,
@@ -133,6 +137,9 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         verdict=None if verdict is None else _read(f"{axis}.contamination", lambda: Verdict.from_dict(verdict)),
         needed=content["needed"],
         spectrum=None if spectrum is None else _read(f"{axis}.spectrum", lambda: PowerSpectrum.from_dict(spectrum)),
+        misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
+        model_error=content["model_error"],
+        tried=tuple(content["tried"]),
     )
 
 

@@ -14,6 +14,7 @@ from gmwm.calibration.spectrum_findings import spectrum_remarks
 from gmwm.covariance.design import Design
 from gmwm.filters import find_filter
 from gmwm.inference.goodness import usable_in, usable_levels
+from gmwm.inference.model_error import implausible_levels
 from gmwm.inference.planning import SEEN
 from gmwm.outliers import excess_text
 from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remarks
@@ -33,6 +34,9 @@ LEAST_SCALES = 4
 noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
 WANTED = 0.2
 """Relative standard error for which recording lengths are recommended (tests/calibration/test_calibrate.py)."""
+CLOSE = 0.05
+"""Largest relative misfit, over the scales with more than 30 degrees of freedom, up to which a rejected model is used:
+numbers are square roots of variances, so that they are off by about half of it (docs/validation/sensors.md)."""
 LARGE = 1.5
 """Ratio of model and data above which the model does not follow the data (tests/calibration/test_misfit.py)."""
 
@@ -100,6 +104,7 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
         yield Remark.of("too-short", axis, least=SCALES, scales=scales)
     if is_rejected:
         yield _rejection(axis, found)
+    yield from _of_coarse_levels(axis, found)
     yield from _of_outliers(axis, found, calibration)
     ramp = found.datasheet.get(_RAMP)
     if ramp is not None and ramp.value and not ramp.upper_only:
@@ -112,6 +117,9 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
 
 def _rejection(axis: str, found: AxisCalibration) -> Remark:
     """The remark on a rejected model, by its largest distance from the data."""
+    misfit = found.misfit
+    if misfit is not None and misfit.largest <= CLOSE:
+        return Remark.of("model-close", axis, largest=misfit.largest, error=found.model_error)
     sinusoid = line_process()
     has_line = "yes" if sinusoid is None or line_in(found.fit.model) is not None else "no"
     far = misfit_of(found)
@@ -122,6 +130,22 @@ def _rejection(axis: str, found: AxisCalibration) -> Remark:
     return Remark.of(
         "model-misfit", axis, tau=Quantity(far.tau, "s"), ratio=far.times, side=side, numbers=numbers, line=has_line,
         sinusoid=sinusoid or "",
+    )  # fmt: skip
+
+
+def _of_coarse_levels(axis: str, found: AxisCalibration) -> Iterator[Remark]:
+    """A remark if the model is farther from the data at the coarsest scales than simulated recordings of it are."""
+    wv, misfit = found.fit.wavelet_variance, found.misfit
+    if misfit is None:
+        return
+    far = implausible_levels(found.fit)
+    if not np.any(far):
+        return
+    worst = int(np.argmax(np.where(far, np.abs(np.log(np.maximum(found.fit.implied, 1e-300) / wv.variance)), 0.0)))
+    ratio = float(found.fit.implied[worst] / wv.variance[worst])
+    yield Remark.of(
+        "coarse-misfit", axis, tau=Quantity(float(wv.tau[worst]), "s"), ratio=max(ratio, 1 / ratio),
+        side="above" if ratio > 1 else "below",
     )  # fmt: skip
 
 

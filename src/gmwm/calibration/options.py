@@ -10,10 +10,11 @@ from gmwm.calibration.schema import AGAIN
 from gmwm.errors import ModelError, OptionError, ReadError
 from gmwm.processes.model import Model, ModelLike, as_model
 from gmwm.selection.options import RankingOptions
+from gmwm.selection.search import SLOW
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
-WITHIN = "4*GM + WN + QN + RW + DR"
-"""The default largest model: its terms cover inertial sensors of all grades (docs/validation/selection.md)."""
+SEARCHED = "auto"
+"""The default: a search that the data drive, see `gmwm.selection.search`."""
 _SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed")
 
 
@@ -23,8 +24,8 @@ class CalibrationOptions:
 
     Attributes
     ----------
-    within : Model, Process or str
-        The largest model; a Model after validation.
+    within : "auto", or Model, Process or str
+        The largest model, a Model after validation; "auto" for a search that the data drive.
     robust : "auto", True or False
         Whether the robust wavelet variance is fitted.
     weighting : "diagonal" or "optimal"
@@ -51,7 +52,7 @@ class CalibrationOptions:
     ('gyro',)
     """
 
-    within: ModelLike = WITHIN
+    within: ModelLike = SEARCHED
     robust: Literal["auto"] | bool = "auto"
     weighting: Literal["diagonal", "optimal"] = "optimal"
     criterion: Literal["asymptotic", "bootstrap"] = "asymptotic"
@@ -66,13 +67,19 @@ class CalibrationOptions:
             raise OptionError(argument="robust", expected="'auto', False or True", got=self.robust)
         _ = self.ranking  # validates its options
         biweight(self.efficiency)
-        object.__setattr__(self, "within", as_model(self.within, "within"))
+        if not self.searched:
+            object.__setattr__(self, "within", as_model(self.within, "within"))
         object.__setattr__(self, "axes", _checked_axes(self.axes))
 
     @property
     def general(self) -> Model:
-        """The largest model."""
-        return as_model(self.within)
+        """The largest model; for a search, the family that is tried first."""
+        return as_model(SLOW if self.searched else self.within)
+
+    @property
+    def searched(self) -> bool:
+        """Whether the model is searched for."""
+        return isinstance(self.within, str) and self.within == SEARCHED
 
     @property
     def ranking(self) -> RankingOptions:

@@ -19,6 +19,7 @@ from gmwm.errors import DataError, ReadError
 from gmwm.estimation.result import Fit
 from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
+from gmwm.inference.model_error import RelativeMisfit
 from gmwm.outliers import Verdict
 from gmwm.remarks import Remark
 from gmwm.selection import Ranking
@@ -54,6 +55,12 @@ class AxisCalibration:
     needed : mapping of name to length (s)
         For parameters with a relative standard error above 50 %, the recording length for 20 %. It is infinite if 1024
         times the length does not suffice, and None if it is not known.
+    misfit : RelativeMisfit or None
+        Relative distance of the model from the measured curve at each scale.
+    model_error : float
+        Relative error τ of the model at each scale beyond the scatter of the data. Intervals include it.
+    tried : tuple of str
+        The families of models that the search tried, in order.
     spectrum : PowerSpectrum or None
         Power spectral density, averaged over 1/24 octave away from lines, with the lines and bumps; None if the data
         were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
@@ -66,6 +73,9 @@ class AxisCalibration:
     ranking: Ranking
     verdict: Verdict | None = None
     needed: Mapping[str, float | None] = field(default_factory=dict)
+    misfit: RelativeMisfit | None = None
+    model_error: float = 0.0
+    tried: tuple[str, ...] = ()
     spectrum: PowerSpectrum | None = None
 
     @property

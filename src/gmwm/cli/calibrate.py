@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
@@ -60,7 +60,7 @@ def calibrate(
     file: File,
     reading: ReadOptions,
     axis: Axes = None,
-    within: Within = WITHIN,
+    within: Within = SEARCHED,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers
 from gmwm.cli.command import command
 from gmwm.cli.measuring import MACHINES
@@ -64,7 +64,7 @@ def fleet(
         ),
     ] = None,
     axis: Axes = None,
-    within: Within = WITHIN,
+    within: Within = SEARCHED,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",

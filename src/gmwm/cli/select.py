@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gmwm.calibration.options import WITHIN
 from gmwm.cli.command import command
 from gmwm.cli.measuring import Chunked, opened, signals_or_curves
 from gmwm.cli.options import (
@@ -28,6 +27,7 @@ from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
 from gmwm.selection.options import RankingOptions
+from gmwm.selection.search import SLOW
 
 if TYPE_CHECKING:
     from gmwm.processes.model import Model
@@ -47,7 +47,7 @@ def select(
     file: File,
     reading: ReadOptions,
     axis: Axes = None,
-    within: Within = WITHIN,
+    within: Within = SLOW,
     robust: Robust = False,
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",

@@ -15,7 +15,7 @@ import numpy as np
 
 from gmwm._threads import processors
 from gmwm.axis_names import AXES
-from gmwm.calibration.options import WITHIN, CalibrationOptions
+from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.errors import GmwmWarning, OptionError
 from gmwm.fleets.discovery import FleetUnits, Recordings, find_units
 from gmwm.fleets.result import Fleet
@@ -42,7 +42,7 @@ def fleet(
     recordings: Recordings,
     output: str | os.PathLike[str],
     *,
-    within: ModelLike = WITHIN,
+    within: ModelLike = SEARCHED,
     robust: Literal["auto"] | bool = "auto",
     weighting: Literal["diagonal", "optimal"] = "optimal",
     criterion: Literal["asymptotic", "bootstrap"] = "asymptotic",

@@ -14,6 +14,7 @@ import numpy as np
 
 from gmwm._arrays import Matrix, Vector, freeze
 from gmwm.covariance import Design, covariance
+from gmwm.covariance.api import variances
 from gmwm.errors import GmwmError
 from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
@@ -27,6 +28,8 @@ from gmwm.variance.result import WaveletVariance
 LARGEST = 1.0
 """Largest error that is considered: a model that is off by a factor of two says nothing (tests/inference/
 test_model_error.py)."""
+IMPLAUSIBLE = 0.01
+"""Size of the test of the coarse levels of one fit, the usual level for one of several axes."""
 SMALLEST = 1e-5
 """Smallest error that is looked for: far below the relative standard error of any level."""
 _ROUNDS = 2
@@ -98,6 +101,32 @@ def relative_misfit(fit: Fit) -> RelativeMisfit:
         distance=np.asarray(distance), error=np.asarray(error), judged=np.asarray(judged),
         largest=float(beyond[worst]), rms=float(np.sqrt(max(square, 0.0))), tau=float(wv.tau[worst]),
     )  # fmt: skip
+
+
+def implausible_levels(fit: Fit, size: float = IMPLAUSIBLE) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    """Which coarse levels (J,) are farther from the model than its own recordings would be.
+
+    Levels with at most 30 degrees of freedom are tested, each with the chi-square law of the variance that the model
+    implies, at `size` for all of them together.
+
+    Parameters
+    ----------
+    fit : Fit
+    size : float
+        Probability that a recording of the model has such a level.
+    """
+    from scipy.special import gammainc, gammaincc
+
+    wv = fit.wavelet_variance
+    design = Design.of(wv)
+    coarse = (design.degrees_of_freedom <= MANY) & (fit.implied > 0) & (wv.variance > 0)
+    if not np.any(coarse):
+        return np.zeros(len(wv), dtype=np.bool_)
+    freedom = 2 * fit.implied**2 / np.where(coarse, variances(fit.model, design), np.inf)
+    place = np.where(coarse, freedom * wv.variance / np.where(coarse, fit.implied, 1.0) / 2, 1.0)
+    half = np.where(coarse, np.maximum(freedom, 1e-3) / 2, 1.0)
+    tail = 2 * np.minimum(gammainc(half, place), gammaincc(half, place))
+    return np.asarray(coarse & (tail < size / np.count_nonzero(coarse)))
 
 
 def model_error(fit: Fit) -> float:

@@ -201,4 +201,4 @@ def _scaled(value: float, ratio: float, power: float) -> float:
     """value · ratio^power, also for a ratio of zero or infinity."""
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
-    return value * ratio**power
+    return float(value * ratio**power)
