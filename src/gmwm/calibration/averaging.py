@@ -10,6 +10,7 @@ from statistics import NormalDist
 from gmwm.datasheets import Datasheet, Entry, datasheet
 from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
+from gmwm.inference.intervals import keep_quick_intervals
 from gmwm.selection.ranking import Candidate, Ranking
 
 LIKELY = 0.02
@@ -17,7 +18,7 @@ LIKELY = 0.02
 EQUIVALENT = 4.0
 """Largest difference of criteria that counts for a model that the test finds equivalent to the best one: two such
 models differ by chance (docs/validation/sensors.md)."""
-MOST = 8
+MOST = 5
 """Largest number of models in the average."""
 ALIKE = 5.0
 """Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
@@ -129,6 +130,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             others.append((weight, sheet))
             continue
         try:
+            keep_quick_intervals(candidate.fit, level)
             others.append((weight, datasheet(candidate.fit, level)))
         except GmwmError:  # a model without intervals says nothing about a number
             continue

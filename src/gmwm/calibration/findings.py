@@ -119,7 +119,7 @@ def _rejection(axis: str, found: AxisCalibration) -> Remark:
     """The remark on a rejected model, by its largest distance from the data."""
     misfit = found.misfit
     if misfit is not None and misfit.largest <= CLOSE:
-        return Remark.of("model-close", axis, largest=misfit.largest, error=found.model_error)
+        return Remark.of("model-close", axis, largest=100 * misfit.largest, error=100 * found.model_error)
     sinusoid = line_process()
     has_line = "yes" if sinusoid is None or line_in(found.fit.model) is not None else "no"
     far = misfit_of(found)

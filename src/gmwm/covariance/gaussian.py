@@ -22,9 +22,9 @@ from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
 
-KEPT = 512
-"""Memory (samples) up to which nodes are kept for the next call; they take at most 80 MB a time."""
-SHARED = 500_000
+KEPT = 1024
+"""Memory (samples) up to which nodes are kept for the next call; they take at most 70 MB a time."""
+SHARED = 2_000_000
 """Number of nodes up to which covariances of fixed shapes are kept with them, at 8 bytes a node and shape."""
 
 
@@ -167,7 +167,7 @@ def _lags(
     )  # fmt: skip
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=3)
 def _nodes(
     levels: tuple[int, ...],
     samples: int,

@@ -94,6 +94,31 @@ def _intervals(
     return intervals
 
 
+def keep_quick_intervals(fit: Fit, level: float) -> None:
+    """Keep intervals of a fit whose upper limits are those of the first step, ĉ + z SE(ĉ), for a fit of minor weight."""
+    key = (level, "asymptotic", DRAWS, 0)
+    kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
+    if key in kept:
+        return
+    found, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
+    errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
+    for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
+        for parameter in process.parameters:
+            name = f"{term}.{parameter.name}"
+            if process.is_fixed(parameter.name):
+                continue
+            found.setdefault(name, (0.0, math.inf))
+            if (
+                parameter.scale_power
+                and name in errors
+                and not free_shape(process)
+                and is_weak(fit, name, parameter, z)
+            ):
+                high = process.value_from(process.scale * (1 + z * parameter.scale_power * errors[name]))
+                found[name] = (-high if parameter.domain == "real" else 0.0, high)
+    kept[key] = found
+
+
 def free_shape(process: Process) -> bool:
     """Whether a shape parameter of a process is free."""
     return any(not process.is_fixed(parameter.name) for parameter in process.nonlinear_parameters())

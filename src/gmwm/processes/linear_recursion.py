@@ -91,7 +91,9 @@ class Lagged(Ordered, abstract=True, listed=False):
             )
 
     def remarks(self, term: str, samples: int, rate: float) -> tuple[Remark, ...]:
-        """Report roots that nearly cancel, or that are close to the unit circle."""
+        """Report roots of estimated coefficients that nearly cancel, or that are close to the unit circle."""
+        if all(self.is_fixed(p.name) for p in self.nonlinear_parameters()):
+            return ()
         *_, period = self.full_orders()
         found: dict[tuple[float, int], NDArray[np.complex128]] = {}
         for part, span in self._factors():

@@ -50,8 +50,8 @@ density is at 1/126 of the rate; the shape is fitted to the density above this f
 FELT = 0.003
 """Share of a line in the wavelet variance of a level from which it enters the model: the relative standard error of the
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
-MOST_FREE = 3
-"""Number of lines, the strongest ones, whose power is fitted; weaker ones have the power that the spectrum shows."""
+MOST_FREE = 1
+"""Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
 _ROUNDS = 2
 
 
