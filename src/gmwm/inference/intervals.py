@@ -95,7 +95,7 @@ def _intervals(
 
 
 def keep_quick_intervals(fit: Fit, level: float) -> None:
-    """Keep intervals of a fit whose upper limits are those of the first step, ĉ + z SE(ĉ), for a fit of minor weight."""
+    """Keep quick intervals of a fit of minor weight: its upper limits are those of the first step, ĉ + z SE(ĉ)."""
     key = (level, "asymptotic", DRAWS, 0)
     kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
     if key in kept:
@@ -114,7 +114,7 @@ def keep_quick_intervals(fit: Fit, level: float) -> None:
                 and not free_shape(process)
                 and is_weak(fit, name, parameter, z)
             ):
-                high = process.value_from(process.scale * (1 + z * parameter.scale_power * errors[name]))
+                high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
                 found[name] = (-high if parameter.domain == "real" else 0.0, high)
     kept[key] = found
 
