@@ -211,6 +211,7 @@ def test_errors():
         psd(np.full(100, np.nan), RATE)
     with pytest.raises(OptionError, match="power"):
         psd(walk(1000), RATE).detectable_amplitude(1.0, power=1.0)
-    constant = psd(np.ones(1000), RATE)
-    assert constant.lines == constant.bumps == ()
-    assert np.all(constant.density == 0)
+    for value in (1.0, 0.1, 1e9 / 3):
+        constant = psd(np.full(20_000, value), RATE)
+        assert constant.lines == constant.bumps == ()
+        assert np.all(constant.density == 0)

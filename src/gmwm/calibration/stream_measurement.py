@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 from gmwm._text import duration_text
-from gmwm.calibration.spectrum_measurement import SpectraOfStream
+from gmwm.calibration.spectrum_measurement import smoothed_or_none
 from gmwm.errors import GmwmError
 from gmwm.inspection import Inspection
 from gmwm.inspection.api import FirstPass, RecordingStatistics
@@ -16,6 +16,7 @@ from gmwm.spectrum import PowerSpectrum
 from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.passes import measured_pairs, stream_variance
 from gmwm.streaming.scheduling import connected
+from gmwm.streaming.spectra import SpectraOfStream
 from gmwm.variance.biweight import EFFICIENCY
 from gmwm.variance.result import WaveletVariance
 
@@ -182,7 +183,7 @@ class InspectedStream:
 
     def spectra(self) -> dict[str, PowerSpectrum | None]:
         """Return the spectra of the axes after the first pass, smoothed away from lines."""
-        return self._spectra.results()
+        return {axis: smoothed_or_none(one.result) for axis, one in self._spectra.accumulators.items()}
 
     def _first_pass(self) -> Iterator[Chunk]:
         segment = 0

@@ -15,6 +15,7 @@ from gmwm.plots.plan import plot_plan
 from gmwm.plots.ranking import plot_candidates, plot_ranking
 from gmwm.plots.residuals import plot_residuals
 from gmwm.plots.series import plot_components, plot_recording, plot_signal
+from gmwm.plots.spectrum import plot_spectra, plot_spectrum
 from gmwm.plots.tracks import plot_tracks
 from gmwm.plots.variance import plot_wavelet_variance
 
@@ -34,6 +35,8 @@ __all__ = [
     "plot_recording",
     "plot_residuals",
     "plot_signal",
+    "plot_spectra",
+    "plot_spectrum",
     "plot_tracks",
     "plot_wavelet_variance",
 ]

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
     from gmwm.readers.parts import Part
+    from gmwm.spectrum import PowerSpectra
+    from gmwm.spectrum.welch import Detrend
     from gmwm.variance.axes_result import WaveletVariances
 
 HEAD = 1 << 18
@@ -189,6 +191,39 @@ class Stream:
             parts=parts,
             done=done,
         )
+
+    def psd(
+        self,
+        *,
+        length: int | None = None,
+        detrend: Detrend = "constant",
+        confidence: float = 0.95,
+        done: Callable[[int], None] | None = None,
+    ) -> PowerSpectra:
+        """Estimate the power spectral density of each axis in one pass; see `gmwm.psd`.
+
+        Parameters
+        ----------
+        length, detrend, confidence
+            As for `gmwm.psd`.
+        done : callable, optional
+            Called with the number of samples so far after every chunk.
+
+        Returns
+        -------
+        PowerSpectra
+            Mapping of axis to PowerSpectrum.
+
+        Raises
+        ------
+        ReadError, DataError
+            If `read` would refuse the data, when the data are reached; or if no segment has 64 samples.
+        OptionError
+            If an option has an invalid value.
+        """
+        from gmwm.streaming.spectra import stream_psd
+
+        return stream_psd(self, length=length, detrend=detrend, confidence=confidence, done=done)
 
     def parts(self, count: int) -> tuple[Part, ...]:
         """Split the recording into consecutive parts of about the same length, to be read in other processes.

@@ -19,7 +19,8 @@ from gmwm.plots.labels import axis_title
 from gmwm.remarks import Dialect, Remark, texts
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
-from gmwm.reports.figures import axis_pictures, sensor_pictures
+from gmwm.reports.figures import axis_pictures, sensor_pictures, spectrum_pictures
+from gmwm.reports.spectrum_tables import spectrum_tables
 from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
 
@@ -78,7 +79,11 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
     axes = []
     for k, (axis, found) in enumerate(calibration.axes.items(), 1):
         pictures[f"fit{k}"], pictures[f"distance{k}"] = axis_pictures(found)
-        axes.append({"id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", **_axis(axis, found, axis in bad)})
+        spectrum = f"spectrum{k}" if found.spectrum is not None else ""
+        if spectrum:
+            pictures[spectrum] = spectrum_pictures(found)
+        names = {"id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum}
+        axes.append({**names, **_axis(axis, found, axis in bad)})
     return {
         "title": _title(calibration),
         "verdict": verdict(calibration),
@@ -175,6 +180,7 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "certificate": _certificate(fit.gap),
         "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
         "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
+        "peaks": spectrum_tables(found.spectrum),
     }
 
 

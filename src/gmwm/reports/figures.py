@@ -13,6 +13,7 @@ from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import sensor_and_letter, sensor_title
 from gmwm.plots.overlay import overlay_panel
 from gmwm.plots.ranking import ranking_figure
+from gmwm.plots.spectrum import spectrum_panel
 from gmwm.plots.style import curve_stroke, letter_stroke
 from gmwm.plots.view import UnitSystem, ViewName
 from gmwm.reports.plotly import plotly_panel
@@ -65,6 +66,21 @@ def axis_pictures(found: AxisCalibration) -> tuple[Variants, Variants]:
         # Distances have no unit, so one figure for each view suffices.
         {key: picture for key, picture in _variants(distances).items() if key.endswith("-si")},
     )
+
+
+def spectrum_pictures(found: AxisCalibration) -> Variants:
+    """The spectrum of one axis with the density of the model; empty without a spectrum.
+
+    A spectrum has no view. The page takes a figure of another view if there is none of the chosen one.
+    """
+    spectrum, model = found.spectrum, found.fit.model
+    if spectrum is None:
+        return {}
+
+    def panel(view: ViewName, units: UnitSystem) -> Panel:
+        return spectrum_panel(spectrum, model=model, units=units)
+
+    return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
 
 
 def _variants(panel: Callable[[ViewName, UnitSystem], Panel]) -> Variants:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gmwm._text import Summarised
 from gmwm.errors import DataError
 from gmwm.spectrum.result import PowerSpectrum
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
+    from gmwm.processes.model import ModelLike
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -61,6 +68,38 @@ class PowerSpectra(Summarised, Mapping[str, PowerSpectrum]):
     def get(self, axis: str, default: Any = None) -> Any:
         """Return the spectrum of an axis, or `default` if there is none."""
         return self.spectra.get(axis, default)
+
+    def plot(
+        self,
+        *,
+        models: Mapping[str, ModelLike] | None = None,
+        units: UnitSystem = "si",
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the spectrum of every axis, with one row for each sensor; see `PowerSpectrum.plot`.
+
+        Parameters
+        ----------
+        models : mapping of axis to Model, Process or str, optional
+            Models with values, which are drawn over the spectra.
+        units : "si" or "datasheet"
+            rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If `units` is unknown, or is "datasheet" for a signal of another kind.
+        """
+        from gmwm.plots.spectrum import plot_spectra
+
+        return plot_spectra(self, models=models, units=units, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields of each axis as plain numbers, lists and strings, by axis."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
@@ -20,7 +21,12 @@ from gmwm.spectrum.line import Bump, Line
 from gmwm.spectrum.welch import HALF_POWER_WIDTH
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
     from polars import DataFrame
+
+    from gmwm.plots.view import UnitSystem
+    from gmwm.processes.model import ModelLike
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -157,6 +163,45 @@ class PowerSpectrum(Summarised):
         from gmwm.spectrum.detection import detectable_amplitude
 
         return detectable_amplitude(self, frequency, power)
+
+    def plot(
+        self,
+        *,
+        model: ModelLike | None = None,
+        units: UnitSystem = "si",
+        ax: Axes | None = None,
+        path: str | os.PathLike[str] | None = None,
+    ) -> MatplotlibFigure:
+        """Draw the root density over the frequency, with its confidence band, lines and bumps, on logarithmic axes.
+
+        The density is averaged over 1/24 octave, except around lines. It is one-sided: white noise with the density N
+        of a datasheet, which is two-sided, lies at √2 N.
+
+        Parameters
+        ----------
+        model : Model, Process or str, optional
+            A model with values, `fit.model` for example, whose density and terms are drawn over the spectrum. A cross
+            shows how high a sinusoid reaches in this spectrum.
+        units : "si" or "datasheet"
+            rad/s/√Hz and m/s²/√Hz, or deg/s/√Hz and µg/√Hz.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If `units` is unknown, or is "datasheet" for a signal of another kind.
+        """
+        from gmwm.plots.spectrum import plot_spectrum
+
+        return plot_spectrum(self, model=model, units=units, ax=ax, path=path)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as plain numbers, lists and strings, ready for JSON."""

@@ -36,6 +36,8 @@ def lorentz_fit(
     """
     from scipy.optimize import least_squares
 
+    known = density > 0
+    frequencies, density, freedom = frequencies[known], density[known], freedom[known]
     if density.size < LEAST_POINTS:
         return None
     level, top = float(np.median(density[np.argsort(density)[: density.size // 2]])), float(density.max())

@@ -23,6 +23,8 @@ HALF_POWER_WIDTH = 1.44
 """Width of a line at half its power under the Hann window, in bins (Harris 1978, table 1)."""
 BATCH = 1 << 17
 """Samples that are transformed at once: 1 MB, so that they stay in the processor's cache."""
+ROUNDING = 8 * float(np.finfo(np.float64).eps)
+"""Largest relative error of the mean of a constant block, with a margin of eight."""
 TINY = 1e-300
 """Least periodogram of which a logarithm is taken; that of a constant signal is 0."""
 
@@ -89,7 +91,10 @@ def periodograms(values: Vector, length: int, detrend: Detrend) -> Periodograms:
     step = max(1, BATCH // length)
     for first in range(0, len(blocks), step):
         some = blocks[first : first + step]
-        some = some - some.mean(axis=1, keepdims=True)
+        mean = some.mean(axis=1, keepdims=True)
+        some = some - mean
+        # What is left of a constant signal is the rounding error of its mean, which has no spectrum.
+        some[np.abs(some).max(axis=1) <= ROUNDING * np.abs(mean[:, 0])] = 0.0
         if detrend == "linear":
             line = _centred_time(length)
             some -= (some @ line)[:, None] * line

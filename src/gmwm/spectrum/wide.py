@@ -189,7 +189,8 @@ def _width(grid: Grid, k: int, half: float) -> float | None:
 
 def _summit(grid: Grid, k: int) -> float:
     """Frequency (Hz) of the peak at bin k: the top of a parabola through the logarithms of three bins."""
-    left, top, right = np.log(grid.density[k - 1 : k + 2])
+    with np.errstate(divide="ignore"):
+        left, top, right = np.log(grid.density[k - 1 : k + 2])
     curve = left - 2 * top + right
     shift = 0.5 * (left - right) / curve if np.isfinite(curve) and curve < 0 else 0.0
     return float(grid.frequencies[k] * 2 ** (np.clip(shift, -0.5, 0.5) / grid.per_octave))

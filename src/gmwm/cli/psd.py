@@ -1,0 +1,143 @@
+"""gmwm psd: power spectral density of a recording, with its lines and bumps."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gmwm.cli.command import command
+from gmwm.cli.measuring import Chunked, opened
+from gmwm.cli.options import RESULT
+from gmwm.cli.output import NewFile, Outcome, progress, table_text, tell_inspection, text_file
+from gmwm.cli.read_options import Axes, File, chosen_axes, chosen_names
+from gmwm.options import ReadOptions
+
+if TYPE_CHECKING:
+    from gmwm.plots.view import UnitSystem
+    from gmwm.readers.streams import Stream
+    from gmwm.signals import Imu
+    from gmwm.spectrum import PowerSpectra
+
+EXAMPLES = (
+    "gmwm psd static.csv",
+    "gmwm psd static.csv --axis accel --plot psd.png --datasheet",
+    "gmwm psd static.csv --length 4096 --csv psd.csv",
+)
+ESTIMATION = "Estimation"
+
+
+@command
+def psd(
+    file: File,
+    reading: ReadOptions,
+    axis: Axes = None,
+    chunked: Chunked = "auto",
+    length: Annotated[
+        int | None,
+        typer.Option(
+            help="Length of the blocks (samples), an even number from 8. Default: the greatest power of two up to "
+            "65536 of which the recording has 15 blocks.",
+            rich_help_panel=ESTIMATION,
+            show_default=False,
+        ),
+    ] = None,
+    detrend: Annotated[
+        Literal["constant", "linear"],
+        typer.Option(help="What is removed from each block: its mean, or a line.", rich_help_panel=ESTIMATION),
+    ] = "constant",
+    datasheet: Annotated[
+        bool,
+        typer.Option("--datasheet", help="Use deg/s/√Hz and µg/√Hz in the plot.", rich_help_panel=RESULT),
+    ] = False,
+    csv: Annotated[
+        Path | None, typer.Option(help="Write all frequencies to this CSV file (SI units).", rich_help_panel=RESULT)
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Plot to this .png, .pdf or .svg file.", rich_help_panel=RESULT)
+    ] = None,
+) -> Outcome:
+    """Print the lines and the resonances in the power spectral density of each axis.
+
+    The density is estimated by Welch's method. A line is a significant narrow peak; a bump is a broad one, such as a
+    resonance. The probability of any false one is at most 1 % for each axis. Q is the frequency divided by the width.
+    """
+    recording = opened(file, reading, chunked)
+    found = _measured(recording, axis, length=length, detrend=detrend)
+    system: UnitSystem = "datasheet" if datasheet else "si"
+    files = [] if csv is None else [text_file(csv, _csv_text(found))]
+    if plot is not None:
+        files.append(NewFile(plot, partial(_draw, found, system), "plotting"))
+    return Outcome(
+        command="psd",
+        document={"file": str(file), "axes": found.to_dict()},
+        text=_text(found),
+        files=tuple(files),
+    )
+
+
+def _measured(
+    recording: Imu | Stream, axis: list[str] | None, *, length: int | None, detrend: Literal["constant", "linear"]
+) -> PowerSpectra:
+    """Estimate the spectrum of each axis."""
+    from gmwm.cli.parallel import over_axes
+    from gmwm.readers.streams import Stream
+    from gmwm.spectrum import PowerSpectra, psd
+
+    if isinstance(recording, Stream):
+        chosen = chosen_names(recording.axes, axis)
+        with progress("reading") as advance:
+            found = recording.psd(
+                length=length, detrend=detrend, done=lambda samples: advance(f"{samples} samples", samples)
+            )
+        return PowerSpectra(spectra={name: found[name] for name in chosen})
+    measure = partial(psd, length=length, detrend=detrend)
+    spectra = over_axes(measure, chosen_axes(recording, axis), "spectrum")
+    tell_inspection(recording)
+    return PowerSpectra(spectra=spectra)
+
+
+def _draw(found: PowerSpectra, system: UnitSystem, path: Path) -> None:
+    if len(found) == 1:
+        next(iter(found.values())).plot(units=system, path=path)
+    else:
+        found.plot(units=system, path=path)
+
+
+def _text(found: PowerSpectra) -> str:
+    """A table of the lines and one of the bumps of all axes."""
+    first = next(iter(found.values()))
+    parts = [f"{first.extent}; resolution {first.resolution:.3g} Hz"]
+    lines = [
+        [
+            axis, f"{line.frequency:.6g}", f"{line.frequency_error:.1g}", f"{line.amplitude:.3g} {spectrum.unit}",
+            f"{line.amplitude_error:.1g}", "narrow" if line.narrow else f"{line.width:.2g}", f"{line.height:.3g}",
+            "" if line.harmonic is None else f"{line.harmonic} × {line.fundamental:.5g} Hz",
+        ]
+        for axis, spectrum in found.items()
+        for line in spectrum.lines
+    ]  # fmt: skip
+    bumps = [
+        [axis, f"{bump.frequency:.4g}", f"{bump.width:.2g}", f"{bump.quality:.2g}", f"{bump.height:.3g}"]
+        for axis, spectrum in found.items()
+        for bump in spectrum.bumps
+    ]
+    heads = ["axis", "frequency (Hz)", "±", "amplitude", "±", "width (Hz)", "× level", "harmonic"]
+    parts.append(table_text(heads, lines, title="Lines") if lines else "No lines")
+    heads = ["axis", "frequency (Hz)", "width (Hz)", "Q", "× level"]
+    parts.append(table_text(heads, bumps, title="Bumps") if bumps else "No bumps")
+    return "\n\n".join(parts)
+
+
+def _csv_text(found: PowerSpectra) -> str:
+    """CSV with one line for each frequency of each axis."""
+    lines = ["axis,unit,frequency_hz,density,lower,upper,degrees_of_freedom"]
+    for axis, spectrum in found.items():
+        columns = zip(
+            spectrum.frequencies, spectrum.density, spectrum.lower, spectrum.upper, spectrum.degrees_of_freedom,
+            strict=True,
+        )  # fmt: skip
+        lines += [",".join([axis, spectrum.unit, *(str(value.item()) for value in row)]) for row in columns]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,192 @@
+"""A power spectral density with its lines, and the density of a model over it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.axis_names import by_sensor
+from gmwm.errors import OptionError
+from gmwm.plots.axes import limits_near, limits_of, power_ticks, value_axis
+from gmwm.plots.curves import ABOVE, BAND, FRONT, MIDDLE
+from gmwm.plots.figure import Axis, Band, Figure, Line, Mark, Panel, Stroke, drawable, single_panel
+from gmwm.plots.labels import axis_title, model_text
+from gmwm.plots.style import BLUE, IMPLIED, SOLID, VERMILLION, term_strokes
+from gmwm.processes.model import ModelLike, as_model
+from gmwm.spectrum.welch import ENERGY_WIDTH
+from gmwm.units import datasheet_units, noise_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
+    from gmwm.spectrum import PowerSpectrum
+
+REACH = 5.0
+"""How far limits and models may stretch the vertical axis beyond the data: a factor."""
+FOUND = Stroke(VERMILLION, 0.0, SOLID, "down")
+"""Symbol of a line in the spectrum."""
+BROAD = Stroke(VERMILLION, 0.0, SOLID, "diamond", filled=False)
+"""Symbol of a bump in the spectrum."""
+ABOVE_PEAK = 1.35
+"""Height of a symbol above its peak: a factor."""
+
+
+def density_unit(unit: str, units: UnitSystem) -> tuple[str, float]:
+    """The unit of a root density for a unit of the data, and the factor to it.
+
+    Raises
+    ------
+    OptionError
+        If `units` is unknown, or is "datasheet" and the data are neither an angular rate nor an acceleration.
+
+    >>> density_unit("rad/s", "si"), density_unit("m/s²", "datasheet")[0]
+    (('rad/s/√Hz', 1.0), 'µg/√Hz')
+    """
+    if units not in ("si", "datasheet"):
+        raise OptionError(argument="units", expected='"si" or "datasheet" (deg/s/√Hz, µg/√Hz)', got=units)
+    si, factor = noise_unit(0.5, unit)
+    if units == "si":
+        return si, factor
+    known = [(name, size) for name, size in datasheet_units(si).items() if name.endswith("/√Hz")]
+    if not known:
+        raise OptionError(
+            f"datasheet units need data in a unit of angular rate or acceleration; got {unit or 'no unit'}",
+            argument="units",
+            got=units,
+            advice="Use {--units=si}, or give the signal a unit such as rad/s.",
+        )
+    return known[0][0], factor * known[0][1]
+
+
+def spectrum_panel(
+    spectrum: PowerSpectrum, *, model: ModelLike | None = None, units: UnitSystem = "si", alone: bool = True
+) -> Panel:
+    """Return the plot of `plot_spectrum` as data.
+
+    If it is not alone, the legend names neither frequencies nor the model, because several panels share it.
+    """
+    shown = spectrum.smoothed() if spectrum.frequencies[0] == 0 else spectrum
+    unit, factor = density_unit(shown.unit, units)
+    f, y = shown.frequencies, drawable(factor * np.sqrt(shown.density))
+    lower, upper = (np.where(np.isfinite(y), factor * np.sqrt(limit), np.nan) for limit in (shown.lower, shown.upper))
+    marks: list[Mark] = [
+        Line(f, y, stroke=Stroke(BLUE, 0.9), label="Spectrum", layer=FRONT),
+        Band(
+            f, lower, upper, colour=BLUE, opacity=0.22, label=f"{100 * shown.confidence:g} % confidence", layer=BAND
+        ),
+    ]  # fmt: skip
+    curves: list[Line] = []
+    if model is not None:
+        curves = _model_lines(shown, model, factor=factor, alone=alone)
+    marks += [*curves, *_found(shown, y, alone=alone)]
+    symbols = [mark.y for mark in marks[2 + len(curves) :] if isinstance(mark, Line)]
+    tops = [line.y[:1] for line in curves[:1]]
+    limits = limits_near(y, [lower, upper, *tops, *symbols], reach=REACH)
+    return Panel(
+        _frequency_axis(f), value_axis(limits, f"One-sided root density ({unit})"), marks=tuple(marks),
+        title=axis_title(shown.axis),
+    )  # fmt: skip
+
+
+def _frequency_axis(frequencies: Vector) -> Axis:
+    limits = limits_of(frequencies, margin=0.03)
+    ticks, minor = power_ticks(limits)
+    return Axis("Frequency (Hz)", limits, ticks, minor, grid=tuple(tick.value for tick in ticks))
+
+
+def _model_lines(spectrum: PowerSpectrum, given: ModelLike, *, factor: float, alone: bool) -> list[Line]:
+    """The one-sided root density of a model and of each term, and a symbol where a sinusoid would reach."""
+    f, rate = spectrum.frequencies, spectrum.rate
+    model = as_model(given)
+    strokes = term_strokes(model.terms, model.processes)
+    total, terms = np.zeros(f.size), []
+    for term, process in zip(model.terms, model.processes, strict=True):
+        line = process.line(rate)
+        if line is not None:
+            # A sinusoid of power P has the density P / (b Δf) in a spectrum with bins of Δf and a window of b bins.
+            power, cycles = line
+            height = np.array([factor * np.sqrt(power / (ENERGY_WIDTH * rate / spectrum.length))])
+            symbol = Stroke(strokes[term].colour, 0.0, SOLID, "cross")
+            terms.append(Line(np.array([cycles * rate]), drawable(height), stroke=symbol, label=term, layer=ABOVE))
+        elif process.has("psd"):
+            density = 2 * process.psd(f, rate)
+            total += density
+            if np.any(density > 0):
+                y = drawable(factor * np.sqrt(density))
+                terms.append(Line(f, y, stroke=strokes[term], label=term, layer=ABOVE))
+    name = f"Model: {model_text(model.terms)}" if alone else "Model"
+    return [Line(f, drawable(factor * np.sqrt(total)), stroke=IMPLIED, label=name, layer=MIDDLE), *terms]
+
+
+def _found(spectrum: PowerSpectrum, heights: Vector, *, alone: bool) -> list[Line]:
+    """Symbols above the lines and the bumps."""
+    marks = []
+    lines = {line.frequency: line.height for line in spectrum.lines}
+    bumps = {bump.frequency: bump.height for bump in spectrum.bumps}
+    for ratios, stroke, noun in ((lines, FOUND, "Lines"), (bumps, BROAD, "Broad peaks")):
+        if not ratios:
+            continue
+        x = np.array(list(ratios))
+        y = np.array([_top(spectrum, heights, frequency) for frequency in ratios]) * ABOVE_PEAK
+        strongest = sorted(ratios, key=lambda frequency: -ratios[frequency])[:3]
+        more = ", …" if len(ratios) > len(strongest) else ""
+        name = f"{noun}: {', '.join(f'{frequency:.4g}' for frequency in strongest)}{more} Hz" if alone else noun
+        marks.append(Line(x, y, stroke=stroke, label=name, layer=FRONT))
+    return marks
+
+
+def _top(spectrum: PowerSpectrum, heights: Vector, frequency: float) -> float:
+    """The greatest height within two bins of a frequency."""
+    near = np.abs(spectrum.frequencies - frequency) <= max(2 * spectrum.resolution, 0.02 * frequency)
+    values = heights[near & np.isfinite(heights)]
+    return float(values.max()) if values.size else float("nan")
+
+
+def spectra_figure(
+    spectra: Mapping[str, PowerSpectrum], *, models: Mapping[str, ModelLike] | None = None, units: UnitSystem = "si"
+) -> Figure:
+    """Return the plot of `plot_spectra` as data: one row for each sensor, one panel for each axis."""
+    rows = [
+        tuple(
+            spectrum_panel(spectrum, model=(models or {}).get(axis), units=units, alone=False)
+            for axis, spectrum in axes.items()
+        )
+        for axes in by_sensor(spectra).values()
+    ]
+    columns = max(len(row) for row in rows)
+    full = tuple((*row, *([None] * (columns - len(row)))) for row in rows)
+    return Figure(full, width=max(70.0 * columns, 100.0), height=20.0 + 62.0 * len(rows), legend_columns=4)
+
+
+def plot_spectrum(
+    spectrum: PowerSpectrum,
+    *,
+    model: ModelLike | None = None,
+    units: UnitSystem = "si",
+    ax: Axes | None = None,
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw a power spectral density; see `PowerSpectrum.plot`."""
+    from gmwm.plots.matplotlib import draw
+
+    panel = spectrum_panel(spectrum, model=model, units=units)
+    return draw(single_panel(panel), ax=ax, path=path)
+
+
+def plot_spectra(
+    spectra: Mapping[str, PowerSpectrum],
+    *,
+    models: Mapping[str, ModelLike] | None = None,
+    units: UnitSystem = "si",
+    path: str | os.PathLike[str] | None = None,
+) -> MatplotlibFigure:
+    """Draw the power spectral densities of several axes; see `PowerSpectra.plot`."""
+    from gmwm.plots.matplotlib import draw
+
+    return draw(spectra_figure(spectra, models=models, units=units), path=path)
