@@ -21,7 +21,7 @@ from gmwm.remarks import Fact, Quantity, Remark, Severity, gravest, sorted_remar
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
-    from gmwm.outliers import Verdict
+    from gmwm.outliers import Dependence, Verdict
     from gmwm.variance import WaveletVariance
 
 SIZE = 0.05
@@ -163,12 +163,23 @@ def _of_outliers(axis: str, found: AxisCalibration, calibration: Calibration) ->
     facts = _excess(verdict)
     if found.fit.wavelet_variance.robust:
         yield Remark.of("outliers-left-out", axis, **facts)
+        if verdict.dependence is not None:
+            yield _dependence(axis, verdict.dependence, found.fit.wavelet_variance.unit)
         if np.any(verdict.lighter):
             taus = tuple(Quantity(float(tau), "s") for tau in verdict.tau[verdict.lighter])
             yield Remark.of("robust-above-classical", axis, taus=taus)
     else:
         # With robust="auto", the classical estimate is fitted only if the model has a sinusoid.
         yield Remark.of("outliers-kept", axis, line="yes" if calibration.settings.robust == "auto" else "no", **facts)
+
+
+def _dependence(axis: str, found: Dependence, unit: str) -> Remark:
+    square = f"({unit})²" if unit else ""
+    return Remark.of(
+        "robust-depends-on-efficiency", axis, tau=Quantity(found.tau, "s"), efficiency=found.efficiency,
+        value=Quantity(found.value, square), other=found.other_efficiency,
+        other_value=Quantity(found.other_value, square),
+    )  # fmt: skip
 
 
 def _of_spikes(axis: str, verdict: Verdict) -> Iterator[Remark]:

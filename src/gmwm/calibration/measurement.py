@@ -9,7 +9,18 @@ from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
 from gmwm.calibration.spectrum_measurement import measured_spectrum
 from gmwm.errors import DataError
-from gmwm.outliers import MATERIAL, TOLERANCE, Screen, Verdict, contamination, find_spikes, repaired, screened
+from gmwm.outliers import (
+    MATERIAL,
+    TOLERANCE,
+    Screen,
+    Verdict,
+    contamination,
+    dependence,
+    find_spikes,
+    other_efficiency,
+    repaired,
+    screened,
+)
 from gmwm.signals import Signal
 from gmwm.spectrum import PowerSpectrum
 from gmwm.variance.api import signal_wavelet_variance
@@ -40,7 +51,8 @@ def measured_axis(
 
     With robust="auto", the robust curve is used if bursts (knocks, motion) raise the classical one. Isolated wrong
     samples are replaced first if the samples are in memory. In a stream they are only counted; if they raise the
-    classical curve, the robust one is used. A classical curve carries the covariance that heavy tails add.
+    classical curve, the robust one is used. A classical curve carries the covariance that heavy tails add. A robust
+    curve is compared with one of another efficiency, except in a stream.
 
     Parameters
     ----------
@@ -69,24 +81,26 @@ def measured_axis(
                 advice="Pass the signal instead, or {--robust=auto}.",
             )
         return item, None, None
-    classical, robust, screen, spectrum = _curves(item, options) if isinstance(item, Signal) else item
+    signal = None
+    if isinstance(item, Signal):
+        spikes = find_spikes(item)
+        signal = repaired(item, spikes)
+        item = _curves(signal, options.efficiency, screened(signal, len(spikes), spikes.largest))
+    classical, robust, screen, spectrum = item
     # With a screen, heavy tails raise no alarm, so that a smaller excess counts.
     tolerance = TOLERANCE if screen is None else MATERIAL
     verdict = contamination((classical, robust), comparisons=comparisons, tolerance=tolerance, screen=screen)
     wanted = verdict.contaminated and line_in(options.general) is None if options.robust == "auto" else options.robust
     if wanted:
+        if signal is not None:
+            other = signal_wavelet_variance(signal, robust=True, efficiency=other_efficiency(options.efficiency))
+            verdict = replace(verdict, dependence=dependence(robust, other, verdict))
         return robust, verdict, spectrum
     fitted = replace(classical, excess=None if screen is None else screen.tails.excess(classical))
     return fitted, verdict, spectrum
 
 
-def _curves(signal: Signal, options: CalibrationOptions) -> Pair:
-    """Both curves and the screen of a signal after its isolated wrong samples were replaced."""
-    spikes = find_spikes(signal)
-    signal = repaired(signal, spikes)
-    return Pair(
-        signal_wavelet_variance(signal),
-        signal_wavelet_variance(signal, robust=True, efficiency=options.efficiency),
-        screened(signal, len(spikes), spikes.largest),
-        measured_spectrum(signal),
-    )
+def _curves(signal: Signal, efficiency: float, screen: Screen) -> Pair:
+    """Both curves of a signal, and its spectrum."""
+    robust = signal_wavelet_variance(signal, robust=True, efficiency=efficiency)
+    return Pair(signal_wavelet_variance(signal), robust, screen, measured_spectrum(signal))

@@ -6,10 +6,10 @@ samples with excess kurtosis κ, E_jk = κ / N at every level. A level has a loa
 variance is of another process.
 
 The factor is measured with the mean squares y_b (levels) of blocks of B samples. Their relative covariance times B is
-compared with that of a Gaussian signal with the same spectral density S, 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²). The
-largest eigenvalue λ of the ratio of both matrices is 1 without a common factor. For independent samples λ does not
-depend on B. If the variance varies slowly, λ grows with B, so several B are compared, and the one with the largest
-lower limit of λ is used.
+compared with that of a Gaussian signal with the same spectral density S, G = 2 ∫ |H_j|² |H_k|² S² df / (ν_j² ν_k²). The
+ratio λ of both variances of a weighted mean of the levels is 1 without a common factor. The loadings l are 1 up to a
+level, and beyond it the share that white noise has in the curve. For independent samples λ does not depend on B. If the
+variance varies slowly, λ grows with B; longer blocks are used if their λ is larger by more than chance.
 """
 
 from __future__ import annotations
@@ -30,14 +30,18 @@ MOST_LEVELS = 12
 """Levels whose covariance is measured, at most."""
 FEWEST = 24
 """Fewest blocks from which a covariance is measured."""
-CHANCE = 2.5
-"""Standard errors by which the largest eigenvalue exceeds that of chance; docs/validation/tails.md has the share of
-Gaussian recordings beyond it, as for the numbers above."""
+CHANCE = 3.5
+"""Standard errors by which λ exceeds 1. As the numbers above and below, pinned by tests/covariance/test_tails.py and
+docs/validation/tails.md."""
 ENDS = 0.05
-"""What the ends of blocks change in an eigenvalue, at most."""
+"""What the ends of blocks change in λ, at most."""
 MATERIAL = 0.05
 """Smallest share of the Gaussian variance of a level: a standard error changes by 2.5 %. Smaller ones come from levels
 of a low-pass filtered signal that are nearly equal."""
+AGREEMENT = 0.1
+"""Largest relative difference of the curve that follows from the spectral density and the measured one."""
+NEARLY = 0.98
+"""Share of the best fit from which on the smallest J is taken."""
 _SEGMENT = 8192
 """Longest segment (samples) of the spectral density."""
 
@@ -74,17 +78,27 @@ class TailSums:
         self.gap()
         if not self._power or not np.all(wv.variance > 0):
             return None
-        found = self._factor()
-        if found is None:
-            return None
-        loading = np.minimum.accumulate(np.maximum(found, 0.0))
-        own = loading.size
-        loading = np.concatenate([loading, np.zeros(max(len(wv) - own, 0))])[: len(wv)]
-        if own < len(wv):
-            # Beyond the measured levels, white noise is the part 2^-k of a curve.
-            share = np.ldexp(wv.variance[own - 1], own - wv.levels[own:]) / wv.variance[own:]
-            loading[own:] = loading[own - 1] * np.minimum(share, 1.0)
-        return np.asarray(np.outer(loading, loading) / wv.samples)
+        length = max(self._power, key=lambda key: self._power[key][0] * key)
+        number, power = self._power[length]
+        gaussian, curve = _gaussian(power / number, length, number)
+        own = self._sum[0] / np.maximum(self._number[0], 1.0)
+        # At a level that the spectral density does not explain, its leakage or a trend is larger than the noise.
+        known = np.abs(curve / np.where(own > 0, own, np.inf)[: curve.size] - 1) <= AGREEMENT
+        resolved = known.size if np.all(known) else int(np.argmin(known))
+        shapes = _shapes(wv)
+        best, found = 1.0, None
+        for block, blocks, covariance in self._covariances():
+            reach = int(np.log2(min(block, length) // FINE))
+            reach = min(reach, resolved, int(np.count_nonzero((own > 0) & (blocks >= FEWEST))), len(wv))
+            if reach < 2:
+                continue
+            n = float(blocks[reach - 1])
+            relative = block * covariance[:reach, :reach] / np.outer(own[:reach], own[:reach])
+            factor, ratio = _common_factor(relative, gaussian[:reach, :reach], shapes[:reach])
+            edge = 1 + CHANCE * np.sqrt(2 / n) + ENDS
+            if ratio / edge > best and np.max(factor[:reach] ** 2 / np.diag(gaussian)[:reach]) > MATERIAL:
+                best, found = ratio, factor
+        return None if found is None else np.asarray(np.outer(found, found) / wv.samples)
 
     def _add(self, panel: Vector) -> None:
         levels = min(MOST_LEVELS, int(np.log2(max(panel.size // BLOCK, 1))))
@@ -106,46 +120,19 @@ class TailSums:
         more, part = _power(panel, length)
         self._power[length] = number + more, power + part
 
-    def _factor(self) -> Vector | None:
-        """√(λ − 1) times the loadings of the fine levels, for one sample; None without a common factor."""
-        length = max(self._power, key=lambda key: self._power[key][0] * key)
-        number, power = self._power[length]
-        gaussian = _gaussian(power / number, length, number)
-        best, found = 1.0, None
-        for block, blocks, mean, covariance in self._covariances():
-            reach = int(np.log2(min(block, length) // FINE))
-            reach = min(reach, int(np.count_nonzero((mean > 0) & (blocks >= FEWEST))))
-            if reach < 2:
-                continue
-            n = float(blocks[reach - 1])
-            relative = block * covariance[:reach, :reach] / np.outer(mean[:reach], mean[:reach])
-            root = np.linalg.cholesky(gaussian[:reach, :reach])
-            half = np.linalg.solve(root, relative)
-            values, vectors = np.linalg.eigh(np.linalg.solve(root, half.T))
-            edge = (1 + np.sqrt(reach / n)) ** 2 + CHANCE * np.sqrt(2 / n) + ENDS
-            if values[-1] / edge <= best:
-                continue
-            factor = root @ vectors[:, -1] * np.sqrt(values[-1] - 1)
-            if np.max(factor**2 / np.diag(gaussian)[:reach]) > MATERIAL:
-                best = float(values[-1] / edge)
-                found = np.asarray(factor * np.sign(factor.sum()))
-        return found
-
-    def _covariances(self) -> list[tuple[int, Vector, Vector, Matrix]]:
-        """Length, number, means and covariance of blocks, from short to long ones."""
+    def _covariances(self) -> list[tuple[int, Vector, Matrix]]:
+        """Length, number and covariance of blocks, from short to long ones."""
         out = []
         number = np.maximum(self._number, 1.0)
-        mean = self._sum[0] / number[0]
         for size in range(self._sum.shape[0]):
             pairs = np.minimum.outer(number[size], number[size])
-            # Blocks of all lengths have the means of the shortest, which leave no sample out.
             own = self._sum[size] / number[size]
             covariance = self._product[size] / pairs - np.outer(own, own)
-            out.append((BLOCK << size, self._number[size], mean, covariance * pairs / np.maximum(pairs - 1, 1.0)))
+            out.append((BLOCK << size, self._number[size], covariance * pairs / np.maximum(pairs - 1, 1.0)))
         y = np.array(self._whole).reshape(-1, MOST_LEVELS)
         block = LEAST
         while y.shape[0] >= FEWEST:
-            out.append((block, np.full(MOST_LEVELS, y.shape[0]), mean, np.cov(y.T)))
+            out.append((block, np.full(MOST_LEVELS, y.shape[0]), np.cov(y.T)))
             y, block = 0.5 * (y[0 : y.shape[0] // 2 * 2 : 2] + y[1 : y.shape[0] // 2 * 2 : 2]), 2 * block
         return out
 
@@ -179,19 +166,41 @@ def excess_covariance(x: Signal, wv: WaveletVariance) -> Matrix | None:
     return sums.excess(wv)
 
 
+def _shapes(wv: WaveletVariance) -> Matrix:
+    """Possible loadings (J, J): 1 up to a level, then the share that white noise has in the curve."""
+    density = wv.variance * 2.0**wv.levels
+    return np.where(wv.levels[:, None] >= wv.levels, 1.0, np.minimum(density[:, None] / density, 1.0))
+
+
+def _common_factor(relative: Matrix, gaussian: Matrix, shapes: Matrix) -> tuple[Vector, float]:
+    """The common factor of all levels, √c l, and the ratio λ of both covariances along it.
+
+    For relative = G + c l lᵀ, the mean with the weights u has λ = 1 + c (u·l)² / uᵀ G u. The weights are l_j / G_jj,
+    not G⁻¹ l, which has differences of nearly equal levels that depend on the ends of the blocks.
+    """
+    reach = gaussian.shape[0]
+    fine = shapes[:, :reach]
+    weights = fine / np.diag(gaussian)
+    expected = np.einsum("ij,jk,ik->i", weights, gaussian, weights)
+    ratios = np.einsum("ij,jk,ik->i", weights, relative, weights) / expected
+    best = int(np.argmax(ratios - 1 >= NEARLY * (np.max(ratios) - 1)))
+    size = np.sqrt(max(ratios[best] - 1, 0.0) * expected[best]) / np.sum(weights[best] * fine[best])
+    return np.asarray(size * shapes[best]), float(ratios[best])
+
+
 def _block_means(panel: Vector, levels: int, count: int) -> Matrix:
     """Mean squares of the coefficients that begin in each of the first blocks of a panel (count, levels)."""
     path = _core.running_sum(panel)
     y = np.empty((count, levels))
     for k in range(levels):
         half = 1 << k
-        # Coefficients an eighth of a half scale apart have nearly the information of all.
-        stride = max(1, half // 8)
-        size = count * BLOCK // stride
-        p0, p1, p2 = (path[shift::stride][:size] for shift in (0, half, 2 * half))
-        w = p0 - 2.0 * p1 + p2
-        w *= w
-        y[:, k] = w.reshape(count, -1).mean(axis=1) * 0.25 ** (k + 1)
+        size = count * BLOCK
+        # All coefficients: those of rounding errors are not correlated even one sample apart.
+        w = path[half : half + size] * -2.0
+        w += path[:size]
+        w += path[2 * half : 2 * half + size]
+        blocks = w.reshape(count, BLOCK)
+        y[:, k] = np.einsum("ij,ij->i", blocks, blocks) * (0.25 ** (k + 1) / BLOCK)
     return y
 
 
@@ -207,8 +216,8 @@ def _power(panel: Vector, length: int) -> tuple[float, Vector]:
     return float(windows.shape[0]), total
 
 
-def _gaussian(power: Vector, length: int, number: float) -> Matrix:
-    """N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, for the levels it resolves."""
+def _gaussian(power: Vector, length: int, number: float) -> tuple[Matrix, Vector]:
+    """N Cov(ν̂_j², ν̂_k²) / (ν_j² ν_k²) of a Gaussian signal with a spectral density, and ν_j², for resolved levels."""
     levels = min(MOST_LEVELS, int(np.log2(length // FINE)))
     frequency = np.arange(1, power.size) / length
     half = np.ldexp(1.0, np.arange(levels))[:, None]
@@ -220,4 +229,4 @@ def _gaussian(power: Vector, length: int, number: float) -> Matrix:
     curve = density @ weight
     # A mean of n periodograms has squares that are too large by 1 / n; segments that overlap count for 1.9 / n.
     square = (density * weight) @ density.T / (1 + 1.9 / number)
-    return np.asarray(2 * square / np.outer(curve, curve))
+    return np.asarray(2 * square / np.outer(curve, curve)), np.asarray(curve)

@@ -17,6 +17,7 @@ from gmwm.covariance import Design
 from gmwm.covariance.ratio import ratio_errors, ratio_law
 from gmwm.errors import DataError, OptionError
 from gmwm.outliers.bursts import Bursts
+from gmwm.outliers.dependence import Dependence
 from gmwm.outliers.screening import Screen, screened
 from gmwm.processes.model import ModelLike
 from gmwm.remarks import Quantity, Remark, texts
@@ -80,6 +81,8 @@ class Verdict(Summarised):
         Number of isolated wrong samples that were replaced before the curves were measured; see `calibrate`.
     largest : float
         Largest deviation of the isolated wrong samples, in local standard deviations.
+    dependence : Dependence or None
+        The level at which the robust curve depends on its efficiency; None if it does not, or was not compared.
     """
 
     contaminated: bool
@@ -100,6 +103,7 @@ class Verdict(Summarised):
     spikes: int = 0
     repaired: int = 0
     largest: float = 0.0
+    dependence: Dependence | None = None
 
     def __post_init__(self) -> None:
         for name in _ARRAYS:
@@ -187,7 +191,8 @@ class Verdict(Summarised):
         left_out = {str(level): reason for level, reason in self.left_out.items()}
         bursts = None if self.bursts is None else self.bursts.to_dict()
         remarks = [remark.to_dict() for remark in self.remarks]
-        more = {"left_out": left_out, "bursts": bursts, "remarks": remarks}
+        depends = None if self.dependence is None else self.dependence.to_dict()
+        more = {"left_out": left_out, "bursts": bursts, "dependence": depends, "remarks": remarks}
         return {name: getattr(self, name) for name in _SCALARS} | plain | more
 
     @classmethod
@@ -201,9 +206,16 @@ class Verdict(Summarised):
         if wrong := [reason for reason in left_out.values() if reason not in known]:
             raise DataError(argument="left_out", expected=f"a mapping of levels to {', '.join(known)}", got=wrong[0])
         levels, bursts = np.array(values["levels"], dtype=np.int64), values["bursts"]
-        made = None if bursts is None else Bursts.from_dict(bursts)
+        depends = values["dependence"]
         scalars = {name: values[name] for name in _SCALARS}
-        return cls(**scalars, **arrays, levels=levels, left_out=left_out, bursts=made)
+        return cls(
+            **scalars,
+            **arrays,
+            levels=levels,
+            left_out=left_out,
+            bursts=None if bursts is None else Bursts.from_dict(bursts),
+            dependence=None if depends is None else Dependence.from_dict(depends),
+        )
 
     def __str__(self) -> str:
         return self.summary()

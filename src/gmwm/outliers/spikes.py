@@ -30,6 +30,8 @@ MORE = 1.6
 """Largest number of residuals beyond θ / 1.5, in those beyond θ. A tail with an infinite variance has 1.5² = 2.25."""
 CERTAIN = 1e-6
 """Largest probability of so many residuals beyond θ."""
+FALSE = 0.005
+"""Largest share of the rest among the residuals beyond θ."""
 LEAST = 4.0
 """Smallest threshold, in local standard deviations."""
 MOST = 0.1
@@ -107,7 +109,8 @@ def find_spikes(x: Signal) -> Spikes:
     none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
     if values.size < 8 * _SIDE.size:
         return none
-    scale, length, tail = _bulk(values, x.rate, lsb(values) or 0.0)
+    step = lsb(values) or 0.0
+    scale, length, tail = _bulk(values, x.rate, step)
     if not scale.min() > 0:
         return none
     # A spike differs from the mean of its two neighbours by its size, or half of it beside another spike.
@@ -124,10 +127,12 @@ def find_spikes(x: Signal) -> Spikes:
     found = candidates[deviation >= threshold]
     if not 0 < found.size <= MOST * values.size:
         return none
-    # Once more without the spikes among the neighbours, which shift their median.
+    # Once more without the spikes, which shift the median of their neighbours and make the tails of the bulk heavier.
     filled = _filled(values, found)
+    scale, _, tail = _bulk(filled, x.rate, step)
+    limit = np.repeat(scale, np.diff(np.append(block, values.size)))
     deviation = np.abs(_residuals(values, filled, candidates)) / limit[candidates]
-    threshold = _threshold(deviation, values.size, tail)
+    threshold = _threshold(deviation, values.size, tail, FALSE)
     spiky = deviation >= threshold
     found, deviation = candidates[spiky], deviation[spiky]
     kept = _isolated(found, values.size) if found.size else np.zeros(0, dtype=np.bool_)
@@ -192,14 +197,14 @@ def _freedom(relative: Vector) -> float:
 
     grid = np.geomspace(1.0, 1000.0, 200)
     expected = t.ppf(0.95, grid) / t.ppf(0.75, grid)
-    error = 2.5 / np.sqrt(relative.size)  # of the ratio, for Gaussian noise, with correlated residuals
+    error = 1.5 / np.sqrt(relative.size)  # of the ratio; 1.2 for independent residuals of Gaussian noise
     middle, high = np.quantile(relative, [0.5, 0.9])
     ratio = float(high / middle) * (1 + 3 * error) if middle > 0 else np.inf
     return float(np.interp(-ratio, -expected, grid))
 
 
-def _threshold(deviation: Vector, samples: int, freedom: float) -> float:
-    """The smallest θ beyond which residuals are spikes, from all large residuals; infinite if there are none."""
+def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
+    """The smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are none."""
     from scipy.stats import binom, poisson, t
 
     ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
@@ -211,7 +216,7 @@ def _threshold(deviation: Vector, samples: int, freedom: float) -> float:
     double = np.searchsorted(-ordered, -theta / 2, side="right")
     scale = t.ppf(0.75, freedom) / _QUARTILE
     expected = samples * 2 * t.sf(theta * scale, freedom)
-    good = (poisson.sf(ks - 1, expected) <= CERTAIN) & (beyond <= MORE * ks)
+    good = (poisson.sf(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond <= MORE * ks)
     good &= np.where(ks < _FEW, double == ks, binom.sf(ks - 1, beyond, _TAIL) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 

@@ -1,0 +1,95 @@
+"""Whether a robust wavelet variance depends on its efficiency by more than chance: too many outliers for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gmwm.outliers.bursts import MATERIAL
+from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from gmwm.outliers.ratio_test import Verdict
+
+LOW, HIGH = 0.6, 0.9
+"""Efficiencies that are compared: the default, and one that tolerates more and larger outliers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dependence:
+    """Two robust variances of the same level that differ by more than chance.
+
+    Attributes
+    ----------
+    tau : float
+        Scale (s).
+    efficiency, value : float
+        Efficiency and robust variance of the curve that is fitted.
+    other_efficiency, other_value : float
+        Efficiency and robust variance of the curve that it is compared with.
+    """
+
+    tau: float
+    efficiency: float
+    value: float
+    other_efficiency: float
+    other_value: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields as plain numbers, ready for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Dependence:
+        """The result whose `to_dict` gave `values`."""
+        return cls(**{name: float(value) for name, value in values.items()})
+
+
+def other_efficiency(efficiency: float) -> float:
+    """The efficiency with which a robust curve is compared.
+
+    >>> other_efficiency(0.6), other_efficiency(0.95)
+    (0.9, 0.6)
+    """
+    return HIGH if efficiency < 0.5 * (LOW + HIGH) else LOW
+
+
+def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict) -> Dependence | None:
+    """The level at which two robust curves of a recording differ most, if chance does not explain it; else None.
+
+    Both curves are expansions in the same Hermite polynomials, so that log(ν̃²/ν̃'²) has at most the variance of the
+    ratio of the classical curve to the less efficient of the two. A difference of 1 % is tolerated.
+
+    Parameters
+    ----------
+    robust, other : WaveletVariance
+        The fitted curve, and one with `other_efficiency`.
+    verdict : Verdict
+        The test for outliers with `robust`; its standard errors are used.
+    """
+    from scipy.stats import norm
+
+    assert robust.efficiency is not None
+    assert other.efficiency is not None
+    usable = verdict.tested & (robust.variance > 0) & (other.variance > 0)
+    if not np.any(usable):
+        return None
+    apart = np.abs(np.log(other.variance[usable] / robust.variance[usable]))
+    error = verdict.standard_errors[usable]
+    if other.efficiency < robust.efficiency:
+        # The standard errors of an efficient curve are smaller: 1 / e - 1 is the variance of uncorrelated coefficients.
+        error = error * np.sqrt((1 / other.efficiency - 1) / (1 / robust.efficiency - 1))
+    limit = MATERIAL + float(norm.isf(verdict.size / (2 * apart.size * verdict.comparisons))) * error
+    if not np.any(apart > limit):
+        return None
+    k = int(np.flatnonzero(usable)[np.argmax(apart / limit)])
+    return Dependence(
+        tau=float(robust.tau[k]),
+        efficiency=robust.efficiency,
+        value=float(robust.variance[k]),
+        other_efficiency=other.efficiency,
+        other_value=float(other.variance[k]),
+    )

@@ -1,0 +1,116 @@
+"""The fitted curve of an axis: tails keep the classical one, knocks take the robust one, spikes are replaced."""
+
+import numpy as np
+import pytest
+
+import gmwm
+from gmwm.calibration.measurement import Pair, measured_axis
+from gmwm.calibration.options import CalibrationOptions
+from gmwm.outliers import screened
+from tests.helpers import codes, only
+
+N, RATE = 60_000, 100.0
+WITHIN = "WN + RW"
+
+
+def signal(seed=1, white=None):
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal(N) if white is None else white(rng)
+    return gmwm.Signal(1e-3 * (x + np.cumsum(1e-3 * rng.standard_normal(N))), RATE, "rad/s", "gyro_x")
+
+
+def student(rng):
+    return rng.standard_t(5, N)
+
+
+def with_spikes(seed=1):
+    x = signal(seed).values.copy()
+    x[50::250] += 0.02
+    return gmwm.Signal(x, RATE, "rad/s", "gyro_x")
+
+
+def with_knocks(seed=1):
+    x = signal(seed).values.copy()
+    for start in range(3_000, N, 9_000):
+        x[start : start + 60] += 0.03 * np.random.default_rng(start).standard_normal(60)
+    return gmwm.Signal(x, RATE, "rad/s", "gyro_x")
+
+
+def test_heavy_tails_keep_the_classical_curve_with_their_covariance():
+    found = gmwm.calibrate(signal(white=student), WITHIN)
+    wv, verdict = found["gyro_x"].wavelet_variance, found.verdicts["gyro_x"]
+    assert verdict.exceeds
+    assert verdict.heavy_tailed
+    assert not verdict.contaminated
+    assert not wv.robust
+    assert wv.excess is not None
+    assert 2.0 < N * wv.excess[0, 0] < 12.0
+    assert "noise-heavy-tailed" in codes(found.remarks)
+    assert codes(verdict.remarks) == ["heavy-tails"]
+    assert "left out" not in found.summary()
+
+
+def test_gaussian_noise_has_no_remark_and_no_excess():
+    wv, verdict, _ = measured_axis(signal(), CalibrationOptions())
+    assert not wv.robust
+    assert wv.excess is None
+    assert (verdict.repaired, verdict.spikes, verdict.exceeds) == (0, 0, False)
+
+
+def test_wrong_samples_are_replaced_and_counted():
+    found = gmwm.calibrate(with_spikes(), WITHIN)
+    remark = only(found.remarks, "spikes-repaired", "gyro_x")
+    assert remark.facts["count"] == N // 250
+    assert remark.facts["largest"] > 15
+    assert not found["gyro_x"].wavelet_variance.robust
+    clean = gmwm.calibrate(signal(), WITHIN)["gyro_x"].parameters["WN.sigma2"]
+    assert found["gyro_x"].parameters["WN.sigma2"] == pytest.approx(clean, rel=0.005)
+    assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()
+
+
+def test_wrong_samples_are_replaced_whatever_curve_is_wanted():
+    for robust in (True, False):
+        wv, verdict, _ = measured_axis(with_spikes(), CalibrationOptions(robust=robust))
+        assert wv.robust is robust
+        assert verdict.repaired == N // 250
+
+
+def test_in_a_stream_wrong_samples_are_counted_and_the_robust_curve_is_used(tmp_path):
+    path = tmp_path / "static.csv"
+    gmwm.Imu.from_arrays({"gyro_x": with_spikes().values}, RATE).write(path)
+    found = gmwm.calibrate(gmwm.stream(path, chunk=7_000), WITHIN)
+    remark = only(found.remarks, "spikes-kept", "gyro_x")
+    assert remark.facts["count"] == N // 250
+    assert found["gyro_x"].wavelet_variance.robust
+    assert "spikes-repaired" not in codes(found.remarks)
+
+
+def test_the_rule_is_the_same_in_a_stream(tmp_path):
+    for name, made in (("knocks", with_knocks()), ("tails", signal(white=student))):
+        path = tmp_path / f"{name}.csv"
+        gmwm.Imu.from_arrays({"gyro_x": made.values}, RATE).write(path)
+        whole = gmwm.calibrate(gmwm.read(path), WITHIN)["gyro_x"].wavelet_variance
+        pieces = gmwm.calibrate(gmwm.stream(path, chunk=7_000), WITHIN)["gyro_x"].wavelet_variance
+        assert whole.robust == pieces.robust == (name == "knocks")
+        if name == "tails":
+            # Coarse levels of a stream use a part of their coefficients.
+            np.testing.assert_allclose(pieces.excess[:10, :10], whole.excess[:10, :10], rtol=1e-6)
+
+
+def test_a_robust_curve_that_depends_on_its_efficiency_gets_a_remark():
+    x = signal().values.copy()
+    rng = np.random.default_rng(5)
+    for start in rng.integers(0, N - 40, 60):
+        x[start : start + 20] += 0.03 * rng.standard_normal(20)
+    found = gmwm.calibrate(gmwm.Signal(x, RATE, "rad/s", "gyro_x"), WITHIN)
+    facts = only(found.remarks, "robust-depends-on-efficiency", "gyro_x").facts
+    assert (facts["efficiency"], facts["other"]) == (0.6, 0.9)
+    assert facts["value"] != facts["other_value"]
+    assert gmwm.Calibration.from_dict(found.to_dict()).to_dict() == found.to_dict()
+
+
+def test_a_pair_without_a_screen_is_judged_by_its_curves():
+    tailed = signal(white=student)
+    curves = gmwm.wavelet_variance(tailed), gmwm.wavelet_variance(tailed, robust=True)
+    assert measured_axis(Pair(*curves), CalibrationOptions())[0].robust
+    assert not measured_axis(Pair(*curves, screened(tailed)), CalibrationOptions())[0].robust
