@@ -17,7 +17,8 @@ moving averages, resonances)."""
 HIGHEST = 10
 """Largest order p or q."""
 POLE, ZERO = 0.975, 1 - 1e-6
-"""Largest modulus of a pole and of a zero. A pole of 0.975 has a width of 0.8 % of the rate, 0.8 Hz at 100 Hz; its memory is 1000 samples, which the covariance needs. A zero must be inside the unit circle."""
+"""Largest modulus of a pole and of a zero. A pole of 0.975 has a width of 0.8 % of the rate, 0.8 Hz at 100 Hz; its
+memory is 1000 samples, which the covariance needs. A zero must be inside the unit circle."""
 FLAT = 0.05
 """Largest logarithm of the density at 0, relative to the lowest frequency: no data support a step between the two."""
 ACCURACY = 0.005
