@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from gmwm import Signal, wavelet_variance
+from gmwm.errors import DataError, OptionError
 from gmwm.outliers import find_spikes, repaired
+from tests.helpers import raises
 from tests.outliers.test_bursts import QUIET, ringing
 
 N, RATE = 60_000, 100.0
@@ -87,6 +89,14 @@ def test_the_repair_is_reproducible_and_leaves_the_others():
     assert np.array_equal(one.values[kept], x[kept])
     assert np.abs(one.values[~kept] - x[~kept]).min() > 5.0
     assert wrong[~kept].all()
+
+
+def test_what_is_no_signal_and_spikes_of_another_signal_are_errors():
+    with raises(OptionError, argument="x", expected="a Signal"):
+        find_spikes(clean())
+    spikes = find_spikes(Signal(spoilt(clean(), 0.01, 12.0)[0], RATE))
+    with raises(DataError, argument="spikes"):
+        repaired(Signal(clean(n=100), RATE), spikes)
 
 
 def test_without_spikes_it_is_the_same_signal():

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
+from gmwm.errors import DataError, OptionError
 from gmwm.inspection.resolution import lsb
 from gmwm.outliers.bursts import NEIGHBOURHOOD
 from gmwm.signals import Signal
@@ -97,6 +98,11 @@ def find_spikes(x: Signal) -> Spikes:
     -------
     Spikes
 
+    Raises
+    ------
+    OptionError
+        If `x` is not a Signal.
+
     Examples
     --------
     >>> x = np.random.default_rng(1).normal(size=20_000)
@@ -105,6 +111,8 @@ def find_spikes(x: Signal) -> Spikes:
     >>> len(spikes), spikes.indices[:3].tolist()
     (50, [0, 400, 800])
     """
+    if not isinstance(x, Signal):
+        raise OptionError(argument="x", expected="a Signal", got=x)
     values = x.values
     none = Spikes(indices=np.empty(0, dtype=np.int64), deviations=np.empty(0))
     if values.size < 8 * _SIDE.size:
@@ -153,9 +161,25 @@ def repaired(x: Signal, spikes: Spikes) -> Signal:
     -------
     Signal
         The same signal if there are no spikes.
+
+    Raises
+    ------
+    DataError
+        If a spike is beyond the end of the signal.
+
+    Examples
+    --------
+    >>> x = np.random.default_rng(1).normal(size=20_000)
+    >>> x[::400] += 12.0
+    >>> signal = Signal(x, rate=100.0)
+    >>> clean = repaired(signal, find_spikes(signal))
+    >>> f"{x.std():.1f}, {clean.values.std():.1f}"
+    '1.2, 1.0'
     """
     if not len(spikes):
         return x
+    if spikes.indices.max() >= len(x):
+        raise DataError(argument="spikes", expected="spikes of this signal", got=int(spikes.indices.max()))
     return replace(x, values=_drawn(x.values, spikes.indices))
 
 
