@@ -185,6 +185,11 @@ class SpectrumAccumulator:
     def result(self, confidence: float = 0.95) -> PowerSpectrum:
         """Return the power spectral density so far; more samples may follow.
 
+        Parameters
+        ----------
+        confidence : float
+            Confidence level of the limits.
+
         Raises
         ------
         DataError

@@ -45,7 +45,13 @@ class Line:
         return self.width == 0
 
     def described(self, unit: str = "u") -> str:
-        """Format frequency, amplitude, width and harmonic, each with its standard error."""
+        """Format frequency and amplitude with their standard errors, width and harmonic.
+
+        Parameters
+        ----------
+        unit : str
+            Unit of the amplitude.
+        """
         width = "" if self.narrow else f", width {self.width:.3g} Hz"
         number = "" if self.harmonic is None else f", {self.harmonic} × {self.fundamental:.6g} Hz"
         return (
