@@ -24,6 +24,10 @@ ALIKE = 5.0
 """Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
 _HALVINGS = 80
 _TIMES = ("T_c", "q_c")
+_WALK = "K"
+SLOW = 0.05
+"""Correlation time, as a share of the recording, from which a Gauss-Markov term counts as a random walk. The longest
+usable scale is an eighth of the recording (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,6 +170,8 @@ def _base(symbol: str) -> str:
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
     """The entry of another model for the same number; Gauss-Markov terms are matched by their correlation times."""
     base = _base(entry.symbol)
+    if base == _WALK and entry.symbol not in other:
+        return _slowest(other, sheet.samples / sheet.rate)
     if base not in _TIMES:
         return other.get(entry.symbol)
     time = sheet.get(_TIMES[0] + entry.symbol.removeprefix(base))
@@ -176,6 +182,13 @@ def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> 
     if symbol is None or abs(math.log(other[symbol].value / time.value)) > math.log(ALIKE):
         return None
     return other.get(base + symbol.removeprefix(_TIMES[0]))
+
+
+def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
+    """The q_c of the slowest Gauss-Markov term, if it is a random walk over most scales of the recording."""
+    slow = {symbol: e for symbol, e in other.items() if _base(symbol) == _TIMES[0] and e.value >= SLOW * duration}
+    symbol = max(slow, key=lambda name: slow[name].value, default=None)
+    return None if symbol is None else other.get(_TIMES[1] + symbol.removeprefix(_TIMES[0]))
 
 
 def averaged_intervals(

@@ -52,6 +52,12 @@ FELT = 0.003
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
 MOST_FREE = 1
 """Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
+NARROW = 0.002
+"""Width of a bump, as a share of the rate, below which it counts as a line: half that of the narrowest ARMA peak here,
+see `gmwm.spectrum.short_memory.POLE`."""
+AROUND = 8
+"""Distance from a line, in resolutions, within which the spectrum is not used for the shape (tests/selection/
+test_search.py)."""
 _ROUNDS = 2
 
 
@@ -107,7 +113,12 @@ def search(
         if pvalue is None or pvalue >= REJECTED:
             return Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
     check()
-    base, required = _required(general, wv, spectrum, options, check)
+    lines = () if spectrum is None else _lines(spectrum, wv)
+    if lines:
+        with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
+        if Distance.of(with_lines).pvalue >= REJECTED:
+            return within_family(SLOW, wv, options, required=lines, check=check, tried=(SLOW,))
+    base, required = _required(general, wv, spectrum, lines, options=options, check=check)
     if not required:
         return within_family(SLOW, wv, options, check=check)
     return within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
@@ -145,6 +156,8 @@ def _required(
     general: Fit,
     wv: WaveletVariance,
     spectrum: PowerSpectrum | None,
+    lines: tuple[Process, ...],
+    *,
     options: RankingOptions,
     check: Callable[[], None],
 ) -> tuple[WaveletVariance, tuple[Process, ...]]:
@@ -152,7 +165,6 @@ def _required(
     if spectrum is None:
         shape = _fitted_shape(wv, options)
         return wv, () if shape is None else (shape,)
-    lines = _lines(spectrum, wv)
     shape, found, known = None, None, general
     for _ in range(_ROUNDS):
         check()
@@ -182,11 +194,21 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     return process.with_values(**held, **{process.scale_parameter().name: None})
 
 
+def _peaks(spectrum: PowerSpectrum) -> list[tuple[float, float, float]]:
+    """Frequency (Hz), power (u²) and width (Hz) of the lines, and of bumps that are too narrow for an ARMA process."""
+    found = [(line.frequency, line.amplitude**2 / 2, line.width) for line in spectrum.lines]
+    for bump in spectrum.bumps:
+        if bump.width < NARROW * spectrum.rate:
+            # The integral of a Lorentz peak above its surroundings.
+            found.append((bump.frequency, math.pi / 2 * bump.density * (1 - 1 / bump.height) * bump.width, bump.width))
+    return found
+
+
 def _lines(spectrum: PowerSpectrum, wv: WaveletVariance) -> tuple[Process, ...]:
     """Sinusoids of known frequency for the lines that matter at some level, the strongest ones."""
     found = []
-    for line in spectrum.lines:
-        process = SIN(frequency=Fixed(line.frequency), power=Fixed(line.amplitude**2 / 2))
+    for frequency, power, _ in _peaks(spectrum):
+        process = SIN(frequency=Fixed(frequency), power=Fixed(power))
         share = process.wavelet_variance(wv.levels, wv.rate, wv.filter) / np.where(wv.variance > 0, wv.variance, np.inf)
         if share.max() >= FELT:
             found.append((float(share.max()), process))
@@ -201,8 +223,8 @@ def _shape(spectrum: PowerSpectrum, known: Fit, rate: float, before: Process | N
     frequencies, density = smooth.frequencies, smooth.density * rate / 2
     slow = _slow_density([p for p in known.model.processes if type(p) is not type(before)], frequencies, rate)
     used = (frequencies > rate / (2 * math.pi * FAST)) & (density > 0)
-    for line in spectrum.lines:
-        used &= np.abs(frequencies - line.frequency) > max(4 * spectrum.resolution, 2 * line.width)
+    for frequency, _, width in _peaks(spectrum):
+        used &= np.abs(frequencies - frequency) > max(AROUND * spectrum.resolution, 4 * width)
     mixed = np.flatnonzero(used & (slow <= MIXED * density))
     used &= frequencies >= frequencies[mixed[0]] if mixed.size else False
     if np.count_nonzero(used) < FEWEST:

@@ -16,11 +16,14 @@ STEPS = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 2))
 moving averages, resonances)."""
 HIGHEST = 10
 """Largest order p or q."""
-POLE, ZERO = 0.975, 1 - 1e-6
-"""Largest modulus of a pole and of a zero. A pole of 0.975 has a width of 0.8 % of the rate, 0.8 Hz at 100 Hz; its
-memory is 1000 samples, which the covariance needs. A zero must be inside the unit circle."""
-FLAT = 0.05
-"""Largest logarithm of the density at 0, relative to the lowest frequency: no data support a step between the two."""
+SURE = 0.05
+"""Largest standard error of the logarithm of the density at 0: N, its root, is then known within 2.5 %."""
+POLE, ZERO = 0.987, 1 - 1e-6
+"""Largest modulus of a pole and of a zero. A pole of 0.987 has a width of 0.4 % of the rate, 0.4 Hz at 100 Hz; its
+memory is 2000 samples, the most that the covariance supports. A zero must be inside the unit circle."""
+FLAT = 0.25
+"""Largest logarithm of the density at 0, relative to the lowest frequency of the data: a resonance at four times this
+frequency changes it by 0.13, and a larger step has no data that support it."""
 ACCURACY = 0.005
 """Relative error of a density that is always assumed, so that a few precise frequencies do not decide the shape."""
 FLOOR = 1e-4
@@ -70,7 +73,8 @@ def short_memory(
 
     The sum of squares of log(measured / model) is minimised, with weights 1 / (2/η + 0.005²). Starting from white
     noise, one to four roots are added at a time, from several starting points near the largest residuals, as long as
-    the sum of squares falls by more than log(n) for each coefficient.
+    the sum of squares falls by more than log(n) for each coefficient. A process whose density at the frequency 0 is
+    uncertain is not used, but the last one before it.
 
     Parameters
     ----------
@@ -102,7 +106,7 @@ def short_memory(
         logs=np.log(density + FLOOR * plateau), weights=1 / (2 / degrees_of_freedom + ACCURACY**2),
     )  # fmt: skip
     best = _descend(data, np.zeros(0), np.zeros(0), float(np.average(data.logs, weights=data.weights)))
-    price = math.log(density.size)
+    price, path = math.log(density.size), [best]
     while True:
         found = [
             _descend(data, *start)
@@ -111,10 +115,11 @@ def short_memory(
             for start in _starts(data, best, more)
         ]
         found = [point for point in found if abs(_bend(data, point)) <= FLAT]
-        next_best = min(found, key=lambda point: point.loss + price * point.order, default=best)
-        if next_best.loss + price * next_best.order >= best.loss + price * best.order:
-            return _reported(data, best)
+        next_best = min(found, key=lambda point: _score(point, price), default=best)
+        if _score(next_best, price) >= _score(best, price):
+            return _reported(data, next((p for p in reversed(path) if _error_at_zero(p, data) <= SURE), best))
         best = next_best
+        path.append(best)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +192,29 @@ def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
     return _evaluated(data, inner_a, inner_b, here.scale - gain_a + gain_b)
 
 
+def _score(point: _Point, price: float) -> float:
+    return point.loss + price * point.order
+
+
+def _error_at_zero(point: _Point, data: _Data) -> float:
+    """Standard error of the logarithm of the density at the frequency 0."""
+    slopes = np.concatenate([
+        [1.0], -2 / (1 + point.a.sum()) * np.ones(point.a.size), 2 / (1 + point.b.sum()) * np.ones(point.b.size)
+    ])  # fmt: skip
+    return math.sqrt(max(float(slopes @ _scatter(point, data) @ slopes), 0.0))
+
+
+def _scatter(point: _Point, data: _Data) -> Matrix:
+    """Covariance of the logarithm of the scale and of the coefficients a and b."""
+    root = np.sqrt(data.weights)[:, None] * point.jacobian
+    length = np.linalg.norm(root, axis=0)
+    # Roots that cancel make the normal equations singular; the pseudo-inverse leaves these directions out.
+    inverse = np.linalg.pinv((root / length).T @ (root / length), rcond=1e-10, hermitian=True) / np.outer(
+        length, length
+    )
+    return np.asarray(max(point.loss / max(data.logs.size - length.size, 1), 1.0) * inverse)
+
+
 def _bend(data: _Data, point: _Point) -> float:
     """Logarithm of the density at the frequency 0, relative to that at the lowest frequency of the data."""
     below, above = (
@@ -237,15 +265,9 @@ def _widened(tail: Vector, count: int, angle: float, radius: float) -> Vector:
 
 
 def _reported(data: _Data, point: _Point) -> ShortMemory:
-    root = np.sqrt(data.weights)[:, None] * point.jacobian
-    length = np.linalg.norm(root, axis=0)
-    # Roots that cancel make the normal equations singular; the pseudo-inverse leaves these directions out.
-    inverse = np.linalg.pinv((root / length).T @ (root / length), rcond=1e-10, hermitian=True) / np.outer(
-        length, length
-    )
-    misfit = point.loss / max(data.logs.size - length.size, 1)
     sign = np.concatenate([-np.ones(point.a.size), np.ones(point.b.size)])
     return ShortMemory(
         phi=-point.a, theta=point.b.copy(), innovation=math.exp(point.scale),
-        covariance=max(misfit, 1.0) * inverse[1:, 1:] * np.outer(sign, sign), misfit=misfit,
+        covariance=_scatter(point, data)[1:, 1:] * np.outer(sign, sign),
+        misfit=point.loss / max(data.logs.size - point.jacobian.shape[1], 1),
     )  # fmt: skip
