@@ -19,10 +19,16 @@ from gmwm.calibration.tables import in_order, merged
 from gmwm.datasheets import Datasheet, Entry
 from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
+from gmwm.processes.linear_recursion import Lagged
+from gmwm.processes.model import Model
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
 """Standard errors beyond which a p-value is zero in double precision."""
+_SLOW = ("K", "R")
+"""Numbers of the slow terms of a model."""
+_FAST = ("WN", "QN", "SIN")
+"""Terms beside which the slow terms mean the same."""
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. All other intervals are those of logarithms."""
 
@@ -48,8 +54,9 @@ def agree(
     if the limit reaches the interval when both have the width that the test needs. All p-values are adjusted by Holm's
     method, so `size` is the probability of any false alarm among all numbers.
 
-    Q, N, B, K and R are compared for all models, other numbers only if all recordings have the same model. B of a
-    flicker term is not compared with B at the minimum of the Allan deviation.
+    Q, N and B are compared for all models, K and R only if all models have the same slow terms, and other numbers only
+    if all recordings have the same model. B of a flicker term is not compared with B at the minimum of the Allan
+    deviation. Intervals of calibrations include the choice of the model.
 
     Parameters
     ----------
@@ -169,7 +176,7 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
         entries = tuple(None if sheet is None else sheet.get(symbol) for sheet in found)
         given = [(e, s) for e, s in zip(entries, found, strict=True) if e is not None and s is not None]
         first = given[0][0]
-        alike = symbol in LAWS or len({s.model for s in found if s is not None}) == 1
+        alike = _alike(symbol, [s.model for s in found if s is not None])
         usable = [(entry, _reach(sheet.level)) for entry, sheet in given if _is_known(entry)]
         kinds = {entry.term is None for entry, _ in given if symbol == BIAS}
         reason = "interval" if len(usable) < 2 else ""
@@ -187,6 +194,23 @@ def _of_axis(axis: str, sheets: Sequence[Mapping[str, Datasheet]], names: Sequen
             )
         )
     return rows
+
+
+def _alike(symbol: str, models: Sequence[str]) -> bool:
+    """Whether a number means the same in all models.
+
+    N, Q and B are read from the curve. K and R depend on the slow terms beside them: a random walk is smaller where a
+    slow Gauss-Markov term takes its part. All other numbers belong to one term of one model.
+    """
+    if symbol not in LAWS:
+        return len(set(models)) == 1
+    return symbol not in _SLOW or len({_slow_terms(model) for model in models}) == 1
+
+
+def _slow_terms(model: str) -> tuple[str, ...]:
+    """The terms of a model without white noise, quantization noise, short-memory noise and lines."""
+    processes = Model.parse(model).processes
+    return tuple(sorted(p.name for p in processes if p.name not in _FAST and not isinstance(p, Lagged)))
 
 
 def _is_known(entry: Entry) -> bool:
