@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gmwm._arrays import Matrix
 from gmwm.covariance import Design
+from gmwm.estimation.result import Fit
 from gmwm.estimation.weighting import square_root
 from gmwm.selection.equivalence import axes_of
 from gmwm.selection.ranking import Candidate, Comparison, Ranking
@@ -18,15 +20,20 @@ def compared(ranking: Ranking, first: Candidate, second: Candidate) -> Compariso
     the variance 2 tr[(AW)²] + 4 aᵀWa with A = P₁ − P₂, W = LVLᵀ, and a = r₁ − r₂, the difference of the residuals. For
     several recordings, it is the variance for the first one divided by their number.
     """
-    root = square_root(ranking.weighting_matrix)
-    scatter = root @ ranking.wavelet @ root.T
-    design = Design.of(first.fit.wavelet_variance)
-    axes = [axes_of(candidate.fit, root, design) for candidate in (first, second)]
+    error = difference_error(first.fit, second.fit, ranking.weighting_matrix, ranking.wavelet)
+    difference = first.wic.value - second.wic.value
+    return Comparison(first=first, second=second, difference=difference, error=error / float(np.sqrt(len(first.fits))))
+
+
+def difference_error(first: Fit, second: Fit, matrix: Matrix, wavelet: Matrix) -> float:
+    """Standard error of the difference of the losses of two fits, for Ω (J, J) and V (J, J) of the ranking."""
+    root = square_root(matrix)
+    scatter = root @ wavelet @ root.T
+    design = Design.of(first.wavelet_variance)
+    axes = [axes_of(fit, root, design) for fit in (first, second)]
     shape = axes[1] @ axes[1].T - axes[0] @ axes[0].T
-    residuals = [root @ (c.fit.wavelet_variance.variance - c.fit.implied) for c in (first, second)]
+    residuals = [root @ (fit.wavelet_variance.variance - fit.implied) for fit in (first, second)]
     pull = residuals[0] - residuals[1]
     spread = shape @ scatter
     variance = 2 * float(np.trace(spread @ spread)) + 4 * float(pull @ scatter @ pull)
-    variance /= len(first.fits)
-    difference = first.wic.value - second.wic.value
-    return Comparison(first=first, second=second, difference=difference, error=float(np.sqrt(max(variance, 0.0))))
+    return float(np.sqrt(max(variance, 0.0)))

@@ -38,8 +38,8 @@ SLOW = "4*GM + WN + QN + FN + RW + DR"
 """The family that is tried first (docs/validation/selection.md)."""
 BESIDE = "4*GM + FN + RW + DR"
 """What is added to the noise at high frequencies: it contains white and quantization noise already."""
-REJECTED = 0.01
-"""p-value of the test below which the search goes on; a calibration of six axes calls 5 % / 6 rejected."""
+REJECTED = 0.002
+"""p-value of the test below which the search goes on: two true models of a thousand."""
 FEWEST = 24
 """Frequencies that a shape at high frequencies needs at least; with fewer, the spectrum is not used."""
 MIXED = 0.5
