@@ -25,9 +25,9 @@ ALIKE = 5.0
 _HALVINGS = 80
 _TIMES = ("T_c", "q_c")
 _WALK = "K"
-SLOW = 0.05
-"""Correlation time, as a share of the recording, from which a Gauss-Markov term counts as a random walk. The longest
-usable scale is an eighth of the recording (docs/validation/sensors.md)."""
+SLOW = 0.01
+"""Correlation time, as a share of the recording, from which a Gauss-Markov term can stand for a random walk: below its
+correlation time it is one, with K = q_c (docs/validation/sensors.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,8 +170,8 @@ def _base(symbol: str) -> str:
 def _counterpart(entry: Entry, sheet: Datasheet, other: Mapping[str, Entry]) -> Entry | None:
     """The entry of another model for the same number; Gauss-Markov terms are matched by their correlation times."""
     base = _base(entry.symbol)
-    if base == _WALK and entry.symbol not in other:
-        return _slowest(other, sheet.samples / sheet.rate)
+    if base == _WALK and (entry.symbol not in other or other[entry.symbol].upper_only):
+        return _slowest(other, sheet.samples / sheet.rate) or other.get(entry.symbol)
     if base not in _TIMES:
         return other.get(entry.symbol)
     time = sheet.get(_TIMES[0] + entry.symbol.removeprefix(base))
