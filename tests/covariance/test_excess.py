@@ -48,3 +48,17 @@ def test_a_matrix_of_another_size_is_refused(curves):
     with pytest.raises(DataError) as error:
         replace(curves[0], excess=np.eye(3))
     assert error.value.argument == "excess"
+
+
+def test_the_model_error_adds_to_the_diagonal(curves):
+    design = Design.of(curves[0])
+    curve = MODEL.wavelet_variance(design.levels, 100.0)
+    difference = covariance(MODEL, replace(design, model_error=0.05)) - covariance(MODEL, design)
+    np.testing.assert_allclose(difference, np.diag((0.05 * curve) ** 2), atol=1e-9 * float(difference.max()))
+
+
+def test_an_error_common_to_all_levels_does_not_make_zero_a_good_fit(curves):
+    wv = replace(curves[0], excess=0.1**2 * np.ones((len(curves[0]), len(curves[0]))))
+    found = fit("WN + RW", wv, weighting="optimal")
+    assert found.parameters["WN.sigma2"] == pytest.approx(4e-6, rel=0.05)
+    assert found.standard_errors["WN.sigma2"] == pytest.approx(0.1 * 4e-6, rel=0.1)

@@ -23,9 +23,9 @@ from gmwm.variance.transform import Transform, deepest_level
 
 def covariance(model: Model, design: Design) -> Matrix:
     """V = Cov(ν̂², ν̂²) (J, J), in u⁴, of a model with all its values; see `wavelet_covariance`."""
-    if design.excess is not None:
+    if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
-        return covariance(model, replace(design, excess=None)) + design.excess * np.outer(curve, curve)
+        return covariance(model, replace(design, excess=None, model_error=0.0)) + added * np.outer(curve, curve)
     if design.segments:
         return pooled(design, lambda segment: covariance(model, segment))
     noise, waves = lines.apart(model, design)
@@ -39,9 +39,10 @@ def covariance(model: Model, design: Design) -> Matrix:
 
 def variances(model: Model, design: Design) -> Vector:
     """The diagonal of `covariance` (J,), in u⁴, at about a tenth of the cost."""
-    if design.excess is not None:
+    if (added := design.added) is not None:
         curve = model.wavelet_variance(design.levels, design.rate, design.filter)
-        return np.asarray(variances(model, replace(design, excess=None)) + np.diag(design.excess) * curve**2)
+        bare = replace(design, excess=None, model_error=0.0)
+        return np.asarray(variances(model, bare) + np.diag(added) * curve**2)
     if design.segments:
         return pooled(design, lambda segment: variances(model, segment))
     noise, waves = lines.apart(model, design)

@@ -13,6 +13,9 @@ from gmwm.variance.result import WaveletVariance
 from gmwm.variance.robust import FEW
 from gmwm.variance.transform import Transform, coefficient_counts, pooled_counts
 
+MOST = 0.01
+"""Largest relative error of a level that an excess adds in weights (tests/covariance/test_excess.py)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Design:
@@ -38,6 +41,8 @@ class Design:
         For one segment among several, the number of coefficients of all segments together.
     excess : (J, J) array or None
         Relative covariance of the estimates beyond a Gaussian signal of the model; see `WaveletVariance`.
+    model_error : float
+        Relative error of the model at each level.
 
     Examples
     --------
@@ -55,6 +60,7 @@ class Design:
     strides: tuple[int, ...] = ()
     pooled: NDArray[np.int64] | None = None
     excess: Matrix | None = None
+    model_error: float = 0.0
 
     def __post_init__(self) -> None:
         # Copy the array, because the caller's array must stay writable.
@@ -73,6 +79,7 @@ class Design:
             segments=wv.segments,
             strides=wv.strides,
             excess=wv.excess,
+            model_error=wv.model_error,
         )
 
     @property
@@ -106,6 +113,25 @@ class Design:
         excess = None if self.excess is None else self.excess[np.ix_(which, which)]
         return replace(self, levels=self.levels[which], strides=strides, excess=excess)
 
+    @property
+    def added(self) -> Matrix | None:
+        """Relative covariance (J, J) beyond a Gaussian signal of the model, with the model error; None if it is zero."""
+        if not self.model_error:
+            return self.excess
+        own = self.model_error**2 * np.eye(self.levels.size)
+        return own if self.excess is None else self.excess + own
+
+    @property
+    def for_weights(self) -> Design:
+        """The design for weights: of the excess only the diagonal, up to a relative error of 1 %.
+
+        An error that all levels have in common must not enter weights. They would make a curve of zero a good fit,
+        because it differs from the data by a common factor (Peelle's puzzle).
+        """
+        if self.excess is None:
+            return self
+        return replace(self, excess=np.diag(np.minimum(np.diag(self.excess), MOST**2)))
+
     def segment(self, length: int, counts: NDArray[np.int64]) -> Design | None:
         """The design of one segment, with its own levels and the `counts` of all segments; None if it has no level."""
         own = coefficient_counts(length, self.levels, self.filter, self.transform)
@@ -114,7 +140,7 @@ class Design:
             return None
         return replace(
             self, levels=self.levels[:reach], samples=length, segments=(), strides=self.strides[:reach],
-            pooled=counts[:reach], excess=None,
+            pooled=counts[:reach], excess=None, model_error=0.0,
         )  # fmt: skip
 
     @property

@@ -232,7 +232,7 @@ def implied_weights(weighting: str, model: Model, design: Design, observed: Vect
     if weighting == "optimal":
         return precision(drawn_covariance(model, design, observed))
     scale = _drawn_scale(model, design, observed)
-    variance = variances(model, design) * scale**2
+    variance = variances(model, design.for_weights) * scale**2
     with np.errstate(over="ignore", divide="ignore"):
         weights = 1 / variance
     if not np.all(np.isfinite(weights)):
@@ -250,7 +250,7 @@ def _no_noise(model: Model) -> ModelError:
 def drawn_covariance(model: Model, design: Design, observed: Vector | None = None) -> Matrix:
     """Covariance V (J, J) of a model, scaled to ν̄² if there are data (see `implied_weights`)."""
     scale = _drawn_scale(model, design, observed)
-    return covariance(model, design) * np.outer(scale, scale)
+    return covariance(model, design.for_weights) * np.outer(scale, scale)
 
 
 def _drawn_scale(model: Model, design: Design, observed: Vector | None) -> Vector:

@@ -88,7 +88,7 @@ MANY = 30.0
 
 def relative_misfit(fit: Fit) -> RelativeMisfit:
     """Compute the relative distance of a fitted model from its data."""
-    wv = replace(fit.wavelet_variance, excess=None)
+    wv = fit.wavelet_variance
     error = np.sqrt(2 / wv.degrees_of_freedom)
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(wv.variance > 0, fit.implied / np.where(wv.variance > 0, wv.variance, 1.0) - 1, 0.0)
@@ -161,11 +161,8 @@ def model_error(fit: Fit) -> float:
 
 
 def having_error(wv: WaveletVariance, error: float) -> WaveletVariance:
-    """The wavelet variance with a relative error of the model at each level, in addition to its other excess."""
-    if error == 0.0:
-        return wv
-    added = error**2 * np.eye(len(wv))
-    return replace(wv, excess=added if wv.excess is None else wv.excess + added)
+    """The wavelet variance with a relative error of the model at each level."""
+    return replace(wv, model_error=error)
 
 
 def nearly_fitted(model: Model, wv: WaveletVariance, weighting: str) -> Fit:

@@ -407,6 +407,18 @@ def _shown(candidate: Candidate) -> Counter[str] | None:
     return structures[0] if all(s == structures[0] for s in structures) else None
 
 
+def _complexity(candidate: Candidate) -> int:
+    """Number of parameters; noise without a correlation time counts as two further ones.
+
+    Flicker noise has one parameter, but the curve of several Gauss-Markov processes. In short recordings it would
+    replace a single one.
+    """
+    return candidate.parameters + 2 * sum(
+        p.correlation_time(1.0) is None and p.line(1.0) is None and not p.nonlinear_parameters()
+        for p in candidate.fit.model.processes if p.scale > 0
+    )  # fmt: skip
+
+
 def _equivalent(
     made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
@@ -414,7 +426,7 @@ def _equivalent(
     best, level = made[0], _levels(made)
     equivalent: list[Candidate] = []
     own = (c for c in made if c.same_as is None)
-    for candidate in sorted(own, key=lambda c: (c.parameters, level[c.structure])):
+    for candidate in sorted(own, key=lambda c: (_complexity(c), level[c.structure])):
         structure = structure_of(candidate.model)
         if any(within(structure_of(k.model), structure) for k in equivalent):
             continue

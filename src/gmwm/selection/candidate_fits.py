@@ -113,7 +113,7 @@ class _Exploration:
         if _key(structure) in self.solved:
             return
         for known in self.solved.values():
-            if known.shown <= structure <= known.structure:
+            if known.shown and known.shown <= structure <= known.structure:
                 self.solved[_key(structure)] = replace(self.solved[_key(known.shown)], structure=structure)
                 return
         problem = pose(without_values(model), self.wv, self.matrix)

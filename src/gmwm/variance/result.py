@@ -63,8 +63,10 @@ class WaveletVariance(Summarised):
     slope : float or None
         Mean slope of the signal (unit per sample), which gives a drift its sign. None for published values.
     excess : (J, J) array or None
-        Relative covariance E of the estimates beyond a Gaussian signal of the model, from heavy tails or from a model
-        that is not exact: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Weights, tests, intervals and selection use it.
+        Relative covariance E of the estimates beyond a Gaussian signal of the model, from heavy tails or a shape that
+        was estimated before: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Tests and intervals use it.
+    model_error : float
+        Relative error τ of the model at each level, which adds τ² to the diagonal of E, also for weights and selection.
 
     Examples
     --------
@@ -95,6 +97,7 @@ class WaveletVariance(Summarised):
     segments: tuple[int, ...] = ()
     strides: tuple[int, ...] = ()
     excess: Matrix | None = None
+    model_error: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
@@ -263,6 +266,7 @@ class WaveletVariance(Summarised):
             "efficiency": self.efficiency,
             "slope": self.slope,
             "excess": None if self.excess is None else self.excess.tolist(),
+            "model_error": self.model_error,
             "diagnostics": dict(self.diagnostics),
         }
 
