@@ -57,7 +57,9 @@ def _head(calibration: Calibration) -> list[str]:
     rate = _range([f"{rate:g}" for rate in sorted(rate for _, rate in shapes)])
     duration = _range([duration_text(seconds) for seconds in sorted(n / rate for n, rate in shapes)])
     lines = [f"Calibration{' of ' + calibration.source if calibration.source else ''}"]
-    lines.append(f"{samples} samples at {rate} Hz, {duration}; best model within {calibration.settings.within}")
+    settings = calibration.settings
+    searched = "searched for the model" if settings.searched else f"best model within {settings.within}"
+    lines.append(f"{samples} samples at {rate} Hz, {duration}; {searched}")
     return [line for text in lines for line in wrapped(text)]
 
 

@@ -21,10 +21,10 @@ from gmwm.cli.options import (
     CriterionName,
     Datasheet,
     Efficiency,
+    Searched,
     Seed,
     View,
-    Within,
-    parse_within,
+    parse_searched,
 )
 from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progress, text_file
 from gmwm.cli.read_options import Axes, File, chosen_names
@@ -60,7 +60,7 @@ def calibrate(
     file: File,
     reading: ReadOptions,
     axis: Axes = None,
-    within: Within = SEARCHED,
+    within: Searched = SEARCHED,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -85,9 +85,10 @@ def calibrate(
 ) -> Outcome:
     """Choose and fit the noise model of each axis, and print its numbers as in a datasheet.
 
-    All models that are part of --within are compared. Of the models that the data cannot distinguish from the best
-    one, the simplest is used. N is the angle or velocity random walk, B the bias instability, K the rate random walk, R
-    the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes.
+    gmwm searches for the model, or compares all models that are part of --within. Of the models that the data cannot
+    distinguish from the best one, the simplest is used. N is the angle or velocity random walk, B the bias instability,
+    K the rate random walk, R the rate ramp and Q the quantization noise; T_c and q_c describe Gauss-Markov processes,
+    f_b, f_r and Q_r the filter and the resonance of the sensor.
 
     --view and --datasheet apply to the plots. Calibration.load reads calibration.json in Python;
     docs/calibration-format.md describes it.
@@ -100,7 +101,7 @@ def calibrate(
             advice="Leave {--efficiency} or {--robust=no} out.",
         )
     asked = CalibrationOptions(
-        within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
     )  # fmt: skip
     recording = opened(file, reading, chunked, spread=scheduler is not None or workers is not None)

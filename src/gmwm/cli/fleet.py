@@ -13,7 +13,16 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.cli.calibrate import ROBUST, Outliers
 from gmwm.cli.command import command
 from gmwm.cli.measuring import MACHINES
-from gmwm.cli.options import RESULT, ChoiceWeighting, Confidence, CriterionName, Efficiency, Seed, Within, parse_within
+from gmwm.cli.options import (
+    RESULT,
+    ChoiceWeighting,
+    Confidence,
+    CriterionName,
+    Efficiency,
+    Searched,
+    Seed,
+    parse_searched,
+)
 from gmwm.cli.output import NewFile, Outcome, file_names, progress, text_file
 from gmwm.cli.read_options import INPUT, Axes
 from gmwm.errors import DataError, OptionError
@@ -64,7 +73,7 @@ def fleet(
         ),
     ] = None,
     axis: Axes = None,
-    within: Within = SEARCHED,
+    within: Searched = SEARCHED,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -111,7 +120,7 @@ def fleet(
 
     _check(folder, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers)
     asked = CalibrationOptions(
-        within=parse_within(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
+        within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
         axes=[part.strip() for text in axis or () for part in text.split(",")] or None,
     )  # fmt: skip

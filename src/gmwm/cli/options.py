@@ -82,6 +82,16 @@ Within = Annotated[
         rich_help_panel="Estimation",
     ),
 ]
+Searched = Annotated[
+    str,
+    typer.Option(
+        "--within",
+        help="Largest model; all models that are part of it are compared. auto: search for the model with the "
+        "wavelet variance and the spectrum.",
+        metavar="MODEL",
+        rich_help_panel="Estimation",
+    ),
+]
 ChoiceWeighting = Annotated[
     Literal["optimal", "diagonal"],
     typer.Option(
@@ -123,6 +133,17 @@ def parse_within(text: str) -> Model:
 
     with prefixed("within"):
         return Model.parse(text)
+
+
+def parse_searched(text: str) -> Model | str:
+    """Parse the model of --within of a calibration, which may be "auto".
+
+    >>> parse_searched("auto"), parse_searched("GM + WN")
+    ('auto', Model('GM + WN'))
+    """
+    from gmwm.calibration.options import SEARCHED
+
+    return text if text == SEARCHED else parse_within(text)
 
 
 def chosen_efficiency(robust: bool, efficiency: float | None) -> float:

@@ -153,7 +153,7 @@ def _settings(calibration: Calibration) -> Facts:
     asked = calibration.settings
     robust = {"auto": "where a test finds outliers", True: "everywhere", False: "never"}[asked.robust]
     return [
-        ("Largest model", str(asked.within)),
+        ("Largest model", "searched for" if asked.searched else str(asked.within)),
         ("Weights", asked.weighting),
         ("Criterion", asked.criterion),
         ("Robust wavelet variance", f"{robust}, efficiency {asked.efficiency:g}"),
