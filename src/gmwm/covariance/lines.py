@@ -184,14 +184,16 @@ def _density(noise: Model, cycles: float, design: Design) -> float:
                 design.rate * float(process.psd([abs(cycles) * design.rate], design.rate)[0])
                 if process.has("psd")
                 else process.scale
-                * _summed_density(type(process), tuple(process.nonlinear.tolist()), cycles, design.samples, design.rate)
+                * _summed_density(
+                    type(process), tuple(process.nonlinear.tolist()), cycles, samples=design.samples, rate=design.rate
+                )
             )
     return total
 
 
 @lru_cache(maxsize=256)
 def _summed_density(
-    kind: type[Process], nonlinear: tuple[float, ...], cycles: float, samples: int, rate: float
+    kind: type[Process], nonlinear: tuple[float, ...], cycles: float, *, samples: int, rate: float
 ) -> float:
     """S at scale 1: Σ_m c(m) cos ωm / |1 − e^(iω)|², c(m) = 2A(m) − A(m − 1) − A(m + 1), covariance of differences."""
     known = kind.standard(nonlinear).generalised_covariance(np.arange(-1, samples + 1), rate)

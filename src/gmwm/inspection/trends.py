@@ -101,7 +101,7 @@ def trend_of(axis: str, means: Sequence[tuple[int, Vector]], extent: Extent) -> 
     >>> means = 5 * np.exp(-np.arange(256) / 50) + np.random.default_rng(0).normal(size=256)
     >>> found = trend_of("gyro_x", [(0, means)], Extent(100.0, ((0, 25_600),), (0.0,)))
     >>> found.kind, round(found.tau)
-    ('exponential', 57)
+    ('exponential', 61)
 
     References
     ----------

@@ -131,7 +131,7 @@ class _Data:
     weights: Vector
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
     """Coefficients of the polynomials a and b of |b|²/|a|², without the leading 1, and the logarithm of the scale."""
 
@@ -162,7 +162,8 @@ def _evaluated(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
         ]
         jacobian = np.concatenate(columns, axis=1) * (own / total)[:, None]
     loss = float(np.sum(data.weights * left**2))
-    return _Point(a, b, scale, loss if math.isfinite(loss) else math.inf, left, jacobian)
+    loss = loss if math.isfinite(loss) else math.inf
+    return _Point(a=a, b=b, scale=scale, loss=loss, left=left, jacobian=jacobian)
 
 
 def _descend(data: _Data, a: Vector, b: Vector, scale: float) -> _Point:
