@@ -22,8 +22,8 @@ class Entry:
     Parameters
     ----------
     symbol : str
-        "N", "Q", "K", "R" or "B"; "T_c" and "q_c" of a Gauss-Markov term; "f_0" and "A" of a sinusoid; with an index,
-        for example "T_c[2]", if there are several terms.
+        "N", "Q", "K", "R" or "B"; "T_c" and "q_c" of a Gauss-Markov term; "f_b", "f_r" and "Q_r" of an ARMA term;
+        "f_0" and "A" of a sinusoid; with an index, for example "T_c[2]", if there are several terms.
     title : str
         Name of the number, for example "white noise density".
     value : float

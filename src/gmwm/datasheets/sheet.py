@@ -22,7 +22,7 @@ class Datasheet(Mapping[str, Entry]):
     Attributes
     ----------
     entries : tuple of Entry
-        The numbers, in the order Q, N, B, K, R, T_c, q_c, f_0, A.
+        The numbers, in the order Q, N, B, K, R, T_c, q_c, f_b, f_r, Q_r, f_0, A.
     axis : str
         Name of the axis, or "".
     unit : str
