@@ -8,6 +8,7 @@ import pytest
 
 import gmwm
 from gmwm.calibration.api import STAGES
+from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
 from gmwm.errors import DataError, OptionError
 from gmwm.selection.structure import structure_of
 from tests.helpers import codes, only, raises
@@ -43,10 +44,11 @@ def test_each_axis_is_what_the_pieces_give_by_themselves(imu, calibration):
         found = calibration.axes[axis]
         assert calibration[axis].to_dict() == fit.to_dict()
         assert found.ranking.to_dict() == ranking.to_dict()
-        assert found.intervals == fit.confidence_intervals()
+        sheet = averaged_datasheet(fit.datasheet(), ranking, 0.95)
+        assert found.intervals == averaged_intervals(fit, fit.confidence_intervals(), sheet)
         assert found.test is not None
         assert found.test.to_dict() == fit.goodness_of_fit().to_dict()
-        assert found.datasheet.to_dict() == fit.datasheet().to_dict()
+        assert found.datasheet.to_dict() == sheet.to_dict()
         assert fit.gap is not None
 
 

@@ -86,7 +86,7 @@ def test_the_description_names_every_key(calibration, pytestconfig):
     axis = next(iter(content["axes"].values()))
     parts = [content, content["settings"], axis, axis["fit"], axis["fit"]["wavelet_variance"], axis["goodness_of_fit"]]
     parts += [axis["datasheet"], axis["datasheet"]["entries"][0], axis["contamination"], axis["ranking"]]
-    parts += [axis["ranking"]["candidates"][0], axis["spectrum"]]
+    parts += [axis["ranking"]["candidates"][0], axis["spectrum"], axis["misfit"]]
     missing = {key for part in parts for key in part if f"`{key}`" not in words}
     assert missing == set()
     assert f"version {VERSION}" in words

@@ -7,9 +7,9 @@ import pytest
 
 import gmwm
 from gmwm.calibration.findings import LEAST_SCALES, SCALES
-from gmwm.calibration.options import WITHIN
 from gmwm.errors import DataError
 from gmwm.inference.goodness import usable_levels
+from gmwm.selection.search import SLOW
 from tests.helpers import raises
 
 WHITE = "WN(sigma2=1.0)"
@@ -35,7 +35,7 @@ def recognised(text, scales, recordings):
     """Share of recordings for which the selection recommends the true model."""
     samples, truth = int(samples_for(scales)), gmwm.Model.parse(text)
     curves = (gmwm.wavelet_variance(signal(text, samples, seed)) for seed in range(recordings))
-    return np.mean([gmwm.select(WITHIN, curve).recommended.model.structure == truth.structure for curve in curves])
+    return np.mean([gmwm.select(SLOW, curve).recommended.model.structure == truth.structure for curve in curves])
 
 
 @pytest.mark.slow

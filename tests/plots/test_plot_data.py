@@ -103,11 +103,12 @@ def test_in_datasheet_units_the_legend_gives_the_numbers_of_the_datasheet(fit, v
 
 def test_a_term_without_such_numbers_keeps_its_parameters_in_datasheet_units():
     model = gmwm.Model.parse("AR(phi=[0.5, 0.2], sigma2=1e-7) + WN(sigma2=4e-4)")
-    exact = gmwm.WaveletVariance.from_values(model.wavelet_variance(12, 100.0), 100_000, 100.0, unit="deg/s")
+    # At 1 Hz, AR(2) has a correlation time above 1 s, so that it is no band-limited white noise.
+    exact = gmwm.WaveletVariance.from_values(model.wavelet_variance(12, 1.0), 100_000, 1.0, unit="deg/s")
     labels = fit_panel(gmwm.fit(model, exact), units="datasheet").labels
     assert any(label.startswith("AR(2): φ₁ = ") for label in labels), labels
-    # √(4e-4 / 100 Hz) deg/s/√Hz, by 60.
-    assert "WN: N = 0.12 deg/√h" in labels
+    # √(4e-4 / 1 Hz) deg/s/√Hz, by 60.
+    assert "WN: N = 1.2 deg/√h" in labels
 
 
 def test_a_fit_without_its_terms(fit):

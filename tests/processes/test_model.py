@@ -33,8 +33,8 @@ def test_labels_count_from_one_where_a_process_is_repeated():
 @pytest.mark.parametrize(
     ("build", "expected"),
     [
-        (lambda: 2 * WN(), {"facts": ("WN", "2 times", "write WN() once")}),
-        (lambda: QN() + WN() + QN(), {"facts": ("QN", "2 times", "write QN() once")}),
+        (lambda: 2 * WN(), {"facts": ("WN", "2 times"), "advises": ("`WN()` once",)}),
+        (lambda: QN() + WN() + QN(), {"facts": ("QN", "2 times"), "advises": ("`QN()` once",)}),
         (lambda: GM() + AR1(), {"facts": ("GM", "AR1"), "advises": ("as GM", "as AR1")}),
         (lambda: 2 * GM(beta=fixed(1.0)), {"facts": ("GM", "beta=fixed(1.0)"), "advises": ("different values",)}),
         (lambda: 0 * GM(), {"facts": ("1 to 100", "got 0"), "got": 0}),

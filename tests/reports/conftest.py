@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 
 import gmwm
@@ -14,10 +15,12 @@ TEMPLATE = "{{ 7 * 7 }}{% raw %} %{x} <a href='https://example.org'>link</a>"
 
 @pytest.fixture(scope="session")
 def imu():
-    """Three axes, 1000 s at 100 Hz; gyro_y has knocks at regular intervals."""
+    """Three axes, 1000 s at 100 Hz; gyro_y has knocks at regular intervals, for a fifth of a second each time."""
     clean = gmwm.simulate(TRUTH, rate=100.0, samples=100_000, rng=4)
     values = {axis: clean[axis].values.copy() for axis in clean}
-    values["gyro_y"][10_000:80_000:7000] += 0.2
+    ring = 0.05 * np.cos(2.0 * np.arange(20)) * np.exp(-np.arange(20) / 10)
+    for start in range(10_000, 80_000, 7000):
+        values["gyro_y"][start : start + 20] += ring
     return gmwm.Imu.from_arrays(values, 100.0, source="knocked.csv")
 
 

@@ -176,7 +176,7 @@ def test_a_file_that_workers_do_not_find(tmp_path, client, monkeypatch):
     monkeypatch.setattr(
         cluster, "_measure", lambda part, begin: (path.unlink(missing_ok=True), measure(part, begin))[1]
     )
-    with pytest.raises(ReadError, match=r"a\.npy does not exist .* does not exist on this machine"):
+    with pytest.raises(ReadError, match=r"a\.npy does not exist .* available at this path on every machine"):
         spread_variance(source, scheduler=client, parts=4)
 
 

@@ -10,7 +10,7 @@ from statistics import NormalDist
 from gmwm.datasheets import Datasheet, Entry, datasheet
 from gmwm.errors import GmwmError
 from gmwm.estimation.result import Fit
-from gmwm.inference.intervals import keep_quick_intervals
+from gmwm.inference.intervals import with_quick_intervals
 from gmwm.selection.ranking import Candidate, Ranking
 
 LIKELY = 0.02
@@ -134,8 +134,7 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             others.append((weight, sheet))
             continue
         try:
-            keep_quick_intervals(candidate.fit, level)
-            others.append((weight, datasheet(candidate.fit, level)))
+            others.append((weight, datasheet(with_quick_intervals(candidate.fit, level), level)))
         except GmwmError:  # a model without intervals says nothing about a number
             continue
     if len(others) < 2:

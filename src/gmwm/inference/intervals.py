@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -94,12 +95,14 @@ def _intervals(
     return intervals
 
 
-def keep_quick_intervals(fit: Fit, level: float) -> None:
-    """Keep quick intervals of a fit of minor weight: its upper limits are those of the first step, ĉ + z SE(ĉ)."""
+def with_quick_intervals(fit: Fit, level: float) -> Fit:
+    """A copy of a fit of minor weight that has quick intervals: upper limits are those of the first step, ĉ + z SE(ĉ).
+
+    The fit itself keeps no quick intervals, because its users get exact ones.
+    """
     key = (level, "asymptotic", DRAWS, 0)
-    kept: dict[tuple[object, ...], dict[str, Interval]] = fit.__dict__.setdefault("_intervals", {})
-    if key in kept:
-        return
+    if key in fit.__dict__.get("_intervals", {}):
+        return fit
     found, z = _asymptotic(fit, level, None), NormalDist().inv_cdf((1 + level) / 2)
     errors = dict(zip(fit.sandwich.names, np.sqrt(np.diag(fit.sandwich.relative)).tolist(), strict=True))
     for term, process in zip(fit.model.terms, fit.model.processes, strict=True):
@@ -116,7 +119,9 @@ def keep_quick_intervals(fit: Fit, level: float) -> None:
             ):
                 high = process.value_from(process.scale * (1 + z * (parameter.scale_power or 1.0) * errors[name]))
                 found[name] = (-high if parameter.domain == "real" else 0.0, high)
-    kept[key] = found
+    quick = copy(fit)
+    quick.__dict__["_intervals"] = {key: found}
+    return quick
 
 
 def free_shape(process: Process) -> bool:
