@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import gmwm
+from gmwm import SIN, WN
+from gmwm.calibration.summary_text import HELD
 from gmwm.calibration.tables import in_order, merged
 from gmwm.plots.imu import imu_figure
 from gmwm.remarks import Quantity, Remark, Severity
@@ -169,3 +172,23 @@ def test_scales_that_gaps_hide_get_a_remark(imu):
     assert (whole["gaps"], apart["gaps"]) == ("no", "yes")
     assert apart["unbroken"] == whole["scale"]
     assert apart["scale"].value < whole["scale"].value
+
+
+def test_held_lines_are_only_counted():
+    rng, t = np.random.default_rng(1), np.arange(50_000) / 100.0
+    x = 1e-3 * rng.normal(size=t.size) + 1e-3 * np.sin(2 * np.pi * 7.3 * t) + 5e-4 * np.sin(2 * np.pi * 21.1 * t)
+    held = [SIN(frequency=gmwm.fixed(21.1), power=gmwm.fixed(1.25e-7))]
+    free = SIN(frequency=gmwm.fixed(7.3))
+    found = gmwm.calibrate(gmwm.Signal(x, 100.0, "rad/s", "gyro_x"), gmwm.Model((WN(), free, *held)))
+    sheet, text = found.datasheets["gyro_x"], found.summary()
+    # The datasheet lists both; the table has the line with a free power, and the number of the others.
+    assert {"A[1]", "A[2]"} <= set(sheet)
+    shown = {symbol: f"{symbol} (deg/h)" in text for symbol in ("A[1]", "A[2]")}
+    assert shown == {symbol: not entry.held for symbol, entry in sheet.items() if symbol in shown}
+    (row,) = (line.split() for line in text.splitlines() if line.startswith(f"  {HELD}"))
+    assert row[-1] == "1"
+    assert f"{HELD}: " in words(found)
+
+
+def test_without_held_lines_they_are_not_mentioned(calibration):
+    assert HELD not in calibration.summary()

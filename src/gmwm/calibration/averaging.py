@@ -23,6 +23,7 @@ MOST = 5
 ALIKE = 5.0
 """Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
 _HALVINGS = 80
+_LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
 _WALK = "K"
 SLOW = 0.01
@@ -84,9 +85,9 @@ def averaged_interval(estimates: Sequence[Estimate], level: float) -> tuple[floa
         share = 0.0
         for e in sure:
             if e.upper_only or e.low <= 0 or e.value <= 0:
-                share += e.weight * (1.0 if math.isinf(e.high) else 1 - law.cdf(reach * x / e.high))
-            elif math.isinf(e.high) or e.high <= e.low:
-                share += e.weight * float(math.isinf(e.high) or x <= e.value)
+                share += e.weight * (1 - law.cdf(reach * x / e.high))
+            elif e.high <= e.low:
+                share += e.weight * float(x <= e.value)
             else:
                 side = e.high / e.value if x > e.value else e.value / e.low
                 deviation = math.log(max(side, 1 + 1e-12)) / reach
@@ -202,7 +203,9 @@ def averaged_intervals(
             ((parameter, slope),) = number.slopes.items()
             entry = next((e for e in sheet.values() if e.term == term and _base(e.symbol) == number.symbol), None)
             name = f"{term}.{parameter}"
-            if entry is None or entry.low is None or entry.high is None or name not in found or entry.value <= 0:
+            if entry is None or entry.low is None or entry.high is None or entry.value <= 0:
+                continue
+            if name not in found or slope == 0:
                 continue
             value, power = fit.parameters[name], 1 / slope
             ends = [_scaled(value, end / entry.value, power) for end in (entry.low, entry.high)]
@@ -212,7 +215,8 @@ def averaged_intervals(
 
 
 def _scaled(value: float, ratio: float, power: float) -> float:
-    """value · ratio^power, also for a ratio of zero or infinity."""
+    """value · ratio^power, also for a ratio of zero or infinity, and for a result out of range."""
     if ratio <= 0 or math.isinf(ratio):
         return math.inf if (ratio <= 0) == (power < 0) else 0.0
-    return float(value * ratio**power)
+    exponent = power * math.log(ratio)
+    return value * math.exp(exponent) if exponent < _LARGEST else math.inf

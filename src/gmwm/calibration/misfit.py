@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 
 def line_in(model: Model) -> str | None:
     """The name of a sinusoidal process in a model; None if there is none."""
-    return next((process.name for process in model.processes if _is_line(type(process))), None)
+    return next((process.name for process in model.processes if is_line(type(process))), None)
 
 
 def line_process() -> str | None:
     """The name of the registered sinusoidal process; None if there is none."""
-    return next((name for name, kind in registry.items() if _is_line(kind)), None)
+    return next((name for name, kind in registry.items() if is_line(kind)), None)
 
 
-def _is_line(kind: type[Process]) -> bool:
+def is_line(kind: type[Process]) -> bool:
+    """Whether a class is a sinusoidal process."""
     return kind.line is not Process.line
 
 

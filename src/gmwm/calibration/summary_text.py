@@ -10,11 +10,14 @@ import numpy as np
 from gmwm._tables import headed
 from gmwm._text import counted, duration_text
 from gmwm.axis_names import by_sensor
+from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
 from gmwm.remarks import Dialect, brief, texts
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.datasheets import Entry
+    from gmwm.processes import Model
 
 REST: Mapping[Dialect, str] = {
     Dialect.PYTHON: "calibration.remarks",
@@ -23,6 +26,8 @@ REST: Mapping[Dialect, str] = {
 }
 """Where to find the remarks that the summary does not show."""
 
+HELD = "held lines"
+"""Row of the number of lines whose frequency and power are held."""
 _FIRST = "[1]"
 
 
@@ -111,14 +116,29 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
     # The only Gauss-Markov term of one axis is in the row of the first of several terms of another axis.
     several = {symbol for one in found for symbol in one.datasheet if symbol.endswith(_FIRST)}
     columns = [
-        {f"{symbol}{_FIRST}" if f"{symbol}{_FIRST}" in several else symbol: entry for symbol, entry in sheet.items()}
-        for sheet in (one.datasheet for one in found)
+        {f"{symbol}{_FIRST}" if f"{symbol}{_FIRST}" in several else symbol: entry for symbol, entry in shown.items()}
+        for shown in (_shown(one) for one in found)
     ]
     for symbol in in_order([list(column) for column in columns]):
         entries = [column.get(symbol) for column in columns]
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
         rows.append([f"{symbol} ({unit})", *("" if entry is None else number(entry) for entry in entries)])
-    return rows
+    held = [len(held_lines(one.fit.model)) for one in found]
+    return [*rows, [HELD, *map(str, held)]] if any(held) else rows
+
+
+def held_lines(model: Model) -> list[str]:
+    """The terms of a model that are lines without a free parameter."""
+    return [
+        term for term, process in zip(model.terms, model.processes, strict=True)
+        if is_line(type(process)) and all(process.is_fixed(p.name) for p in process.parameters)
+    ]  # fmt: skip
+
+
+def _shown(found: AxisCalibration) -> dict[str, Entry]:
+    """The numbers of a datasheet without those of held lines, which are known before the calibration."""
+    held = held_lines(found.fit.model)
+    return {symbol: entry for symbol, entry in found.datasheet.items() if entry.term not in held}
 
 
 def _others(found: AxisCalibration) -> str:
@@ -137,10 +157,12 @@ def _outliers(found: AxisCalibration) -> str:
 
 
 def _legend(calibration: Calibration) -> list[str]:
-    named = key(entry for found in calibration.axes.values() for entry in found.datasheet.entries)
+    named = key(entry for found in calibration.axes.values() for entry in _shown(found).values())
     level = calibration.settings.confidence
+    held = any(held_lines(found.fit.model) for found in calibration.axes.values())
+    lines = f" {HELD}: number of lines with fixed frequency and amplitude; the datasheets list them." if held else ""
     return wrapped(
         f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
-        "recommended. p: p-value of the goodness-of-fit test."
+        f"recommended. p: p-value of the goodness-of-fit test.{lines}"
     )

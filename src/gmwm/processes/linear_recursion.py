@@ -9,7 +9,7 @@ unit circle with a relative error of 1e-16/δ.
 from __future__ import annotations
 
 import math
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -221,12 +221,15 @@ class Lagged(Ordered, abstract=True, listed=False):
 
     def psd(self, frequencies: ArrayLike, rate: float) -> Vector:
         """S(f) = σ²Δt |θ(z) Θ(z^s)|²/|φ(z) Φ(z^s)|², z = exp(−2πifΔt)."""
-        rate = as_rate(rate)
-        cycles = as_frequencies(frequencies, rate) / rate
+        return self._density(self.nonlinear, as_frequencies(frequencies, rate), as_rate(rate))
+
+    def _density(self, nonlinear: Vector, frequencies: Vector, rate: float) -> Vector:
+        """The density (u²/Hz) with other coefficients, which may be outside the region of stationarity."""
+        cycles = frequencies / rate
         density = np.full(cycles.shape, self.scale / rate)
         for part, span in self._factors():
             period = self.full_orders()[-1] if part in (SEASONAL_PHI, SEASONAL_THETA) else 1
-            gain = rational.squared_size(_sign(part) * self.nonlinear[span], cycles * period)
+            gain = rational.squared_size(_sign(part) * nonlinear[span], cycles * period)
             density = density / gain if _sign(part) > 0 else density * gain
         return density
 
@@ -283,9 +286,13 @@ class Lagged(Ordered, abstract=True, listed=False):
                 # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
                 slopes[name] = value / (1 - values.sum()) if sign > 0 else value / (1 + values.sum())
                 if not self.is_fixed(name):
-                    moved = self.with_values(**{name: value * (1 + STEP)})
-                    free[name] = lambda f, moved=moved: moved.psd(f, rate)  # type: ignore[misc]
+                    free[name] = partial(self._density, self._moved(name), rate=rate)
         return band_numbers(lambda f: self.psd(f, rate), rate, slopes, free=free)
+
+    def _moved(self, name: str) -> Vector:
+        """The coefficients, one of them larger by a factor of 1 + 1e-5."""
+        names = [p.name for p in self.nonlinear_parameters()]
+        return np.asarray(self.nonlinear * np.where(np.array(names) == name, 1 + STEP, 1.0))
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
         """Return the full φ and θ, the predictors of lower orders, and their error standard deviations at σ² = 1."""
