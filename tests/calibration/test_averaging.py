@@ -24,7 +24,7 @@ from gmwm.calibration.averaging import (
     weighted_candidates,
 )
 from gmwm.datasheets import datasheet
-from gmwm.inference.intervals import keep_quick_intervals
+from gmwm.inference.intervals import with_quick_intervals
 
 LEVEL = 0.95
 ONE = Estimate(weight=1.0, value=2.0, low=1.0, high=5.0)
@@ -120,8 +120,7 @@ def unclear():
     truth = gmwm.Model.parse("WN(sigma2=4e-7) + GM(beta=0.5, sigma2=3e-8) + RW(gamma2=2e-13)")
     signal = gmwm.Signal(truth.simulate(100_000, 100.0, rng=4), 100.0, "rad/s", "gyro_x")
     ranking = gmwm.select("2*GM + WN + QN + RW", gmwm.wavelet_variance(signal))
-    keep_quick_intervals(ranking.recommended.fit, LEVEL)
-    return ranking, datasheet(ranking.recommended.fit, LEVEL)
+    return ranking, datasheet(with_quick_intervals(ranking.recommended.fit, LEVEL), LEVEL)
 
 
 def test_datasheets_never_become_narrower(unclear):
@@ -189,8 +188,7 @@ def test_a_slow_gauss_markov_process_counts_as_a_random_walk():
     ranking = gmwm.rank(["WN + RW", "WN + GM"], gmwm.wavelet_variance(signal))
     sheets = {}
     for one in ranking:
-        keep_quick_intervals(one.fit, LEVEL)
-        sheets[one.structure] = datasheet(one.fit, LEVEL)
+        sheets[one.structure] = datasheet(with_quick_intervals(one.fit, LEVEL), LEVEL)
     other = next(sheet for structure, sheet in sheets.items() if "GM" in structure)
     assert other["T_c"].value > SLOW * 500.0
     # Both are the rise of the curve at long scales.

@@ -107,10 +107,10 @@ def test_a_model_with_as_many_parameters_as_levels_has_none():
 
 
 def test_the_error_adds_to_other_excess(recording):
-    assert having_error(recording, 0.0) is recording
-    once = having_error(recording, 0.3)
-    np.testing.assert_array_equal(once.excess, 0.09 * np.eye(len(recording)))
-    np.testing.assert_allclose(having_error(once, 0.4).excess, 0.25 * np.eye(len(recording)))
+    size = len(recording)
+    once = having_error(replace(recording, excess=0.01 * np.ones((size, size))), 0.3)
+    np.testing.assert_allclose(Design.of(once).added, 0.01 + 0.09 * np.eye(size))
+    assert having_error(once, 0.4).model_error == 0.4
 
 
 # --- the relative misfit ------------------------------------------------------------------------------

@@ -21,14 +21,14 @@ from gmwm.datasheets.bias import SYMBOL as BIAS
 from gmwm.errors import OptionError, UnitError
 from gmwm.processes.linear_recursion import Lagged
 from gmwm.processes.model import Model
+from gmwm.processes.noise import QN, WN
+from gmwm.processes.sinusoid import SIN
 from gmwm.variance.slope_line import LAWS
 
 _FARTHEST = 40.0
 """Standard errors beyond which a p-value is zero in double precision."""
 _SLOW = ("K", "R")
 """Numbers of the slow terms of a model."""
-_FAST = ("WN", "QN", "SIN")
-"""Terms beside which the slow terms mean the same."""
 _SIGNED = "R"
 """Symbol of the rate ramp, which has a sign and a symmetric interval. All other intervals are those of logarithms."""
 
@@ -210,7 +210,8 @@ def _alike(symbol: str, models: Sequence[str]) -> bool:
 def _slow_terms(model: str) -> tuple[str, ...]:
     """The terms of a model without white noise, quantization noise, short-memory noise and lines."""
     processes = Model.parse(model).processes
-    return tuple(sorted(p.name for p in processes if p.name not in _FAST and not isinstance(p, Lagged)))
+    fast = (WN, QN, SIN, Lagged)
+    return tuple(sorted(p.name for p in processes if not isinstance(p, fast)))
 
 
 def _is_known(entry: Entry) -> bool:
