@@ -17,7 +17,9 @@ def test_an_averaged_interval_contains_that_of_the_recommended_model(calibration
     found, fit = calibration.axes["gyro_x"], calibration["gyro_x"]
     alone = fit.confidence_intervals()
     assert found.intervals != alone
-    assert all(found.intervals[name][0] <= low and high <= found.intervals[name][1] for name, (low, high) in alone.items())
+    assert all(
+        found.intervals[name][0] <= low and high <= found.intervals[name][1] for name, (low, high) in alone.items()
+    )
 
 
 def test_the_fits_of_the_other_models_keep_their_exact_intervals(calibration):
