@@ -9,10 +9,12 @@ import gmwm
 from gmwm.calibration.findings import LEAST_SCALES, SCALES
 from gmwm.errors import DataError
 from gmwm.inference.goodness import usable_levels
-from gmwm.selection.search import SLOW
 from tests.helpers import raises
 
 WHITE = "WN(sigma2=1.0)"
+FAMILY = "4*GM + WN + QN + RW + DR"
+"""Without flicker noise, which describes WN + RW with one parameter less: with FN in the family, the selection finds
+both terms in 43 % of recordings of 256 samples and 78 % of 512 samples."""
 TWO = "WN(sigma2=1.0) + RW(gamma2=0.05)"
 """The two terms have the same wavelet variance near a scale of 16 samples."""
 
@@ -35,7 +37,7 @@ def recognised(text, scales, recordings):
     """Share of recordings for which the selection recommends the true model."""
     samples, truth = int(samples_for(scales)), gmwm.Model.parse(text)
     curves = (gmwm.wavelet_variance(signal(text, samples, seed)) for seed in range(recordings))
-    return np.mean([gmwm.select(SLOW, curve).recommended.model.structure == truth.structure for curve in curves])
+    return np.mean([gmwm.select(FAMILY, curve).recommended.model.structure == truth.structure for curve in curves])
 
 
 @pytest.mark.slow
