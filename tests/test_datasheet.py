@@ -595,10 +595,3 @@ def test_units_are_found_however_they_are_spelt(text):
     entry = Entry(symbol="N", title="white noise density", value=9.80665e-5, low=None, high=None, unit="m/s²/√Hz")
     value, _, _, name = entry.in_units(text)
     assert (round(value, 9), name) == (10.0, "µg/√Hz")
-
-
-def test_a_quality_factor_has_no_unit():
-    entry = Entry(symbol="Q_r", title="quality factor of the resonance", value=7.48, low=7.0, high=8.0, unit="1")
-    assert entry.text() == "7.48 (7.00 … 8.00)"
-    assert replace(entry, held=True).text("si") == "7.480 (held)"
-    assert str(replace(entry, upper_only=True)) == "Q_r ≤ 8.00"
