@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.calibration.findings import LARGE, SCALES
+from gmwm.calibration.findings import CLOSE, LARGE, SCALES
 from gmwm.calibration.misfit import misfit_of
+from gmwm.inference.model_error import MANY
 from gmwm.processes import Process, registry
 from gmwm.remarks import Quantity, Severity
 from tests.helpers import codes, only
@@ -159,3 +160,38 @@ def test_a_unit_that_contradicts_the_file_gets_a_remark(tmp_path):
     assert (remark.facts["unit"], remark.facts["stated"]) == ("deg/s", "rad/s")
     same = gmwm.calibrate(gmwm.read(path, rate=100.0, units={"gyro": "rad/s"}), "WN")
     assert "unit-overruled" not in codes(same.remarks)
+
+
+def judged(found, largest):
+    """The calibration of an axis whose test rejects the model, with a relative misfit."""
+    axis = found.axes["gyro_x"]
+    test = replace(axis.test, pvalue=1e-9)
+    misfit = replace(axis.misfit, largest=largest)
+    return replace(found, axes={**found.axes, "gyro_x": replace(axis, test=test, misfit=misfit)})
+
+
+def test_a_rejected_model_that_is_close_is_used(calibration):
+    near = judged(calibration, 0.99 * CLOSE)
+    remark = only(near.remarks, "model-close", "gyro_x")
+    assert remark.severity is Severity.INFO
+    assert remark.facts["largest"] == pytest.approx(99 * CLOSE)
+    assert not {"model-rejected", "model-misfit"} & set(codes(near.remarks))
+    far = judged(calibration, 1.01 * CLOSE)
+    assert "model-close" not in codes(far.remarks)
+    assert only(far.remarks, "model-rejected", "gyro_x").severity is Severity.BIASED
+    assert "model-close" not in codes(calibration.remarks)
+
+
+@pytest.mark.parametrize(("factor", "side"), [(50.0, "below"), (0.02, "above")])
+def test_a_coarse_scale_far_from_the_model_gets_a_remark(calibration, factor, side):
+    assert "coarse-misfit" not in codes(calibration.remarks)
+    axis = calibration.axes["gyro_x"]
+    wv, data = axis.fit.wavelet_variance, axis.fit.wavelet_variance.variance.copy()
+    level = int(np.flatnonzero(wv.degrees_of_freedom <= MANY)[1])
+    data[level] = axis.fit.implied[level] * factor
+    fit = replace(axis.fit, wavelet_variance=replace(wv, variance=data))
+    found = replace(calibration, axes={**calibration.axes, "gyro_x": replace(axis, fit=fit)})
+    remark = only(found.remarks, "coarse-misfit", "gyro_x")
+    assert remark.severity is Severity.BIASED
+    assert (remark.facts["tau"], remark.facts["side"]) == (Quantity(float(wv.tau[level]), "s"), side)
+    assert remark.facts["ratio"] == pytest.approx(50.0)

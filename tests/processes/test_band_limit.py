@@ -1,9 +1,12 @@
 """N, bandwidth and resonance of noise with a short memory, by closed forms and brute force."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gmwm import AR, ARMA, MA, fixed
+from gmwm.datasheets import Entry
 from gmwm.processes.band_limit import PEAK, SHORT
 
 RATE = 50.0
@@ -120,3 +123,10 @@ def test_slow_noise_and_no_noise_have_no_numbers():
     assert "N" in numbers(AR(phi=[np.exp(-1 / (RATE * SHORT * 0.99))], sigma2=1.0))
     assert AR(phi=[0.5], sigma2=0.0).physical(RATE) == ()
     assert AR(2).physical(RATE) == ()
+
+
+def test_a_quality_factor_has_no_unit():
+    entry = Entry(symbol="Q_r", title="quality factor of the resonance", value=7.48, low=7.0, high=8.0, unit="1")
+    assert entry.text() == "7.48 (7.00 … 8.00)"
+    assert replace(entry, held=True).text("si") == "7.480 (held)"
+    assert str(replace(entry, upper_only=True)) == "Q_r ≤ 8.00"

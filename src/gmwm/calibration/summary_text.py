@@ -122,7 +122,8 @@ def rows_of(axes: Mapping[str, AxisCalibration]) -> list[list[str]]:
     for symbol in in_order([list(column) for column in columns]):
         entries = [column.get(symbol) for column in columns]
         unit = next(entry.in_units("datasheet")[3] for entry in entries if entry is not None)
-        rows.append([f"{symbol} ({unit})", *("" if entry is None else number(entry) for entry in entries)])
+        title = symbol if unit == "1" else f"{symbol} ({unit})"
+        rows.append([title, *("" if entry is None else number(entry) for entry in entries)])
     held = [len(held_lines(one.fit.model)) for one in found]
     return [*rows, [HELD, *map(str, held)]] if any(held) else rows
 

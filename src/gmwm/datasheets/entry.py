@@ -107,16 +107,17 @@ class Entry:
     def text(self, units: str = "datasheet") -> str:
         """The number as text in `units` (see `in_units`), for example "0.21 (0.20 … 0.22) deg/√h" or "≤ 0.03 deg/h"."""
         value, low, high, unit = self.in_units(units)
+        unit = "" if unit == "1" else f" {unit}"
         if self.held:
-            return f"{significant(value, 4)} {unit} (held)"
+            return f"{significant(value, 4)}{unit} (held)"
         if low is None or high is None:
-            return f"{significant(value, 4)} {unit}"
+            return f"{significant(value, 4)}{unit}"
         if not math.isfinite(high):
             return "not determined"
         if self.upper_only:
-            return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)} {unit}".replace("± ", "±")
+            return f"{'≤' if low >= 0 else 'within ±'} {significant(high, 3)}{unit}".replace("± ", "±")
         shown = _alike(value, low, high)
-        return f"{shown[0]} ({shown[1]} … {shown[2]}) {unit}"
+        return f"{shown[0]} ({shown[1]} … {shown[2]}){unit}"
 
     def to_dict(self) -> dict[str, Any]:
         """The number as numbers and strings, ready for JSON; an infinite limit is None."""

@@ -108,23 +108,29 @@ def datasheet_label(term: str, process: Process, unit: str, rate: float) -> str:
     rate : float
         Sampling rate (Hz).
 
-    >>> from gmwm.processes import GM, SIN, WN
+    >>> from gmwm.processes import AR, GM, SIN, WN
     >>> datasheet_label("WN", WN(sigma2=4e-7), "rad/s", rate=100.0)
     'WN: N = 0.22 deg/√h'
     >>> datasheet_label("GM[1]", GM(beta=0.02, sigma2=9e-8), "rad/s", rate=100.0)
     'GM[1]: T_c = 50 s, q_c = 740 deg/h/√h'
     >>> datasheet_label("SIN", SIN(frequency=0.7, power=2e-8), "rad/s", rate=100.0)
     'SIN: 0.700 Hz, A = 41 deg/h'
+    >>> datasheet_label("AR(2)", AR(phi=[0.59, -0.9], sigma2=1e-7), "rad/s", rate=100.0)
+    'AR(2): N = 0.083 deg/√h, f_b = 36.6 Hz, f_r = 20.0 Hz, Q_r = 12'
     """
     numbers = process.physical(rate)
-    return f"{term}: {', '.join(_physical_text(number, unit) for number in numbers)}" if numbers else ""
+    # The frequency of a line needs no symbol, but the bandwidth of a noise with a density does.
+    named = any(number.signal_power and number.time_power for number in numbers)
+    return f"{term}: {', '.join(_physical_text(number, unit, named) for number in numbers)}" if numbers else ""
 
 
-def _physical_text(number: Physical, unit: str) -> str:
-    """One datasheet value with symbol and unit; a frequency has no symbol."""
+def _physical_text(number: Physical, unit: str, named: bool) -> str:
+    """One datasheet value with symbol and unit; a frequency has a symbol if it is `named`."""
     if not number.signal_power:
         if number.time_power < 0:
-            return f"{_three_digits(number.value)} Hz"
+            return f"{f'{number.symbol} = ' if named else ''}{_three_digits(number.value)} Hz"
+        if number.time_power == 0:
+            return f"{number.symbol} = {number_text(number.value, DIGITS)}"
         return f"{number.symbol} = {duration_text(number.value)}"
     si, factor = noise_unit(number.time_power, unit)
     name, size = next(iter(datasheet_units(si).items()))
