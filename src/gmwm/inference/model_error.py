@@ -215,6 +215,13 @@ class Distance:
 
         return float(gammaincc(self.freedom / 2, self.statistic(0.0) / 2)) if self.freedom > 0 else 1.0
 
+    @property
+    def surely(self) -> float:
+        """The p-value with every level as a degree of freedom: at least that of any sum within the fitted one."""
+        from scipy.special import gammaincc
+
+        return float(gammaincc(self.left.size / 2, self.statistic(0.0) / 2))
+
     def statistic(self, error: float) -> float:
         """The chi-square statistic if the model has a relative error: without the part that the parameters can fit."""
         root = square_root(precision(self.scatter + np.diag((error * self.curve) ** 2)))

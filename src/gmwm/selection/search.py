@@ -110,7 +110,7 @@ def search(
         Called between steps; it may raise to end the search.
     """
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
-    if Distance.of(general).pvalue >= REJECTED:
+    if Distance.of(general).surely >= REJECTED:
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
         pvalue = ranking.recommended.pvalue
         if pvalue is None or pvalue >= REJECTED:
@@ -119,7 +119,7 @@ def search(
     lines = () if spectrum is None else _lines(spectrum, wv)
     if lines:
         with_lines = nearly_fitted(_largest(SLOW, wv, lines), wv, options.weighting)
-        if Distance.of(with_lines).pvalue >= REJECTED:
+        if Distance.of(with_lines).surely >= REJECTED:
             return within_family(SLOW, wv, options, required=lines, check=check, tried=(SLOW,))
     base, required = _required(general, wv, spectrum, lines, options=options, check=check)
     if not required:
@@ -139,7 +139,7 @@ def within_family(
     """Rank every sum within a family, with the model error of its largest sum."""
     whole = _largest(family, wv, required)
     general = nearly_fitted(whole, wv, options.weighting)
-    error = model_error(general) if Distance.of(general).pvalue < REJECTED else 0.0
+    error = model_error(general) if Distance.of(general).surely < REJECTED else 0.0
     check()
     ranking = select_within(family, having_error(wv, error), options, required=required, progress=lambda *_: check())
     return Searched(ranking=ranking, wavelet_variance=wv, error=error, tried=(*tried, whole.structure))
