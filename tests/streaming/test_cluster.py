@@ -114,10 +114,10 @@ def test_robust_ones_too(tmp_path, client):
     found = spread_variance(source, scheduler=client, parts=5, exact=12, robust=True, done=told.append)
     same(found, source.wavelet_variance(exact=12, robust=True), apart=1e-9)
     assert told[-1] == 400_000
-    pairs = spread_pairs(source, scheduler=client, parts=3, passes=1, efficiency=0.9)
-    same({axis: pair[0] for axis, pair in pairs.items()}, source.wavelet_variance())
+    pairs = spread_pairs(source, scheduler=client, parts=3, passes=1, exact=14, efficiency=0.9)
+    same({axis: pair[0] for axis, pair in pairs.items()}, source.wavelet_variance(exact=14))
     same({axis: pair[1] for axis, pair in pairs.items()},
-         source.wavelet_variance(robust=True, passes=1, efficiency=0.9), apart=1e-9)  # fmt: skip
+         source.wavelet_variance(robust=True, passes=1, exact=14, efficiency=0.9), apart=1e-9)  # fmt: skip
     with pytest.raises(OptionError, match="passes must be"):
         spread_pairs(source, scheduler=client, passes=3)
 

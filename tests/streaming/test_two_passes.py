@@ -85,7 +85,7 @@ def test_one_pass_is_enough_for_most(spoilt):
 
 
 def test_what_comes_between_the_passes_belongs_to_neither(spoilt):
-    expected = stream(spoilt).wavelet_variance(robust=True)
+    expected = stream(spoilt).wavelet_variance(robust=True, exact=12)
     told = []
 
     def grow(samples):
@@ -94,7 +94,7 @@ def test_what_comes_between_the_passes_belongs_to_neither(spoilt):
             with spoilt.open("a") as file:
                 file.writelines(f"{(SAMPLES + 100 + k) / RATE:.9g},1,2,{k}\n" for k in range(3000))
 
-    found = stream(spoilt, chunk=7000).wavelet_variance(robust=True, done=grow)
+    found = stream(spoilt, chunk=7000).wavelet_variance(robust=True, exact=12, done=grow)
     assert told[-1] == 2 * SAMPLES
     for axis, curve in found.items():
         same(curve, expected[axis])
@@ -108,7 +108,16 @@ def test_a_recording_that_has_lost_samples_is_told(spoilt):
 
     lost = r"changed between its two readings: gyro_x: .* 40000 in 2 segments .* read 30000 in 2 segments"
     with pytest.raises(DataError, match=lost):
-        stream(spoilt).wavelet_variance(robust=True, done=shrink)
+        stream(spoilt).wavelet_variance(robust=True, exact=12, done=shrink)
+
+
+def test_samples_that_fit_into_memory_are_read_once(spoilt):
+    imu, told = gmwm.read(spoilt, units={"gyro": "rad/s"}), []
+    found = stream(spoilt, chunk=4000).wavelet_variance(robust=True, done=told.append)
+    assert told[-1] == SAMPLES
+    expected = gmwm.wavelet_variance(imu, robust=True)
+    assert found.to_dict() == expected.to_dict()  # to the last bit
+    assert stream(spoilt, chunk=999).wavelet_variance().to_dict() == gmwm.wavelet_variance(imu).to_dict()
 
 
 def test_options(spoilt):

@@ -21,7 +21,7 @@ Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
         help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. Chunks are read "
-        "twice; scales from 2^15 samples on use one coefficient every τ/64; temperatures are not read.",
+        "twice; temperatures are not read.",
         rich_help_panel=INPUT,
     ),
 ]

@@ -25,7 +25,7 @@ from gmwm.streaming.passes import accumulators, feed
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import EXACT
+from gmwm.variance.open_segments import exact_levels
 from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 
@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 A_THREAD = 4
 """Default number of parts for each thread of the cluster. With several parts, a slow worker does not delay the others
 much."""
+PART_MEMORY = 64 << 20
+"""Largest size (bytes) of what a worker returns for a part by default: a choice. For six axes, 19 levels are exact."""
+END_BYTES = 16
+"""Bytes of a result for each of 2^exact samples: the samples at both ends of a part."""
 PART_BYTES = 4 << 30
 """Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
 AHEAD = 2
@@ -50,7 +54,7 @@ def spread_variance(
     workers: int | None = None,
     parts: int | None = None,
     levels: int | None = None,
-    exact: int = EXACT,
+    exact: int | None = None,
     robust: bool = False,
     efficiency: float = EFFICIENCY,
     passes: int = 2,
@@ -113,6 +117,7 @@ def spread_variance(
             efficiency=efficiency, passes=passes, confidence=confidence, done=done, retries=retries,
         )  # fmt: skip
         return {axis: pair[1] for axis, pair in pairs.items()}
+    exact = exact_levels(len(stream.axes), PART_MEMORY, END_BYTES) if exact is None else exact
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
     with connected(scheduler, workers) as client:
         crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
@@ -128,7 +133,7 @@ def spread_pairs(
     workers: int | None = None,
     parts: int | None = None,
     levels: int | None = None,
-    exact: int = EXACT,
+    exact: int | None = None,
     efficiency: float = EFFICIENCY,
     passes: int = 2,
     confidence: float = 0.95,
@@ -143,6 +148,7 @@ def spread_pairs(
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(argument="passes", expected="2 or 1", got=passes)
+    exact = exact_levels(len(stream.axes), PART_MEMORY, END_BYTES) if exact is None else exact
     empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     with connected(scheduler, workers) as client:
         crew = _Crew(client, stream, parts=parts, done=done, retries=retries)

@@ -18,7 +18,7 @@ from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import EXACT, SegmentedAccumulator
+from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels
 from gmwm.variance.result import WaveletVariance
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def stream_variance(
     stream: Source,
     *,
     levels: int | None = None,
-    exact: int = EXACT,
+    exact: int | None = None,
     robust: bool = False,
     efficiency: float = EFFICIENCY,
     passes: int = 2,
@@ -88,7 +88,7 @@ def measured_pairs(
     stream: Source,
     *,
     levels: int | None = None,
-    exact: int = EXACT,
+    exact: int | None = None,
     efficiency: float = EFFICIENCY,
     passes: int = 2,
     confidence: float = 0.95,
@@ -106,7 +106,7 @@ def measured_pairs(
     first = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
     samples = _pass(stream, first, threads, done)
     classical = in_threads(lambda _, one: one.result(confidence), first, threads=threads)
-    if passes == 1:
+    if passes == 1 or all(one.holds_all for one in first.values()):
         robust = in_threads(
             lambda _, one: one.result(confidence, robust=True, efficiency=efficiency), first, threads=threads
         )
@@ -172,12 +172,13 @@ def whole(source: Source) -> Stream:
 
 
 def accumulators(
-    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int = EXACT, robust: bool = False
+    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int | None = None, robust: bool = False
 ) -> dict[str, WaveletAccumulator]:
-    """Create an accumulator for each axis, in its SI unit."""
+    """Create an accumulator for each axis, in its SI unit; by default as exact as memory allows."""
+    count = exact_levels(len(axes)) if exact is None else exact
     return {
         axis: WaveletAccumulator(
-            rate, levels=levels, exact=exact, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
+            rate, levels=levels, exact=count, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
         )
         for axis in axes
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from gmwm._arrays import Vector, as_rate
 from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.signals import MINIMUM_SAMPLES
+from gmwm.signals import MINIMUM_SAMPLES, Signal
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.open_segments import DEEPEST, EXACT, SegmentedAccumulator
 from gmwm.variance.result import WaveletVariance
@@ -109,8 +111,9 @@ class WaveletAccumulator(SegmentedAccumulator):
     ) -> WaveletVariance:
         """Compute the classical or robust wavelet variance of the samples so far; more samples may follow.
 
-        A robust result is computed from histograms of the coefficients. It does not contain the slope of the recording,
-        so a fitted drift has no sign. `second_pass` gives the exact robust result with the slope.
+        Of fewer than 2^exact samples, the result is that of `wavelet_variance`, to the last bit. Of more samples, a
+        robust result is computed from histograms of the coefficients. It does not contain the slope of the recording,
+        so a fitted drift has no sign. `second_pass` then gives the exact robust result with the slope.
 
         Parameters
         ----------
@@ -127,6 +130,14 @@ class WaveletAccumulator(SegmentedAccumulator):
             If an option has an invalid value, or the accumulator was made without `robust=True`.
         """
         require_robust(robust, efficiency)
+        if robust:
+            self._require_counts()
+        self._require_samples()
+        if self.holds_all:
+            return signal_wavelet_variance(
+                self._signal(), levels=min(self.levels, max(self.lengths).bit_length() - 1), robust=robust,
+                efficiency=efficiency, confidence=confidence,
+            )  # fmt: skip
         if not robust:
             return self._curve(confidence)
         return self._curve(confidence, robust_variances(self._sketched(), efficiency), efficiency)
@@ -166,6 +177,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         True
         """
         biweight(efficiency)
+        self._require_counts()
         kept = self._copy()
         sketched = kept._sketched()
         request = sum_request(sketched, robust_variances(sketched, efficiency), efficiency)
@@ -181,15 +193,7 @@ class WaveletAccumulator(SegmentedAccumulator):
         ------
         DataError
             If there are fewer than 8 samples without a gap.
-        OptionError
-            If the accumulator was made without `robust=True`.
         """
-        if not self.robust:
-            raise OptionError(
-                "a robust variance needs the counts of all coefficients, which this accumulator does not keep",
-                argument="robust",
-                advice="Make the accumulator with {--robust=yes}.",
-            )
         self._fold()
         reach = self._measured()[1].size
         sketches: Sketches = self._all_statistics()
@@ -270,6 +274,7 @@ class WaveletAccumulator(SegmentedAccumulator):
             made._thinned = ThinnedValues(int(values["every"]), int(values["some_first"]), some)
             made._first = SegmentState.restored("first_", made.exact, values)
             made._last = SegmentState.restored("last_", made.exact, values)
+            made._count = sum(made._lengths) + sum(part.count for part in made._open())
         except KeyError as error:
             raise ReadError(
                 f"this is not the state of an accumulator: {error.args[0]!r} is missing",
@@ -314,8 +319,24 @@ class WaveletAccumulator(SegmentedAccumulator):
             self._thinned = self._thinned.joined(ThinnedValues.of(x, self.stop))
         super()._grow(x)
 
-    def _measured(self) -> tuple[Vector, Counts]:
-        """Variances and numbers of coefficients of the levels that have any."""
+    def _require_counts(self) -> None:
+        """Raise an error if the accumulator was made without `robust=True`."""
+        if not self.robust:
+            raise OptionError(
+                "a robust variance needs the counts of all coefficients, which this accumulator does not keep",
+                argument="robust",
+                advice="Make the accumulator with {--robust=yes}.",
+            )
+
+    def _signal(self) -> Signal:
+        """All samples so far, if they are held."""
+        values = self._held.joined()
+        ends = np.cumsum([0, *map(len, values)]).tolist()
+        x = values[0] if len(values) == 1 else np.concatenate(values)
+        return Signal(x, self.rate, unit=self.unit, axis=self.axis, segments=list(pairwise(ends)))
+
+    def _require_samples(self) -> None:
+        """Raise an error if there are fewer than 8 samples without a gap."""
         longest = max(self.lengths, default=0)
         if longest < MINIMUM_SAMPLES:
             raise DataError(
@@ -323,6 +344,10 @@ class WaveletAccumulator(SegmentedAccumulator):
                 got=longest,
                 advice="Record longer, or read more samples before you call `result()`.",
             )
+
+    def _measured(self) -> tuple[Vector, Counts]:
+        """Variances and numbers of coefficients of the levels that have any."""
+        self._require_samples()
         squares, counts = self._sums()
         reach = int(np.argmin(np.append(counts > 0, False)))
         return squares[:reach] / counts[:reach], counts[:reach].copy()

@@ -10,21 +10,34 @@ from numpy.typing import ArrayLike, NDArray
 from gmwm._arrays import Vector, as_vector
 from gmwm._text import with_article
 from gmwm.errors import OptionError
+from gmwm.variance.held_samples import HeldSamples
 from gmwm.variance.segment_state import SegmentState
 from gmwm.variance.statistics_protocol import Statistics, StatisticsCollector
 
 EXACT = 14
-"""Default number of levels at which every coefficient is used."""
+"""Default of an accumulator for the number of levels at which every coefficient is used."""
 LEAST_EXACT = 6
 """Smallest number of exact levels: at a scale of 64 samples, every τ/64-th coefficient is every coefficient."""
+MOST_EXACT = 24
+"""Largest number of exact levels."""
+SAMPLE_BYTES = 40
+"""Memory of an accumulator for each of 2^exact samples: the first and the last ones of a segment, and what is computed
+from a panel with the samples before it."""
+MEMORY = 1 << 30
+"""Memory (bytes) within which the accumulators of all axes of a recording stay by default: a choice. For six axes, all
+levels of 4.2 million samples are exact: 11.7 h at 100 Hz, 70 min at 1 kHz."""
 DEEPEST = 44
 """Largest number of levels: 2^44 samples are 500 years at 1 kHz."""
-FOLD = 1 << 18
-"""Number of samples that are buffered before processing."""
+PANEL = 1 << 20
+"""Number of samples that are processed together. Panels are counted from the first sample, so that the result does not
+depend on the chunks, to the last bit."""
 
 
 class SegmentedAccumulator:
     """Sums over the coefficients of a record that arrives in chunks. The result does not depend on the chunk sizes.
+
+    Up to 2^exact − 1 samples are held as they are: all their levels are exact. With more samples, the sums are formed
+    panel by panel.
 
     Parameters
     ----------
@@ -39,7 +52,7 @@ class SegmentedAccumulator:
     """
 
     def __init__(self, levels: int, exact: int, start: int, collector: StatisticsCollector | None) -> None:
-        self.exact = whole(exact, "exact", LEAST_EXACT, 24)
+        self.exact = whole(exact, "exact", LEAST_EXACT, MOST_EXACT)
         self.levels = whole(levels, "levels", 1, DEEPEST)
         self.start = whole(start, "start", 0, 1 << 62)
         # The first segment, if a gap closed it; the sums of the segments in between; the open segment.
@@ -50,12 +63,12 @@ class SegmentedAccumulator:
         self._lengths: list[int] = []
         self._rises = 0.0
         self._last: SegmentState | None = None
-        self._waiting = np.empty(0)
-        self._size = 0
+        self._held = HeldSamples()
+        self._count = 0  # samples in the sums
 
     def __len__(self) -> int:
         """Return the number of samples so far."""
-        return sum(self.lengths)
+        return self._count + len(self._held)
 
     @property
     def stop(self) -> int:
@@ -66,8 +79,15 @@ class SegmentedAccumulator:
     def lengths(self) -> tuple[int, ...]:
         """Lengths of the segments between gaps so far."""
         first = () if self._first is None else (self._first.count,)
-        going = self._size + (0 if self._last is None else self._last.count)
-        return (*first, *self._lengths, *((going,) if going else ()))
+        open_part = 0 if self._last is None else self._last.count
+        held = self._held.lengths
+        going = (open_part + held[0], *held[1:])
+        return (*first, *self._lengths, *(length for length in going if length))
+
+    @property
+    def holds_all(self) -> bool:
+        """Whether all samples so far are held, so that the result is computed as by `wavelet_variance`."""
+        return self._first is None and self._last is None and not self._lengths
 
     def update(self, chunk: ArrayLike) -> None:
         """Add the next samples (n,), one or more.
@@ -78,26 +98,20 @@ class SegmentedAccumulator:
             If a value is NaN or infinite. The chunk is rejected, and the earlier samples are kept.
         """
         x = as_vector(chunk, "chunk", at_least=0)
-        if self._size + x.size > FOLD:
-            self._fold()
-        if x.size > FOLD:
-            self._grow(x)
-        elif x.size:
-            if self._waiting.size == 0:
-                self._waiting = np.empty(FOLD)
-            self._waiting[self._size : self._size + x.size] = x
-            self._size += x.size
+        while x.size:
+            room = ((1 << self.exact) - 1 if self.holds_all else PANEL) - len(self._held)
+            if room <= 0:
+                self._fold()
+                continue
+            self._held.add(x[:room])
+            x = x[room:]
 
     def gap(self) -> None:
         """Mark a gap: samples are missing here, and the next sample begins a new segment."""
-        self._fold()
-        if self._last is None:
-            return
-        if self._first is None and not self._lengths:
-            self._first = self._last
+        if len(self._held):
+            self._held.gap()
         else:
-            self._close(self._last)
-        self._last = None
+            self._end_segment()
 
     # --- inside ---------------------------------------------------------------------------------------
 
@@ -126,17 +140,19 @@ class SegmentedAccumulator:
         """Copy the state of another accumulator; segments are immutable, so both can share them."""
         other._fold()
         self._first, self._last, self._rises = other._first, other._last, other._rises
+        self._count = other._count
         self._squares, self._counts = other._squares.copy(), other._counts.copy()
         self._lengths, self._statistics = list(other._lengths), other._statistics
 
     def _append(self, following: Self) -> None:
         """Append a part that directly follows."""
         following._fold()
+        self._count += following._count
         for part, ended in ((following._first, True), (following._last, False)):
             if part is not None:
                 self._last = part if self._last is None else self._last.followed_by(part, self._collector)
             if ended and following._first is not None:
-                self.gap()
+                self._end_segment()
                 self._squares += following._squares
                 self._counts += following._counts
                 if self._statistics is not None:
@@ -166,21 +182,36 @@ class SegmentedAccumulator:
         return statistics
 
     def _fold(self) -> None:
-        """Process the buffered samples."""
-        if self._size:
-            x, self._size = self._waiting[: self._size], 0
-            self._grow(x)
+        """Process the samples that are held."""
+        held, self._held = self._held, HeldSamples()
+        for k, values in enumerate(held.joined()):
+            if k:
+                self._end_segment()
+            self._grow(values)
+        if held.ended:
+            self._end_segment()
+
+    def _end_segment(self) -> None:
+        """Close the open segment."""
+        if self._last is None:
+            return
+        if self._first is None and not self._lengths:
+            self._first = self._last
+        else:
+            self._close(self._last)
+        self._last = None
 
     def _grow(self, x: Vector) -> None:
         """Add samples to the open segment."""
-        for k in range(0, x.size, 4 * FOLD):
-            part = x[k : k + 4 * FOLD]
+        for k in range(0, x.size, PANEL):
+            part = x[k : k + PANEL]
             if self._last is None:
                 self._last = SegmentState.of(
                     part, self.stop, exact=self.exact, levels=self.levels, collector=self._collector
                 )
             else:
                 self._last = self._last.grown(part, self._collector)
+            self._count += part.size
 
     def _close(self, segment: SegmentState) -> None:
         """Add the sums of a closed segment."""
@@ -191,6 +222,17 @@ class SegmentedAccumulator:
             self._statistics = self._statistics.merge(segment.all_statistics(self._collector))
         self._lengths.append(segment.count)
         self._rises += float(segment.count) ** 2 * segment.rise
+
+
+def exact_levels(axes: int, memory: int = MEMORY, sample_bytes: int = SAMPLE_BYTES) -> int:
+    """Number of levels that use every coefficient, so that the accumulators of all axes fit into a memory (bytes).
+
+    It does not depend on the recording or the computer.
+
+    >>> exact_levels(6), exact_levels(1)
+    (22, 24)
+    """
+    return min(max((memory // (sample_bytes * axes)).bit_length() - 1, LEAST_EXACT), MOST_EXACT)
 
 
 def whole(value: int, name: str, least: int, most: int) -> int:

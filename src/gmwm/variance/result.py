@@ -16,7 +16,7 @@ from gmwm.confidence_limits import chi_square_limits
 from gmwm.errors import DataError
 from gmwm.filters import find_filter
 from gmwm.options import one_of
-from gmwm.remarks import Remark, texts
+from gmwm.remarks import Quantity, Remark, texts
 from gmwm.variance.transform import Transform, coefficient_counts, degrees_of_freedom, pooled_counts
 
 if TYPE_CHECKING:
@@ -294,6 +294,9 @@ class WaveletVariance(Summarised):
             levels = tuple(int(j) for j, found in zip(self.levels, outcomes, strict=False) if found == outcome)
             if levels:
                 remarks.append(Remark.of(code, self.axis, levels=levels))
+        if any(stride > 1 for stride in self.strides):
+            first = next(k for k, stride in enumerate(self.strides) if stride > 1)
+            remarks.append(Remark.of("levels-strided", self.axis, first=Quantity(float(self.tau[first]), "s")))
         return tuple(remarks)
 
     def summary(self) -> str:
@@ -314,7 +317,7 @@ class WaveletVariance(Summarised):
         lines.append(f"limits: {100 * self.confidence:g} % chi-square")
         if self.robust:
             lines.append(f"robust, efficiency {self.efficiency:g}")
-            lines += texts(remark.about("") for remark in self.remarks)
+        lines += texts(remark.about("") for remark in self.remarks)
         return "\n".join(lines)
 
     def __len__(self) -> int:

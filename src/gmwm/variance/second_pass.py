@@ -129,7 +129,7 @@ class SecondPass(SegmentedAccumulator):
 
     def __getstate__(self) -> dict[str, Any]:
         self._fold()
-        return {**self.__dict__, "_waiting": np.empty(0)}
+        return dict(self.__dict__)
 
     def __repr__(self) -> str:
         return f"SecondPass({self._seen.axis or 'unnamed'}, {len(self)} of {len(self._seen)} samples)"
