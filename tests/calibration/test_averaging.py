@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import gmwm
 from gmwm.calibration.averaging import (
@@ -201,3 +202,16 @@ def test_a_slow_gauss_markov_process_counts_as_a_random_walk():
     assert not entry.upper_only
     assert entry.low > 0
     assert ALIKE > 1
+
+
+def test_a_slow_gauss_markov_process_is_named_beside_the_random_walk():
+    """GM of 300 s in two hours: its curve is that of a random walk at most scales."""
+    rng = np.random.default_rng(3)
+    white, steps = 1e-4 * rng.normal(size=(2, 360_000))
+    slow = lfilter([1e-3], [1.0, -math.exp(-1 / 15_000)], steps)
+    found = gmwm.calibrate(gmwm.Signal(white + slow, 50.0, "rad/s", "gyro_x"))
+    (remark,) = [remark for remark in found.remarks if remark.code == "walk-or-markov"]
+    assert 72 <= remark.facts["time"].value <= 7200
+    alone = gmwm.calibrate(gmwm.Signal(white + slow, 50.0, "rad/s", "gyro_x"), "WN + RW")
+    assert "K" in alone.datasheets["gyro_x"]
+    assert not any(remark.code == "walk-or-markov" for remark in alone.remarks)

@@ -102,6 +102,17 @@ def test_a_resonance():
 
 
 @pytest.mark.slow
+def test_a_first_order_filter_is_not_a_gauss_markov_process():
+    """The wavelet variance accepts a fast Gauss-Markov process in its place, with N 0.5 % too large."""
+    rng = np.random.default_rng(8)
+    wide = filtered(*signal.butter(1, 2 * 0.25 / 4), rng, 1_200_000)[::4]
+    found = searched(wide + walk(rng, wide.size))
+    assert len(found.tried) == 2
+    assert not any(name.startswith("GM") for name in names(found))
+    folded = np.abs(signal.freqz(*signal.butter(1, 2 * 0.25 / 4), worN=2 * np.pi * np.arange(4) / 4)[1]) ** 2
+    assert density(found) == pytest.approx(np.sqrt(folded.mean()), rel=0.006)
+
+
 @pytest.mark.parametrize("wandering", [False, True])
 def test_a_line_is_a_sinusoid_of_known_frequency(wandering):
     rng, n = np.random.default_rng(3), 200_000

@@ -22,6 +22,9 @@ MOST = 5
 """Largest number of models in the average."""
 ALIKE = 5.0
 """Largest ratio of the correlation times of two terms, of different models, that describe the same process."""
+UNKNOWN = 1e4
+"""Ratio of the ends of the interval of q_c from which a term is not determined: its model adds nothing to a smaller one
+and has no sound interval for the other numbers (docs/validation/sensors.md)."""
 _HALVINGS = 80
 _LARGEST = 700.0
 _TIMES = ("T_c", "q_c")
@@ -135,12 +138,20 @@ def averaged_datasheet(sheet: Datasheet, ranking: Ranking, level: float) -> Data
             others.append((weight, sheet))
             continue
         try:
-            others.append((weight, datasheet(with_quick_intervals(candidate.fit, level), level)))
+            other = datasheet(with_quick_intervals(candidate.fit, level), level)
         except GmwmError:  # a model without intervals says nothing about a number
             continue
+        if _determined(other):
+            others.append((weight, other))
     if len(others) < 2:
         return sheet
     return replace(sheet, entries=tuple(_widened(entry, sheet, others, level) for entry in sheet.values()))
+
+
+def _determined(sheet: Datasheet) -> bool:
+    """Whether the driving noise of every Gauss-Markov term is known."""
+    driving = [entry for entry in sheet.values() if _base(entry.symbol) == _TIMES[1] and not entry.upper_only]
+    return all(entry.low and entry.high and entry.high <= UNKNOWN * entry.low for entry in driving)
 
 
 def _widened(entry: Entry, sheet: Datasheet, others: Sequence[tuple[float, Datasheet]], level: float) -> Entry:
@@ -189,6 +200,26 @@ def _slowest(other: Mapping[str, Entry], duration: float) -> Entry | None:
     slow = {symbol: e for symbol, e in other.items() if _base(symbol) == _TIMES[0] and e.value >= SLOW * duration}
     symbol = max(slow, key=lambda name: slow[name].value, default=None)
     return None if symbol is None else other.get(_TIMES[1] + symbol.removeprefix(_TIMES[0]))
+
+
+def markov_instead_of_walk(sheet: Datasheet, ranking: Ranking) -> float | None:
+    """Correlation time (s) of a Gauss-Markov process that describes the data as well as the random walk; None if none.
+
+    K must be known, and the process slower than 1 % of the recording, but not than the recording.
+    """
+    walk, duration = sheet.get(_WALK), sheet.samples / sheet.rate
+    if walk is None or walk.upper_only or walk.held:
+        return None
+    for candidate in ranking.distinct:
+        if candidate.difference <= EQUIVALENT and not candidate.recommended:
+            processes = [process for process in candidate.fit.model.processes if process.scale > 0]
+            if any(number.symbol == _WALK for process in processes for number in process.physical(sheet.rate)):
+                continue
+            times = [process.correlation_time(sheet.rate) or 0.0 for process in processes]
+            slow = [time for time in times if SLOW * duration <= time <= duration]
+            if slow:
+                return max(slow)
+    return None
 
 
 def averaged_intervals(

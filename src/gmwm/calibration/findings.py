@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gmwm._text import duration_text
+from gmwm.calibration.averaging import markov_instead_of_walk
 from gmwm.calibration.misfit import line_in, line_process, misfit_of
 from gmwm.calibration.spectrum_findings import spectrum_remarks
 from gmwm.covariance.design import Design
@@ -26,9 +27,9 @@ if TYPE_CHECKING:
 
 SIZE = 0.05
 """Level of the goodness-of-fit tests of all axes together (docs/validation/goodness.md)."""
-SCALES = 6
+SCALES = 7
 """Usable scales below which no number of a calibration can be used: with fewer, the selection misses one of two terms
-that cross at a scale of 16 samples in almost half of the recordings (tests/calibration/test_short.py)."""
+that cross at a scale of 16 samples in more than half of the recordings (tests/calibration/test_short.py)."""
 LEAST_SCALES = 4
 """Usable scales below which a recording is refused: with fewer, the selection recommends another model than white
 noise for more than 5 % of recordings of white noise (tests/calibration/test_short.py)."""
@@ -111,6 +112,9 @@ def _of_axis(axis: str, found: AxisCalibration, is_rejected: bool, calibration: 
         value, _, _, unit = ramp.in_units("datasheet")
         yield Remark.of("drift", axis, rate=Quantity(value, unit))
     yield from spectrum_remarks(axis, found)
+    time = markov_instead_of_walk(found.datasheet, found.ranking)
+    if time is not None:
+        yield Remark.of("walk-or-markov", axis, time=Quantity(time, "s"))
     if found.needed:
         yield _poorly_known(axis, found.needed)
 

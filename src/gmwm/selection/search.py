@@ -1,6 +1,7 @@
 """Search for the model of one axis, driven by the data: the slow noise first, then what the spectrum shows.
 
-1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends.
+1. Every sum within the slow family is ranked. If the test accepts the recommended one, the search ends, unless a
+   Gauss-Markov term of it is so fast that it stands for a filter.
 2. Otherwise the spectrum gives the lines, as sinusoids of known frequency, and the shape of the noise at high
    frequencies, as an ARMA process of known coefficients: the sensor's own filter and its resonances. Both are linear in
    their scales, so that every fit keeps its certificate. Without a spectrum, an AR(2) is fitted to the wavelet
@@ -52,9 +53,14 @@ FELT = 0.003
 first levels of 10^6 samples is 0.2 % (tests/selection/test_search.py)."""
 MOST_FREE = 1
 """Number of lines, the strongest ones, whose power is fitted; others have the power that the spectrum shows."""
-CHOSEN = 2.0
+CHOSEN = 3.0
 """Factor on the covariance of a shape, because its order was chosen from the same spectrum: without it, intervals of N
 hold in 80 to 90 % of recordings with a low-pass (docs/validation/sensors.md)."""
+FILTERED = 3.0
+"""Correlation time (samples) up to which a Gauss-Markov term stands for the sensor's low-pass filter. A filter is not
+exactly of this form, and N is then wrong by 0.5 % while the test accepts the model (docs/validation/sensors.md)."""
+MEMORY = 2000.0
+"""Correlation time (samples) of an AR(2) beyond which it is a line and not a shape at high frequencies."""
 NARROW = 0.002
 """Width of a bump, as a share of the rate, below which it counts as a line: half that of the narrowest ARMA peak here,
 see `gmwm.spectrum.short_memory.POLE`."""
@@ -112,9 +118,15 @@ def search(
     general = nearly_fitted(_largest(SLOW, wv), wv, options.weighting)
     if Distance.of(general).surely >= REJECTED:
         ranking = select_within(SLOW, wv, options, progress=lambda *_: check())
-        pvalue = ranking.recommended.pvalue
-        if pvalue is None or pvalue >= REJECTED:
-            return Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
+        if _accepted(ranking):
+            found = Searched(ranking=ranking, wavelet_variance=wv, error=0.0, tried=(SLOW,))
+            if spectrum is None or not _filtered(ranking.recommended.fit):
+                return found
+            base, required = _required(general, wv, spectrum, (), options=options, check=check)
+            if not required:
+                return found
+            shaped = within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
+            return shaped if _accepted(shaped.ranking) else found
     check()
     lines = () if spectrum is None else _lines(spectrum, wv)
     if lines:
@@ -125,6 +137,18 @@ def search(
     if not required:
         return within_family(SLOW, wv, options, check=check)
     return within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
+
+
+def _accepted(ranking: Ranking) -> bool:
+    pvalue = ranking.recommended.pvalue
+    return pvalue is None or pvalue >= REJECTED
+
+
+def _filtered(fit: Fit) -> bool:
+    """Whether a term has a memory so short that it stands for the sensor's low-pass filter."""
+    rate = fit.wavelet_variance.rate
+    times = [process.correlation_time(rate) for process in fit.model.processes if process.scale > 0]
+    return any(time is not None and 0 < time * rate <= FILTERED for time in times)
 
 
 def within_family(
@@ -190,7 +214,8 @@ def _fitted_shape(wv: WaveletVariance, options: RankingOptions) -> Process | Non
     except GmwmError:
         return None
     process = next(p for p in fit.model.processes if p.name == "AR(2)")
-    if process.scale == 0:
+    memory = process.correlation_time(wv.rate)
+    if process.scale == 0 or memory is None or memory * wv.rate > MEMORY:
         return None
     names = [p.name for p in process.nonlinear_parameters()]
     held = {name: Fixed(process.value(name)) for name in names}
