@@ -23,9 +23,9 @@ from gmwm.processes.model import Model, as_model
 from gmwm.processes.validation import as_seed
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.comparison import difference_error
-from gmwm.selection.equivalence import SURELY, as_good
+from gmwm.selection.equivalence import NEVER, SURELY, as_good
 from gmwm.selection.options import DRAWS, RankingOptions, Weights
-from gmwm.selection.ranking import SAME, Candidate, Ranking
+from gmwm.selection.ranking import REJECTED, SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
@@ -419,6 +419,15 @@ def _complexity(candidate: Candidate) -> int:
     )  # fmt: skip
 
 
+def _surely_wrong(candidate: Candidate, best: Candidate) -> bool:
+    """Whether the goodness-of-fit test rejects a candidate, but not the best one.
+
+    With the weights of a candidate that is far below the data at long scales, its rivals can be as far from the data.
+    """
+    least, most = candidate.pvalue, best.pvalue
+    return least is not None and most is not None and least < NEVER and most >= REJECTED
+
+
 def _equivalent(
     made: Sequence[Candidate], explored: Sequence[Explored], confidence: float, draws: int, seed: int
 ) -> list[Candidate]:
@@ -432,7 +441,7 @@ def _equivalent(
             continue
         if level[candidate.structure] != level[best.structure]:
             difference = candidate.wic.value - best.wic.value
-            if difference > SURELY:
+            if difference > SURELY or _surely_wrong(candidate, best):
                 continue
             # A simpler model does not override a clear difference of the criteria.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored[0].matrix, explored[0].wavelet):
