@@ -16,6 +16,7 @@ from gmwm.time_ranges import kept_ranges
 from gmwm.units import LONG_TIME_UNITS, SI_UNIT, TIME_UNITS, find_time_unit, parse_unit
 
 Gaps = Literal["keep", "longest"]
+BadLines = Literal["error", "skip"]
 Columns = Mapping[str, str | int | None] | Sequence[str | None]
 """Axis to column name or index, or the axes in the order of the columns."""
 ROLES = (*AXES, "time", "temperature")
@@ -40,6 +41,8 @@ class ReadOptions:
         Units of "gyro", "accel" and "time" that override the units of the file.
     gaps : "keep" or "longest"
         Whether to keep all segments between gaps, or only the longest one.
+    bad_lines : "error" or "skip"
+        Whether a line of text that cannot be read is an error or a lost sample.
     start, stop : float or None
         First and last time to keep, in seconds from the first sample; None keeps all.
     skip : sequence of (from, to)
@@ -70,6 +73,7 @@ class ReadOptions:
     columns: Columns | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     gaps: Gaps = "keep"
+    bad_lines: BadLines = "error"
     start: float | None = None
     stop: float | None = None
     skip: Sequence[tuple[float, float]] = ()
@@ -80,6 +84,7 @@ class ReadOptions:
 
     def __post_init__(self) -> None:
         one_of(self.gaps, "gaps", ("keep", "longest"))
+        one_of(self.bad_lines, "bad_lines", ("error", "skip"))
         if self.topic is not None and not isinstance(self.topic, str):
             raise OptionError(argument="topic", expected="the name of a recording in the file", got=self.topic)
         kept_ranges(self.start, self.stop, self.skip)
@@ -111,7 +116,7 @@ class ReadOptions:
     def to_dict(self) -> dict[str, Any]:
         """The values that differ from the defaults, as plain numbers, texts, lists and mappings."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", (), {})}
+        return {name: _plain(value) for name, value in given.items() if value not in (None, "keep", "error", (), {})}
 
 
 # --- checks that several functions share ----------------------------------------------------------------

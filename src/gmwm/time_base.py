@@ -34,6 +34,9 @@ class TimeBase:
         Number of time stamps that are equal to the one before.
     backward : int
         Number of time stamps that are earlier than the one before.
+    lost : int
+        Number of rows without a usable sample: a value is missing or infinite, or the line could not be read. Each
+        is a gap.
     left : float
         Time (s) that was left out before the first sample. The times `start`, `stop` and `skip` of `read` count from
         the first sample of the whole recording, this much earlier.
@@ -46,6 +49,7 @@ class TimeBase:
     gaps: tuple[tuple[int, float], ...] = ()
     duplicates: int = 0
     backward: int = 0
+    lost: int = 0
     left: float = 0.0
 
 

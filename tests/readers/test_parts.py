@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError, ReadError
+from gmwm.errors import OptionError, ReadError
 from gmwm.readers import arrays, parquet, parts, stream, streams, text, waypoint
 from gmwm.readers.base import Mark, find_reader
 from gmwm.readers.parts import PartReader
@@ -182,28 +182,11 @@ def test_counted_packets_are_one_part(tmp_path):
 
 
 def test_what_is_wrong_is_told_with_its_row(tmp_path):
-    table = {"time": stamps("even", None)} | columns()
-    table["gyro_y"][17_000] = np.nan
-    divided = stream(written(tmp_path / "a.parquet", table), units=UNITS).parts(4)
-    with raises(DataError, "gyro_y", "row 17001"):
-        list(divided[-1])
     path = written(tmp_path / "a.csv", {"time": stamps("even", None)} | columns())
     path.write_text(path.read_text() + "200.01,1,2\n")
     divided = stream(path, units=UNITS).parts(4)
     with raises(ReadError, "line 20002", "3 values", "expected 7"):
         list(divided[-1])
-    constant = {"time": stamps("even", None)} | columns()
-    constant["gyro_y"][:] = 0.25
-    constant["gyro_z"][:11_000] = 0.25
-    source = stream(written(tmp_path / "b.parquet", constant), units=UNITS)
-    summaries = []
-    for part in source.parts(2):
-        reader = PartReader(part)
-        assert len(list(reader)) > 0
-        summaries.append(reader.summary)
-    assert [list(summary.alike) for summary in summaries] == [["gyro_y", "gyro_z"], ["gyro_y"]]
-    with raises(DataError, ROWS, "gyro_y", 0.25):
-        summaries[0].followed_by(summaries[1]).remarks(source._found)
 
 
 def test_another_file_under_the_same_path(tmp_path):

@@ -247,7 +247,6 @@ def test_what_is_not_read_says_why_and_the_way_out(tmp_path, kind):
 @pytest.mark.parametrize(
     ("cell", "message"),
     [
-        ("", "line 42: column 'time' is empty.*columns="),
         ("NaT", "line 42: column 'time' holds 'NaT', expected a time as in the first row"),
         ("12:00:05.000", "line 42: .* expected a time as in the first row"),
         ("2024-05-02T00:00:00.000", "line 42: .* without an offset from UTC, unlike the first row"),

@@ -69,6 +69,14 @@ Gaps = Annotated[
         rich_help_panel=INPUT,
     ),
 ]
+BadLines = Annotated[
+    Literal["error", "skip"],
+    typer.Option(
+        help="If a line of a text file cannot be read: stop with an error that names the line, or skip it. A skipped "
+        "line is a gap.",
+        rich_help_panel=INPUT,
+    ),
+]
 Format = Annotated[
     str | None,
     typer.Option(
@@ -128,6 +136,7 @@ class ReadOptionTexts:
     units: Units = None
     columns: Columns = None
     gaps: Gaps = "keep"
+    bad_lines: BadLines = "error"
     start: Start = None
     stop: Stop = None
     skip: Skip = None
@@ -149,6 +158,7 @@ class ReadOptionTexts:
             columns=parse_columns(self.columns),
             units=parse_units(self.units) or {},
             gaps=self.gaps,
+            bad_lines=self.bad_lines,
             start=None if self.start is None else parse_length(self.start, "start"),
             stop=None if self.stop is None else parse_length(self.stop, "stop"),
             skip=parse_skips(self.skip),

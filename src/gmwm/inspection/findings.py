@@ -46,6 +46,8 @@ def of_time(segments: int, base: TimeBase) -> Iterator[Remark]:
     if segments > 1:
         missing = sum(duration - 1 / base.rate for _, duration in base.gaps)
         yield Remark.of("gaps", segments=segments, missing=Quantity(float(missing), "s"))
+    if base.lost:
+        yield Remark.of("samples-lost", count=base.lost)
     if base.duplicates:
         yield Remark.of("stamps-repeated", count=base.duplicates)
     if base.backward:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,20 @@ from gmwm._arrays import Vector, as_rate
 from gmwm._text import counted
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError, ReadError
-from gmwm.options import Columns, Gaps, ReadOptions
+from gmwm.options import BadLines, Columns, Gaps, ReadOptions
 from gmwm.readers.axis_units import Scales, resolve, time_unit
-from gmwm.readers.base import Layout, Reader, existing_file, find_reader
+from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.columns import Choice, choose, described
+from gmwm.readers.lost_samples import (
+    Sifted,
+    about_lost,
+    as_floats,
+    dead_axes,
+    is_missing,
+    sift,
+    temperature_of,
+    without_lost,
+)
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.scale_factors import multiply
 from gmwm.readers.text_stamps import holds_stamps, require_readable
@@ -35,6 +46,7 @@ def read(
     units: Mapping[str, str] | None = None,
     *,
     gaps: Gaps = "keep",
+    bad_lines: BadLines = "error",
     format: str | None = None,
     scale: Mapping[str, float] | None = None,
     increments: bool | Sequence[str] = (),
@@ -62,6 +74,9 @@ def read(
         one unit only.
     gaps : "keep" or "longest"
         Keep all segments between gaps, or only the longest one.
+    bad_lines : "error" or "skip"
+        What to do with lines of a text file that cannot be read: raise an error that names the line, or count each as a
+        lost sample. A value that is missing (empty, NaN or NA) is a lost sample in either case.
     format : str, optional
         Name of the reader, if the content cannot decide: "imu:LN200" for the .imu records of that sensor.
         `[reader.name for reader in gmwm.readers.registered()]` lists all names.
@@ -89,7 +104,7 @@ def read(
     ReadError, UnitError
         If the file cannot be read; the message states which option helps.
     DataError
-        If a column holds NaN or infinities, is constant, or has fewer than 8 samples.
+        If all axes are constant, fewer than 8 samples are left, or most rows lack the values of some axes.
     OptionError
         If an option has a value that it may not have.
 
@@ -101,7 +116,8 @@ def read(
         If a few time stamps repeat, step backward, or jitter by more than half an interval, or if the time stamps
         contradict a declared or stated rate.
     GmwmWarning
-        If the norm of the accelerometers contradicts their unit, or `stop` is after the end of the recording.
+        If samples are lost, an axis is constant and left out, the norm of the accelerometers contradicts their unit, or
+        `stop` is after the end of the recording.
 
     Examples
     --------
@@ -116,7 +132,7 @@ def read(
     """
     options = ReadOptions(
         rate=rate, columns=columns, units={} if units is None else units, gaps=gaps, start=start, stop=stop, skip=skip,
-        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, bad_lines=bad_lines,
     )  # fmt: skip
     return read_file(path, options)
 
@@ -129,18 +145,20 @@ def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
     layout = one_layout(reader, file, options.topic)
     choice = choose(layout, options.columns, file)
     require_time(layout, choice, rate, file)
-    raw = _numbers(reader, file, layout, choice)
+    layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
+    rows = _all_rows(reader, file, layout, choice)
+    usable = usable_samples(rows, layout, choice, path=file)
+    raw = dict(usable.raw)
     time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=rate)
-    raw.pop("time", None)
-    temperature = raw.pop("temperature", None)
+    time = without_lost(time, usable.sifted)
+    raw = usable.present(raw)
     integrals, base_rate = options.integrals, time.base.rate
     scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=raw, rate=base_rate)
     scales = resolve(layout, choice, declared=units, values=raw, rate=base_rate, increments=integrals)
-    remarks = of_file(
-        (*layout.remarks, *choice.remarks, *scale_remarks, *scales.remarks, *time_remarks, *time.remarks), file
-    )
-    signals = _signals(layout, choice, raw=raw, scales=scales, time=time)
-    imu = Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=temperature)
+    remarks = (*layout.remarks, *choice.remarks, *usable.remarks, *scale_remarks, *scales.remarks, *time_remarks)
+    remarks = of_file((*remarks, *time.remarks, *about_lost(time.base)), file)
+    signals = _signals(usable.axes, raw=raw, scales=scales, time=time)
+    imu = Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=usable.temperature)
     warn(remarks, stacklevel=3)
     if options.ranges is not None:
         imu = cut(imu, options.start, options.stop, options.skip)
@@ -243,60 +261,112 @@ def require_time(layout: Layout, choice: Choice, rate: float | None, path: Path)
         require_readable(layout.first_row[k], path)
 
 
-def _numbers(reader: Reader, path: Path, layout: Layout, choice: Choice) -> dict[str, NDArray[Any]]:
-    """The numbers of each role in one array.
-
-    Raises
-    ------
-    DataError
-        If a column is not finite, is too short, or an axis is constant.
-    """
-    parts: dict[str, list[NDArray[Any]]] = {role: [] for role in choice.columns}
-    for chunk in reader.chunks(path, layout, list(choice.columns.values())):
-        for role, k in choice.columns.items():
-            parts[role].append(chunk[k])
-    raw: dict[str, NDArray[Any]] = {}
-    for role in choice.columns:
-        pieces = parts.pop(role)
+def _all_rows(reader: Reader, path: Path, layout: Layout, choice: Choice) -> Rows:
+    """All rows of the chosen columns in one array each. Only time stamps need the precision of integers."""
+    wanted = list(choice.columns.values())
+    parts: dict[int, list[NDArray[Any]]] = {k: [] for k in wanted}
+    for chunk in reader.chunks(path, layout, wanted):
+        for k in wanted:
+            parts[k].append(chunk[k])
+    rows: dict[int, NDArray[Any]] = {}
+    for role, k in choice.columns.items():
+        pieces = parts.pop(k)
         column = np.concatenate(pieces) if pieces else np.empty(0)
-        # Only time stamps need the precision of integers.
-        raw[role] = column if role == "time" else column.astype(np.float64, copy=False)
-        _require_usable(raw[role], role, column_words(layout, choice, role, path))
-    return raw
+        rows[k] = column if role == "time" else as_floats(column)
+    return rows
 
 
-def _require_usable(column: NDArray[Any], role: str, what: str) -> None:
-    """Require that a column is long enough and finite, and that an axis is not constant."""
-    require_samples(column.size, what)
-    require_finite_rows(column, what)
-    if role not in ("time", "temperature") and column[0] == column[-1] and np.all(column == column[0]):
-        raise constant(what, role, float(column[0]), column.size)
+@dataclass(frozen=True, eq=False)
+class Usable:
+    """The rows of a recording that its clock counts, and the axes that work.
+
+    Attributes
+    ----------
+    raw : mapping of role to (n,) array
+        The rows, including those of lost samples.
+    sifted : Sifted
+        The same rows by column, and which of them are lost samples.
+    axes : tuple of str
+        The axes that work.
+    temperature : (m,) array or None
+        The temperature of each sample that is left.
+    remarks : tuple of Remark
+        Remarks on axes and rows that are left out.
+    """
+
+    raw: Mapping[str, NDArray[Any]]
+    sifted: Sifted
+    axes: tuple[str, ...]
+    temperature: Vector | None
+    remarks: tuple[Remark, ...]
+
+    def present(self, raw: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """The axes without the rows of lost samples."""
+        lost = self.sifted.lost
+        return {role: v if lost is None else v[~lost] for role, v in raw.items() if role in AXES}
 
 
-def require_finite_rows(column: NDArray[Any], what: str, row: int = 0) -> None:
-    """Require that all numbers are finite.
+def usable_samples(rows: Rows, layout: Layout, choice: Choice, path: Path, dead: bool = True) -> Usable:
+    """Find the axes that work and the rows that hold samples.
 
     Parameters
     ----------
-    column : (N,) array
-    what : str
-        Name of the column in the message.
-    row : int
-        Number of rows before the first one of the column.
+    rows : mapping of column index to (n,) array
+        All rows of a recording, or the first ones.
+    layout, choice, path
+        The columns, and the file for messages.
+    dead : bool
+        Whether to leave out axes that are constant. A few rows do not show whether an axis works.
 
     Raises
     ------
     DataError
-        If a number is NaN or infinite; the message states its row.
+        If no axis works, too few samples are left, or most rows lack the values of some axes.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        suspect = not np.isfinite(np.sum(column))  # one fast pass decides the usual case
-    if suspect and (bad := ~np.isfinite(column)).any():
-        first, count = int(np.argmax(bad)), int(np.count_nonzero(bad))
-        raise DataError(
-            f"{what} is {column[first]} in row {row + first + 1} ({counted(count, 'such row')})",
-            advice="Remove these rows. If the file has time stamps, they show the gap.",
-        )
+    words = {role: column_words(layout, choice, role, path) for role in choice.columns}
+    constants = dead_axes(rows, choice.columns, choice.axes) if dead else {}
+    axes = tuple(axis for axis in choice.axes if axis not in constants)
+    size = next(iter(rows.values())).size
+    require_samples(size, words[choice.axes[0]])
+    if not axes:
+        axis, value = next(iter(constants.items()))
+        raise constant(words[axis], axis, value, size)
+    sifted = sift(rows, choice.columns, axes)
+    count = next(iter(sifted.rows.values())).size
+    left = count if sifted.lost is None else count - int(np.count_nonzero(sifted.lost))
+    if 2 * left < count:
+        raise _apart_in_rows(sifted, choice, axes, layout=layout, path=path)
+    require_samples(left, words[axes[0]])
+    remarks = [
+        Remark.of("axis-dead", axis, kind="missing" if np.isnan(value) else "constant", value=value, rows=size)
+        for axis, value in constants.items()
+    ]
+    if sifted.other:
+        remarks.append(Remark.of("rows-of-others", count=sifted.other, rows=size))
+    return Usable(
+        {role: sifted.rows[k] for role, k in choice.columns.items()},
+        sifted,
+        axes=axes,
+        temperature=temperature_of(rows, choice.columns, sifted) if "temperature" in choice.columns else None,
+        remarks=tuple(remarks),
+    )
+
+
+def _apart_in_rows(sifted: Sifted, choice: Choice, axes: Sequence[str], layout: Layout, path: Path) -> DataError:
+    """The error for a file in which most rows lack the values of some axes, as of sensors with different rates."""
+    size = next(iter(sifted.rows.values())).size
+    counts = {}
+    for axis in axes:
+        missing = is_missing(sifted.rows[choice.columns[axis]])
+        counts[axis] = size if missing is None else size - int(np.count_nonzero(missing))
+    shown = ", ".join(f"{axis} in {count}" for axis, count in counts.items())
+    most = max(counts, key=lambda axis: counts[axis])[:-2]
+    names = {axis: layout.channels[choice.columns[axis]].name or choice.columns[axis] for axis in axes}
+    return DataError(
+        f"{path}: most rows have no value in some axis: of {size} rows, {shown} have one",
+        advice="If the sensors have different rates, read one after the other, for example with {--columns=@example}.",
+        example=",".join(f"{axis}:{names[axis]}" for axis in axes if axis.startswith(most)),
+    )
 
 
 def require_samples(samples: int, what: str) -> None:
@@ -314,12 +384,13 @@ def require_samples(samples: int, what: str) -> None:
         )
 
 
-def constant(what: str, role: str, value: float, samples: int) -> DataError:
-    """The error for an axis that is constant."""
+def constant(what: str, role: str, value: float, rows: int) -> DataError:
+    """The error for a recording in which no axis works."""
+    how = "no finite number" if np.isnan(value) else f"the same value {value:g}"
     return DataError(
-        f"{what} is constant ({value:g} in all {samples} samples)",
-        advice="Check whether the sensor was connected, or leave the axis out with {--columns=@axis}.",
-        axis=f"{role}:",
+        f"{what} has {how} in all {counted(rows, 'row')}, and no other axis works",
+        advice="Check whether the sensor was connected.",
+        axis=role,
     )
 
 
@@ -349,12 +420,10 @@ def timing_of(
     return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)
 
 
-def _signals(
-    layout: Layout, choice: Choice, raw: Mapping[str, Vector], scales: Scales, time: Timing
-) -> dict[str, Signal]:
+def _signals(axes: Sequence[str], raw: Mapping[str, Vector], scales: Scales, time: Timing) -> dict[str, Signal]:
     """The axes in SI units."""
     signals = {}
-    for axis in choice.axes:
+    for axis in axes:
         values = raw[axis]
         factor = scales.units[axis].factor
         if factor != 1:

@@ -60,9 +60,13 @@ class _Table:
             (k for k, c in enumerate(self.layout.channels) if (c.axis or recognise(c.name).axis) == "time"), None
         )
 
-    def read(self, wanted: Sequence[int]) -> dict[int, NDArray[np.generic]]:
+    def rows(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> Iterator[Rows]:
+        """The rows of the wanted columns."""
+        return self.reader.rows(self.source, replace(self.layout, skip_bad_lines=skip_bad_lines), wanted)
+
+    def read(self, wanted: Sequence[int], skip_bad_lines: bool = False) -> dict[int, NDArray[np.generic]]:
         """Read all rows of the wanted columns."""
-        parts = list(self.reader.rows(self.source, self.layout, wanted))
+        parts = list(self.rows(wanted, skip_bad_lines))
         return {k: np.concatenate([part[k] for part in parts]) if parts else np.empty(0) for k in wanted}
 
 
@@ -101,7 +105,7 @@ class ArchiveReader(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers of one table, or of two paired tables."""
         if isinstance(layout.state, _Table):
-            yield from layout.state.reader.rows(layout.state.source, layout.state.layout, wanted)
+            yield from layout.state.rows(wanted, layout.skip_bad_lines)
             return
         pair: _Pair = layout.state
         count = len(pair.tables[0].layout.channels)
@@ -109,7 +113,9 @@ class ArchiveReader(Reader):
         for table, first, shift in zip(pair.tables, pair.first, (0, count), strict=True):
             mine = [k - shift for k in wanted if 0 <= k - shift < len(table.layout.channels)]
             if mine:
-                out |= {k + shift: v[first : first + pair.rows] for k, v in table.read(mine).items()}
+                out |= {
+                    k + shift: v[first : first + pair.rows] for k, v in table.read(mine, layout.skip_bad_lines).items()
+                }
         yield out
 
 

@@ -82,6 +82,8 @@ class Layout:
         another rate.
     unreadable : ReadError or None
         Why the recording cannot be read.
+    skip_bad_lines : bool
+        Whether lines that cannot be read become rows of missing values instead of an error.
     """
 
     channels: tuple[Channel, ...]
@@ -95,6 +97,7 @@ class Layout:
     stray_time: str = ""
     rate_of_samples: bool = False
     unreadable: ReadError | None = None
+    skip_bad_lines: bool = False
 
     @property
     def named(self) -> bool:
@@ -147,10 +150,12 @@ class Reader(ABC):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """Give the numbers of the wanted columns in consecutive chunks of bounded size.
 
+        A missing value is NaN, or `gmwm.readers.lost_samples.MISSING` in a column of integers.
+
         Raises
         ------
         ReadError
-            If a cell is empty or is not a number; the message states its line or row.
+            If a row cannot be read; the message states its line or row.
         """
 
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:

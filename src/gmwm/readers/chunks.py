@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
-from gmwm.readers.api import constant, require_finite_rows
 from gmwm.readers.base import Rows
 from gmwm.readers.columns import Choice
+from gmwm.readers.lost_samples import about_lost, as_floats, gaps_of, sift
 from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
 from gmwm.remarks import Remark
@@ -82,16 +82,16 @@ class Interpretation:
 
 @dataclass(frozen=True, eq=False)
 class RowSummary:
-    """Summary of consecutive rows: their time stamps, and the axes with constant values.
+    """Summary of consecutive rows: their time stamps and the number of lost samples.
 
     Attributes
     ----------
     first, stop : int
-        Number of the first row, and of the row after the last one.
+        Number of the first sample, and of the sample after the last one.
     parted : bool
-        Whether there is a gap before the first row.
-    alike : mapping of axis to number
-        The axes that were constant so far, with their value in the file.
+        Whether there is a gap before the first sample.
+    lost : int
+        Number of lost samples.
     counted : Counted
         Sums over the intervals of the time stamps.
     """
@@ -99,30 +99,29 @@ class RowSummary:
     first: int
     stop: int
     parted: bool
-    alike: Mapping[str, float]
     counted: Counted
+    lost: int = 0
 
     def followed_by(self, later: RowSummary) -> RowSummary:
         """Merge with the summary of the rows that directly follow."""
-        alike = {axis: value for axis, value in self.alike.items() if later.alike.get(axis) == value}
-        counted = self.counted.followed_by(later.counted)
-        return RowSummary(self.first, later.stop, parted=self.parted, alike=alike, counted=counted)
+        # A part counts its samples from the number of its first row in the file.
+        shift = self.stop - later.first
+        moved = tuple((sample + shift, seconds) for sample, seconds in later.counted.gaps)
+        counted = self.counted.followed_by(replace(later.counted, gaps=moved))
+        return RowSummary(
+            self.first, later.stop + shift, parted=self.parted, counted=counted,
+            lost=self.lost + later.lost,
+        )  # fmt: skip
 
     def time_base(self, found: Interpretation) -> TimeBase:
         """The time base of the recording, from the time stamps of all rows."""
-        return found.timing.base if found.pace is None else found.pace.base(self.counted)
+        base = replace(found.timing.base, gaps=self.counted.gaps)
+        return replace(base if found.pace is None else found.pace.base(self.counted), lost=self.lost)
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
-        """Remarks on the time stamps of all rows.
-
-        Raises
-        ------
-        DataError
-            If an axis has the same value in all rows.
-        """
-        for axis, value in self.alike.items():
-            raise constant(found.words[axis], axis, value, self.stop)
-        return () if found.pace is None else tuple(found.pace.remarks(self.counted, self.stop))
+        """Remarks on the time stamps of all rows, and on lost samples."""
+        about_stamps = () if found.pace is None else tuple(found.pace.remarks(self.counted, self.stop))
+        return (*about_stamps, *about_lost(self.time_base(found)))
 
 
 class ChunkBuilder:
@@ -138,16 +137,28 @@ class ChunkBuilder:
         Number of the first row that will be added.
     before : (n,) array, optional
         The time stamps of the rows before it, as `RunningClock` needs them; None for the first row of the recording.
+    lost_before : bool
+        Whether the row before it is lost.
     """
 
-    def __init__(self, found: Interpretation, size: int, first: int = 0, before: NDArray[Any] | None = None) -> None:
+    def __init__(
+        self,
+        found: Interpretation,
+        size: int,
+        first: int = 0,
+        before: NDArray[Any] | None = None,
+        lost_before: bool = False,
+    ) -> None:
         self._found, self._size, self._first = found, size, first
         self._clock = None if found.pace is None else RunningClock(found.pace, first, before)
-        self._alike: dict[str, float | None] = dict.fromkeys(found.choice.axes)
-        # Rows whose segment is not known yet.
+        # Rows whose segment is not known yet, and the numbers of those that are lost or follow a row without a place.
         self._waiting: dict[str, Vector] = {axis: np.empty(0) for axis in found.choice.axes}
+        self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
         self._came, self._segment, self._begun = first, 0, (first, first / found.rate)
         self._parted = False
+        # The row of the last sample, the number of the next sample, and whether a gap is between them.
+        self._last, self._next, self._broken = first - 1, first, lost_before
+        self._breaks, self._count = list[tuple[tuple[int, int], int]](), 0
 
     def add(self, rows: Rows) -> Iterator[Chunk]:
         """Add the next rows, and yield the chunks whose segments are now known.
@@ -158,15 +169,21 @@ class ChunkBuilder:
             If `read` would refuse the rows.
         """
         found, columns = self._found, self._found.choice.columns
-        for role, k in columns.items():
-            require_finite_rows(rows[k], found.words[role], self._came)
-        values = {axis: _in_si(rows[columns[axis]], found.factors[axis]) for axis in found.choice.axes}
-        self._compare({axis: rows[columns[axis]] for axis in found.choice.axes})
+        sifted = sift(rows, columns, found.choice.axes)
+        self._count += sifted.unplaced
+        rows = sifted.rows
+        size = next(iter(rows.values())).size
+        cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut
+        cut[0] |= self._cut[-1]
+        self._cut = np.concatenate([self._cut[:-1], cut])
+        lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost
+        self._lost = np.concatenate([self._lost, lost])
+        values = {axis: _in_si(as_floats(rows[columns[axis]]), found.factors[axis]) for axis in found.choice.axes}
         self._waiting = {axis: _joined(self._waiting[axis], v) for axis, v in values.items()}
         stamps = rows[columns["time"]] if self._clock is not None else np.empty(0)
         if found.pace is not None and self._came == self._first and stamps.size:
             self._begun = (self._first, found.pace.time(float(found.pace.ticks(stamps[:1])[0])))
-        at_first, self._came = self._came == 0, self._came + next(iter(values.values())).size
+        at_first, self._came = self._came == 0, self._came + size
         if self._clock is None:
             settled = Settled(self._came, (0,) if at_first else (), (0.0,) if at_first else ())
         else:
@@ -181,40 +198,50 @@ class ChunkBuilder:
     def summary(self) -> RowSummary:
         """The summary of all rows so far."""
         counted = Counted() if self._clock is None else self._clock.counted
-        alike = {axis: value for axis, value in self._alike.items() if value is not None}
-        return RowSummary(self._first, self._came, parted=self._parted, alike=alike, counted=counted)
+        pairs, samples = [pair for pair, _ in self._breaks], [sample for _, sample in self._breaks]
+        counted = replace(counted, gaps=gaps_of(pairs, samples, stamped=counted.gaps, rate=self._found.rate))
+        return RowSummary(self._first, self._next, parted=self._parted, counted=counted, lost=self._count)
 
     def _settled(self, settled: Settled) -> Iterator[Chunk]:
-        ready = self._waiting
-        first = self._came - next(iter(ready.values())).size
+        ready, lost, cut = self._waiting, self._lost, self._cut
+        first = self._came - lost.size
         stop, times = settled.stop, dict(zip(settled.firsts, settled.starts, strict=True))
         self._waiting = {axis: v[stop - first :] for axis, v in ready.items()}
-        for a, b in pairwise(sorted({first, *times, stop})):
+        self._lost, self._cut = lost[stop - first :], cut[stop - first :]
+        turns = np.flatnonzero(np.diff(lost[: stop - first])) + 1 + first
+        cuts = {int(row) + first for row in np.flatnonzero(cut[: stop - first])}
+        for a, b in pairwise(sorted({first, *times, *turns.tolist(), *cuts, stop})):
             if a in times:
-                self._segment, self._begun = self._segment + (a > 0), (a, times[a])
-                self._parted |= a == self._first > 0
+                self._begun = (a, times[a])
+            self._broken |= (a in times and a > 0) or a in cuts
+            if lost[a - first]:
+                self._broken, self._count = True, self._count + b - a
+                continue
+            if self._broken:
+                self._part(a)
             for k in range(a, b, self._size):
                 part = slice(k - first, min(k + self._size, b) - first)
                 start = self._begun[1] + (k - self._begun[0]) / self._found.rate
-                yield Chunk({axis: v[part] for axis, v in ready.items()}, k, self._segment, start)
+                yield Chunk({axis: v[part] for axis, v in ready.items()}, self._next, self._segment, start)
+                self._next += part.stop - part.start
+            self._last = b - 1
 
-    def _compare(self, numbers: Mapping[str, NDArray[Any]]) -> None:
-        """Remove the axes whose values now differ from the list of constant axes."""
-        for axis in list(self._alike):
-            column, known = numbers[axis], self._alike[axis]
-            value = float(column[0]) if known is None and column.size else known
-            if column.size and (column[-1] != value or bool(np.any(column != value))):
-                del self._alike[axis]
-            else:
-                self._alike[axis] = value
+    def _part(self, row: int) -> None:
+        """Begin a segment with a row, after a gap."""
+        self._broken = False
+        if self._next == 0:
+            return  # rows before the first sample of the recording
+        if self._next == self._first:
+            self._parted = True
+        self._segment += 1
+        self._breaks.append(((self._last, row), self._next))
 
 
 def _joined(before: Vector, after: Vector) -> Vector:
     return np.concatenate([before, after]) if before.size else after
 
 
-def _in_si(numbers: NDArray[Any], factors: Sequence[float]) -> Vector:
-    values: Vector = np.asarray(numbers).astype(np.float64, copy=False)
+def _in_si(values: Vector, factors: Sequence[float]) -> Vector:
     for factor in factors:
         values = values * factor
     return values

@@ -35,6 +35,11 @@ class Choice:
         """The axes among the roles, gyroscopes first."""
         return tuple(axis for axis in AXES if axis in self.columns)
 
+    def only(self, axes: Sequence[str]) -> Choice:
+        """The choice without the axes that are not among `axes`."""
+        kept = {role: k for role, k in self.columns.items() if role not in AXES or role in axes}
+        return Choice(kept, self.remarks)
+
 
 def choose(layout: Layout, columns: Columns | None, path: Path) -> Choice:
     """Choose the columns to read.

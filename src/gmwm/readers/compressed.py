@@ -33,6 +33,7 @@ class CompressedReader(Reader):
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers, unpacked while they are read."""
         reader, inner = layout.state
+        inner = replace(inner, skip_bad_lines=layout.skip_bad_lines)
         return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
 
 

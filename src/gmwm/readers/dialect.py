@@ -20,6 +20,9 @@ BLANKS = " "
 
 COMMENT_SIGNS = ("#", "%", "//", "!")
 
+MISSING_WORDS = ("NA", "N/A", "#N/A", "n/a", "na", "null", "NULL", "Null", "none", "None", "<NA>")
+"""What programs write in place of a missing number, besides NaN and nothing."""
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE)
 _NAME_IN_BLANKS = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?|\([^)]*\)|\[[^\]]*\]")
 
@@ -56,6 +59,10 @@ class Dialect:
         Samples per second (Hz), if a comment states it.
     stamps : tuple of bool
         For each column, whether the first rows hold dates with times or times of day that are not all the same.
+    header : tuple of str
+        The lines above the numbers that have as many cells as they, which may occur again below.
+    cut : tuple of str
+        The last cell of the file if it was cut off within a number, and that of the line before; empty otherwise.
     """
 
     delimiter: str
@@ -71,6 +78,8 @@ class Dialect:
     integers: tuple[bool, ...]
     rate: float | None = None
     stamps: tuple[bool, ...] = ()
+    header: tuple[str, ...] = ()
+    cut: tuple[str, ...] = ()
 
 
 def split(line: str, delimiter: str) -> list[str]:
@@ -131,7 +140,9 @@ def detect(lines: list[str], path: object) -> Dialect:
         header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
     ) or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
-    integers = tuple(all(re.fullmatch(r"[+-]?\d+", row[c]) for row in data) for c in range(columns))
+    whole = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
+    filled = [[row[c] for row in whole if row[c]] for c in range(columns)]
+    integers = tuple(bool(cells) and all(re.fullmatch(r"[+-]?\d+", cell) for cell in cells) for cells in filled)
     stated = _stated_units(comments)
     first_row = tuple(data[0][:columns])
     stamps = tuple(is_stamp(first_row[c]) and len({row[c] for row in data}) > 1 for c in range(columns))
@@ -149,6 +160,7 @@ def detect(lines: list[str], path: object) -> Dialect:
         integers=integers,
         rate=_stated_rate(comments),
         stamps=stamps,
+        header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
     )
 
 
@@ -182,9 +194,8 @@ def _is_row(cells: list[str], numeric: list[bool], decimal_comma: bool) -> bool:
     """Whether a line is a row of the recording: its numeric fields hold numbers or are empty."""
     if len(cells) != len(numeric):
         return False
-    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted]
-    good = sum(is_number(cell, decimal_comma) for cell in there)
-    return good > 0 and all(is_number(cell, decimal_comma) or cell == "" for cell in there)
+    there = [cell for cell, wanted in zip(cells, numeric, strict=True) if wanted and cell not in ("", *MISSING_WORDS)]
+    return bool(there) and all(is_number(cell, decimal_comma) for cell in there)
 
 
 def _trimmed(cells: list[str], columns: int) -> list[str]:

@@ -8,7 +8,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -231,9 +231,10 @@ def growing_stream(lines: Lines, path: Path, options: ReadOptions | None = None,
     reader, layout = _text_layout(path, head)
     choice = streamed(choose(layout, options.columns, path))
     require_time(layout, choice, options.rate, path)
-    wanted = list(choice.columns.values())
-    first = first_rows(reader.rows(_Head(path, head), layout, wanted), choice)
-    found = understand(layout, choice, first, path=path, options=options)
+    layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
+    first = first_rows(reader.rows(_Head(path, head), layout, list(choice.columns.values())), choice)
+    found = understand(layout, choice, first, path=path, options=options, dead=False)
+    wanted = list(found.choice.columns.values())
     warn(found.remarks, stacklevel=2)
     return Stream(str(path), found, lambda: reader.rows(_Whole(path, head, lines), layout, wanted), BLOCK)
 

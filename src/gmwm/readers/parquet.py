@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gmwm.errors import ReadError
 from gmwm.readers.base import Channel, Layout, Mark, Reader, Rows, register
+from gmwm.readers.lost_samples import MISSING
 from gmwm.readers.text_stamps import is_stamp, is_time_of_day, times_of, what_is_wrong
 
 if TYPE_CHECKING:
@@ -87,12 +88,12 @@ class ParquetReader(Reader):
 
 
 def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any]:
-    """A column as an array; `first` is its first cell in the file.
+    """A column as an array, with NaN or `MISSING` for a null; `first` is its first cell in the file.
 
     Raises
     ------
     ReadError
-        If a cell is empty or is not a number; the message states its row.
+        If a cell is not a number; the message states its row.
     """
     import polars as pl
 
@@ -105,25 +106,24 @@ def _numbers(series: pl.Series, path: Path, row: int, first: str) -> NDArray[Any
             f"{path}: column {series.name!r} holds {dtype}, expected numbers",
             advice="Name other columns with {--columns}.",
         )
-    if series.null_count():
-        at = row + int(np.argmax(series.is_null().to_numpy())) + 1
-        raise ReadError(
-            f"{path}: column {series.name!r} has no value in row {at}",
-            advice="Remove such rows, or leave the column out with {--columns}.",
-        )
     if dated:
-        times = times_of(series, first)
-        if (unknown := np.isnat(times)).any():
-            at = int(np.argmax(unknown))
-            raise ReadError(
-                f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}",
-                advice="Repair the row, or leave the column out with {--columns=time:none} and pass {--rate}.",
-            )
-        return times.view(np.int64)
+        there = series.is_not_null().to_numpy()
+        times = np.full(there.size, MISSING)
+        if there.any():
+            known = times_of(series.drop_nulls(), first)
+            if (unknown := np.isnat(known)).any():
+                at = int(np.flatnonzero(there)[np.argmax(unknown)])
+                raise ReadError(
+                    f"{path}: column {series.name!r} holds {what_is_wrong(series[at], first)} in row {row + at + 1}",
+                    advice="Repair the row, or leave the column out with {--columns=time:none} and pass {--rate}.",
+                )
+            times[there] = known.view(np.int64)
+        return times
     integer = series.dtype.is_integer()
     if integer and series.dtype == pl.UInt64 and series.len() and int(series.max() or 0) >= 1 << 63:  # type: ignore[arg-type]
         raise ReadError(
             f"{path}: column {series.name!r} holds integers above 2⁶³",
             advice="Leave the column out with {--columns}, or save it as 64-bit floating-point numbers.",
         )
-    return np.ascontiguousarray(series.cast(pl.Int64 if integer else pl.Float64).to_numpy())
+    numbers = series.cast(pl.Int64).fill_null(MISSING) if integer else series.cast(pl.Float64)
+    return np.ascontiguousarray(numbers.to_numpy())

@@ -20,6 +20,7 @@ from gmwm.errors import OptionError, ReadError
 from gmwm.readers.api import one_layout
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
 from gmwm.readers.chunks import Chunk, ChunkBuilder, Interpretation, RowSummary
+from gmwm.readers.lost_samples import Sifted, sift
 from gmwm.readers.running_clock import KEPT
 from gmwm.readers.streams import Stream
 
@@ -54,6 +55,8 @@ class Part:
         Whether this is the last part of the recording.
     whole : bool
         Whether the part is the whole recording.
+    skip_bad_lines : bool
+        Whether lines that cannot be read are lost samples.
     """
 
     path: Path
@@ -67,6 +70,7 @@ class Part:
     end: Mark
     last: bool
     whole: bool = False
+    skip_bad_lines: bool = False
 
     @property
     def first(self) -> int:
@@ -104,7 +108,8 @@ class PartReader:
         part = self._part
         self._reader, self._layout = _opened(part)
         wanted = list(part.found.choice.columns.values())
-        builder = ChunkBuilder(part.found, part.size, part.first, self._before())
+        before, lost_before = self._before()
+        builder = ChunkBuilder(part.found, part.size, part.first, before=before, lost_before=lost_before)
         if part.whole:
             chunks = self._reader.chunks(part.path, self._layout, wanted)
         else:
@@ -123,29 +128,36 @@ class PartReader:
         yield from builder.end(self._behind())
         self.summary = builder.summary()
 
-    def _before(self) -> NDArray[Any] | None:
-        """The time stamps of the rows before the first row, which show whether there is a gap before it."""
+    def _before(self) -> tuple[NDArray[Any] | None, bool]:
+        """The time stamps of the rows before the first row, by which a gap is found, and whether the last is lost."""
         part = self._part
-        if part.found.pace is None or part.first == 0:
-            return None
-        return self._stamps(part.back, part.first)[-part.found.pace.before :]
+        if part.first == 0:
+            return None, False
+        rows = self._rows(part.back, part.first)
+        lost = rows.lost is not None and bool(rows.lost[-1:].any())
+        lost |= rows.cut is not None and bool(rows.cut[-1])
+        pace = part.found.pace
+        return None if pace is None else rows.rows[part.found.choice.columns["time"]][-pace.before :], lost
 
     def _behind(self) -> NDArray[Any] | None:
         """The time stamps of the rows after the last row."""
         part = self._part
         if part.found.pace is None or part.last:
             return None
-        return self._stamps(part.end, part.end.row + part.found.pace.behind)
+        rows = self._rows(part.end, part.end.row + part.found.pace.behind)
+        return rows.rows[part.found.choice.columns["time"]]
 
-    def _stamps(self, mark: Mark, stop: int) -> NDArray[Any]:
-        """The time stamps from a mark up to a row."""
-        column, row, taken = self._part.found.choice.columns["time"], mark.row, []
-        for chunk in self._reader.chunks_from(self._part.path, self._layout, [column], mark):
-            taken.append(chunk[column][: stop - row])
-            row += chunk[column].size
+    def _rows(self, mark: Mark, stop: int) -> Sifted:
+        """The rows from a mark up to a row."""
+        choice, row, taken = self._part.found.choice, mark.row, []
+        wanted = list(choice.columns.values())
+        for chunk in self._reader.chunks_from(self._part.path, self._layout, wanted, mark):
+            taken.append({k: column[: stop - row] for k, column in chunk.items()})
+            row += next(iter(chunk.values())).size
             if row >= stop:
                 break
-        return np.concatenate(taken) if taken else np.empty(0)
+        rows = {k: np.concatenate([one[k] for one in taken]) if taken else np.empty(0) for k in wanted}
+        return sift(rows, choice.columns, choice.axes)
 
 
 def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
@@ -176,6 +188,7 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         end=Mark(0),
         last=True,
         whole=True,
+        skip_bad_lines=origin.layout.skip_bad_lines,
     )
     if not cuts:
         return (whole,)
@@ -231,4 +244,4 @@ def _opened(part: Part) -> tuple[Reader, Layout]:
     reader = find_reader(path, part.format)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the warnings were given when the stream was made
-        return reader, one_layout(reader, path, part.topic)
+        return reader, replace(one_layout(reader, path, part.topic), skip_bad_lines=part.skip_bad_lines)

@@ -8,21 +8,25 @@ from collections.abc import Iterable, Mapping
 from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.remarks import Remark
 
-STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter")
-"""Codes of remarks on the time stamps of all rows."""
+STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost")
+"""Codes of remarks on all rows, which are known at the end of a stream."""
 
 _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
     "unit-inferred": InferredUnitWarning,
     "unit-doubtful": GmwmWarning,
     "rate-contradicted": TimeBaseWarning,
+    "axis-dead": GmwmWarning,
     **dict.fromkeys(STAMPS, TimeBaseWarning),
+    "samples-lost": GmwmWarning,
 }
 """The category of the warning for each remark that is also a warning."""
 
 
 def of_file(remarks: Iterable[Remark], path: object) -> tuple[Remark, ...]:
-    """The remarks, with the file as the subject of those that are also warnings."""
-    return tuple(remark.about(str(path)) if remark.code in _CATEGORIES else remark for remark in remarks)
+    """The remarks, with the file as the subject of those that are also warnings and are not about an axis."""
+    return tuple(
+        remark.about(str(path)) if remark.code in _CATEGORIES and not remark.subject else remark for remark in remarks
+    )
 
 
 def warn(remarks: Iterable[Remark], stacklevel: int) -> None:

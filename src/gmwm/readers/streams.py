@@ -8,27 +8,27 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.options import Columns, ReadOptions, as_whole_number
+from gmwm.options import BadLines, Columns, ReadOptions, as_whole_number
 from gmwm.readers.api import (
     column_words,
     one_layout,
-    require_finite_rows,
-    require_samples,
     require_time,
     timing_of,
+    usable_samples,
 )
 from gmwm.readers.axis_units import resolve, time_unit
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.chunks import Chunk as Chunk
 from gmwm.readers.chunks import ChunkBuilder, Interpretation
 from gmwm.readers.columns import Choice, choose
+from gmwm.readers.lost_samples import as_floats
 from gmwm.readers.reading_warnings import STAMPS, of_file, warn
 from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import multiply
@@ -277,7 +277,8 @@ class Stream:
         if self._origin is None:
             raise TypeError("a recording that is still being written cannot be sent to another process")
         origin = self._origin
-        return _again, (origin.path, origin.reader.name, origin.topic, self._found, self._size, self._kept)
+        skip = origin.layout.skip_bad_lines
+        return _again, (origin.path, origin.reader.name, origin.topic, skip, self._found, self._size, self._kept)
 
     def __repr__(self) -> str:
         return f"Stream({', '.join(self.axes)} at {self.rate:g} Hz, from {self.source})"
@@ -297,6 +298,7 @@ def stream(
     start: float | None = None,
     stop: float | None = None,
     skip: Sequence[tuple[float, float]] = (),
+    bad_lines: BadLines = "error",
 ) -> Stream:
     """Stream a static recording from a file in rad/s and m/s², chunk by chunk, for files larger than memory.
 
@@ -308,7 +310,7 @@ def stream(
 
     Parameters
     ----------
-    path, rate, columns, units, format, scale, increments, topic, start, stop, skip
+    path, rate, columns, units, format, scale, increments, topic, start, stop, skip, bad_lines
         As for `read`. Nothing after `stop` is read.
     chunk : int
         Samples in a chunk, at most.
@@ -344,7 +346,7 @@ def stream(
     """
     options = ReadOptions(
         rate=rate, columns=columns, units={} if units is None else units, start=start, stop=stop, skip=skip,
-        format=format, topic=topic, scale={} if scale is None else scale, increments=increments,
+        format=format, topic=topic, scale={} if scale is None else scale, increments=increments, bad_lines=bad_lines,
     )  # fmt: skip
     return stream_file(path, options, as_whole_number(chunk, "chunk", 1))
 
@@ -356,20 +358,23 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     layout = one_layout(reader, file, options.topic)
     choice = streamed(choose(layout, options.columns, file))
     require_time(layout, choice, options.rate, file)
-    wanted = list(choice.columns.values())
-    head = first_rows(reader.chunks(file, layout, wanted), choice)
+    layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
+    head = first_rows(reader.chunks(file, layout, list(choice.columns.values())), choice)
     found = understand(layout, choice, head, path=file, options=options)
     warn(found.remarks, stacklevel=3)
-    origin = Origin(file, reader, layout=layout, wanted=tuple(wanted), topic=options.topic)
+    wanted = tuple(found.choice.columns.values())
+    origin = Origin(file, reader, layout=layout, wanted=wanted, topic=options.topic)
     return Stream(source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges)
 
 
-def _again(path: Path, format: str, topic: str | None, found: Interpretation, size: int, kept: Kept | None) -> Stream:
+def _again(
+    path: Path, format: str, topic: str | None, skip: bool, found: Interpretation, size: int, kept: Kept | None
+) -> Stream:
     """The stream that was pickled. Its warnings were given when it was made."""
     reader = find_reader(existing_file(path), format)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        layout = one_layout(reader, path, topic)
+        layout = replace(one_layout(reader, path, topic), skip_bad_lines=skip)
     origin = Origin(path, reader, layout=layout, wanted=tuple(found.choice.columns.values()), topic=topic)
     return Stream(source=str(path), found=found, chunks=origin.chunks, size=size, origin=origin, kept=kept)
 
@@ -379,7 +384,7 @@ def streamed(choice: Choice) -> Choice:
     return Choice({role: k for role, k in choice.columns.items() if role != "temperature"}, choice.remarks)
 
 
-def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[str, NDArray[Any]]:
+def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict[int, NDArray[Any]]:
     """At least `rows` rows of each column, or all rows of a shorter recording."""
     parts, count = [], 0
     for some in chunks:
@@ -387,40 +392,38 @@ def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict
         count += next(iter(some.values())).size
         if count >= rows:
             break
-    return {role: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for role, k in choice.columns.items()}
+    return {k: np.concatenate([part[k] for part in parts] or [np.empty(0)]) for k in choice.columns.values()}
 
 
 def understand(
-    layout: Layout,
-    choice: Choice,
-    head: Mapping[str, NDArray[Any]],
-    *,
-    path: Path,
-    options: ReadOptions,
+    layout: Layout, choice: Choice, head: Rows, *, path: Path, options: ReadOptions, dead: bool = True
 ) -> Interpretation:
-    """Find units, rate and time stamps from the first rows, with the options of `read`."""
+    """Find units, rate, time stamps and, with `dead`, the axes that work from the first rows, as `read` does."""
     rate, units, integrals = options.rate, options.units, options.integrals
-    words = {role: column_words(layout, choice, role, path) for role in choice.columns}
-    for role, column in head.items():
-        require_samples(column.size, words[role])
-        require_finite_rows(column, words[role])
-    time, time_remarks = timing_of(layout, choice, units=units, raw=head, rate=rate)
-    stamps, pace = head.get("time"), None
+    usable = usable_samples(head, layout, choice, path=path, dead=dead)
+    raw = usable.raw
+    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=rate)
+    stamps, pace = raw.get("time"), None
     if stamps is not None:
         unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
         pace = Pace.of(stamps, unit, time)
     ones = {axis: np.ones(1) for axis in choice.axes}
     scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
-    numbers = {axis: head[axis].astype(np.float64) * ones[axis] for axis in choice.axes}
+    present = usable.present(raw)
+    numbers = {axis: as_floats(present[axis]) * ones[axis] for axis in choice.axes}
     scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
-    found = {
-        axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in choice.axes
-    }
-    # The remarks on the time stamps of all rows follow at the end of an iteration.
+    live = choice.only(usable.axes)
+    found = {axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in live.axes}
+    # The remarks on all rows follow at the end of an iteration.
     about_time = (remark for remark in time.remarks if remark.code not in STAMPS)
-    remarks = (*layout.remarks, *choice.remarks, *scale_remarks, *scales.remarks, *time_remarks, *about_time)
+    remarks = (*layout.remarks, *choice.remarks, *usable.remarks, *scale_remarks, *scales.remarks, *time_remarks)
     return Interpretation(
-        choice=choice, words=words, factors=found, timing=time, pace=pace, remarks=of_file(remarks, path)
+        choice=live,
+        words={role: column_words(layout, choice, role, path) for role in choice.columns},
+        factors=found,
+        timing=time,
+        pace=pace,
+        remarks=of_file((*remarks, *about_time), path),
     )
 
 
@@ -444,6 +447,5 @@ def build_chunks(
     yield from builder.end()
     summary = builder.summary()
     remarks = summary.remarks(found)
-    if found.pace is not None:
-        ended(summary.time_base(found))
+    ended(summary.time_base(found))
     warn(of_file(remarks, path), stacklevel=2)

@@ -1,0 +1,249 @@
+"""Missing values, bad lines, rows of other messages and dead axes: nothing is lost without a word, or spliced."""
+
+import itertools
+
+import numpy as np
+import polars as pl
+import pytest
+
+import gmwm
+from gmwm.errors import DataError, GmwmWarning, ReadError
+from gmwm.readers import parquet, read, stream, streams, text
+from gmwm.readers.lost_samples import gaps_of
+from gmwm.readers.parts import PartReader
+
+ROWS = 6000
+VALUES = np.random.default_rng(1).normal(size=(ROWS, 2)).round(6)
+HEADER = "time [s],gyro_x [rad/s],gyro_y [rad/s]\n"
+LINES = [f"{k / 100:.2f},{x},{y}\n" for k, (x, y) in enumerate(VALUES.tolist())]
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(streams.first_rows, "__defaults__", (1000,))
+    monkeypatch.setattr(text, "BLOCK_BYTES", 20_000)
+    monkeypatch.setattr(parquet, "ROWS", 700)
+
+
+def saved(tmp_path, lines, header=HEADER):
+    path = tmp_path / "static.csv"
+    path.write_text(header + "".join(lines))
+    return path
+
+
+def changed(**lines):
+    """The lines of the file with some of them replaced, "_17" for line 17."""
+    out = list(LINES)
+    for key, line in lines.items():
+        out[int(key[1:])] = line
+    return out
+
+
+def joined(source):
+    """Samples, segments and starts of a stream."""
+    chunks = list(source)
+    values = np.concatenate([chunk["gyro_x"] for chunk in chunks])
+    assert [chunk.first for chunk in chunks] == list(itertools.accumulate(map(len, chunks), initial=0))[:-1]
+    begins = [chunk for k, chunk in enumerate(chunks) if k == 0 or chunk.segment != chunks[k - 1].segment]
+    edges = [*(chunk.first for chunk in begins), values.size]
+    return values, tuple(itertools.pairwise(edges)), [chunk.start for chunk in begins]
+
+
+@pytest.mark.parametrize("cell", ["nan", "", "NA", "NaN", "-inf", "1e999", "null", "N/A"])
+def test_a_missing_value_is_a_gap(tmp_path, cell):
+    with pytest.warns(GmwmWarning, match="1 lost sample"):
+        imu = read(saved(tmp_path, changed(_17=f"0.17,{cell},1\n")))
+    assert imu.segments == ((0, 17), (17, ROWS - 1))
+    assert imu["gyro_y"].starts == pytest.approx((0.0, 0.18))
+    assert imu["gyro_y"].values.tolist() == np.delete(VALUES[:, 1], 17).tolist()
+    assert imu.time_base.gaps == ((17, pytest.approx(0.02)),)
+    assert imu.time_base.lost == 1
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_without_time_stamps_a_lost_sample_keeps_its_place(tmp_path):
+    lines = [line.partition(",")[2] for line in changed(_0="0,nan,1\n", _17="0,,\n", _18="0,1,\n", _5999="0,,1\n")]
+    imu = read(saved(tmp_path, lines, "gyro_x [rad/s],gyro_y [rad/s]\n"), rate=100)
+    assert imu.segments == ((0, 16), (16, ROWS - 4))
+    assert imu["gyro_x"].starts == pytest.approx((0.01, 0.19))
+    assert imu.time_base.gaps == ((16, pytest.approx(0.03)),)
+    assert imu.time_base.lost == 4
+
+
+BAD = {
+    "short": "0.17,0.1\n",
+    "long": "0.17,0.1,0.2,0.3\n",
+    "text": "0.17,0.1#$2,0.2\n",
+    "two lines in one": "0.17,0.1,0.18,0.1,0.2\n",
+    "no UTF-8": "0.17,\udcff\udcfe,0.2\n",
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_a_bad_line_is_an_error_or_a_gap(tmp_path, kind):
+    path = tmp_path / "static.csv"
+    path.write_bytes((HEADER + "".join(changed(_17=BAD[kind]))).encode(errors="surrogateescape"))
+    with pytest.raises(ReadError, match=r"line 19: .*bad_lines='skip'"):
+        read(path)
+    with pytest.warns(GmwmWarning, match="1 lost sample"):
+        imu = read(path, bad_lines="skip")
+    assert imu.segments == ((0, 17), (17, ROWS - 1))
+    assert imu.time_base.lost == 1
+    assert imu["gyro_x"].values.tolist() == np.delete(VALUES[:, 0], 17).tolist()
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+@pytest.mark.parametrize(
+    "cells", ["2024-05-01T10:00:{0:06.3f}Z", "10:00:{0:06.3f}", "{1}"], ids=["dates", "times of day", "nanoseconds"]
+)
+def test_bad_lines_between_stamps_of_any_form(tmp_path, small_blocks, cells):
+    lines = [
+        cells.format(k / 100, 1_700_000_000_000_000_000 + k * 10_000_000) + "," + line.partition(",")[2]
+        for k, line in enumerate(LINES)
+    ]
+    lines[40], lines[5000] = "@@@\n", ",,\n"
+    imu = read(saved(tmp_path, lines), bad_lines="skip", units={"time": "ns"} if cells == "{1}" else None)
+    assert imu.rate == pytest.approx(100, rel=1e-9)
+    assert imu.segments == ((0, 40), (40, 4999), (4999, ROWS - 2))
+    assert [duration for _, duration in imu.time_base.gaps] == pytest.approx([0.02, 0.02])
+    assert imu.time_base.lost == 2
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_a_bad_line_between_blanks(tmp_path):
+    lines = [line.replace(",", "  ") for line in changed(_17="0.17,0.1\n", _20="0.2,NA,1\n")]
+    imu = read(saved(tmp_path, lines, "time gyro_x gyro_y\n"), units={"gyro": "rad/s"}, bad_lines="skip")
+    assert imu.segments == ((0, 17), (17, 19), (19, ROWS - 2))
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_a_last_line_that_was_cut_off_is_skipped(tmp_path):
+    path = saved(tmp_path, LINES)
+    for cut in (4, 14):
+        path.write_text((HEADER + "".join(LINES))[:-cut])
+        with pytest.raises(ReadError, match="bad_lines='skip'"):
+            read(path)
+        assert read(path, bad_lines="skip").segments == ((0, ROWS - 1),)
+
+
+@pytest.mark.parametrize("blanks", [False, True])
+def test_a_repeated_header_is_no_row(tmp_path, small_blocks, blanks):
+    again = [*LINES[:300], "\n" * blanks + HEADER, *LINES[300:]]
+    path = saved(tmp_path, again)
+    assert read(path).segments == ((0, ROWS),)
+    divided = stream(path).parts(4)
+    assert sum(len(chunk) for part in divided for chunk in part) == ROWS
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_streams_and_parts_lose_the_same_samples(tmp_path, small_blocks, clock, form):
+    rng = np.random.default_rng(3)
+    values = VALUES.copy()
+    values[rng.integers(0, ROWS, 60), rng.integers(0, 2, 60)] = np.nan
+    values[[0, 1, 699, 700, 701, 1400, 2100, 4200, ROWS - 1], 0] = np.nan
+    time = (np.arange(ROWS) + 9 * (np.arange(ROWS) > 2500) + 5 * (np.arange(ROWS) >= 701)) / 100
+    path = tmp_path / f"a.{form}"
+    table = {"time": time} if clock else {}
+    frame = pl.DataFrame(table | {"gyro_x": values[:, 0], "gyro_y": values[:, 1]})
+    _ = frame.write_csv(path) if form == "csv" else frame.fill_nan(None).write_parquet(path)
+    options = {"units": {"gyro": "rad/s", "time": "s"} if clock else {"gyro": "rad/s"}, "rate": 100.0}
+    whole = read(path, **options)
+    signal = whole["gyro_x"]
+    expected = np.flatnonzero(np.isfinite(values).all(axis=1))
+    assert signal.values.tolist() == values[expected, 0].tolist()
+    assert signal.times() == pytest.approx(time[expected] if clock else expected / 100, abs=1e-9)
+    source = stream(path, chunk=500, **options)
+    streamed, segments, starts = joined(source)
+    assert streamed.tolist() == signal.values.tolist()
+    assert segments == signal.segments
+    assert starts == pytest.approx(signal.starts)
+    assert source.time_base.lost == whole.time_base.lost == ROWS - expected.size
+    np.testing.assert_allclose(source.time_base.gaps, whole.time_base.gaps, rtol=1e-9)
+    samples, summary = [], None
+    for part in stream(path, **options).parts(4):
+        reader = PartReader(part)
+        samples += [x for chunk in reader for x in chunk["gyro_x"].tolist()]
+        summary = reader.summary if summary is None else summary.followed_by(reader.summary)
+    assert samples == signal.values.tolist()
+    assert (summary.lost, summary.stop) == (whole.time_base.lost, len(signal))
+    np.testing.assert_allclose(summary.counted.gaps, whole.time_base.gaps, rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_lost_samples_are_not_spliced_in_the_wavelet_variance(tmp_path):
+    values = np.cumsum(VALUES, axis=0)
+    whole = {"gyro_x": values[:, 0], "gyro_y": values[:, 1]}
+    holes = {axis: v.copy() for axis, v in whole.items()}
+    holes["gyro_x"][[1000, 1001, 4000]] = np.nan
+    pl.DataFrame(holes).write_parquet(tmp_path / "a.parquet")
+    imu = read(tmp_path / "a.parquet", rate=100, units={"gyro": "rad/s"})
+    missing = gmwm.Signal.from_missing(np.where(np.isnan(holes["gyro_x"]), np.nan, whole["gyro_y"]), 100.0)
+    mine, theirs = gmwm.wavelet_variance(imu["gyro_y"]), gmwm.wavelet_variance(missing)
+    np.testing.assert_allclose(mine.variance, theirs.variance, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("value", "words"), [(0.25, "same value 0.25"), (np.nan, "no number")])
+def test_a_dead_axis_does_not_fail_the_file(tmp_path, small_blocks, value, words):
+    frame = pl.DataFrame({"time": np.arange(ROWS) / 100, "gyro_x": VALUES[:, 0], "gyro_y": value, "gyro_z": 1.0})
+    frame = frame.with_columns(gyro_z=pl.Series(VALUES[:, 1]))
+    frame.write_csv(tmp_path / "a.csv")
+    with pytest.warns(GmwmWarning, match=f"^gyro_y is left out: .*{words}"):
+        imu = read(tmp_path / "a.csv", units={"gyro": "rad/s"})
+    assert imu.axes == ("gyro_x", "gyro_z")
+    assert len(imu.segments) == 1
+    with pytest.warns(GmwmWarning, match="^gyro_y is left out"):
+        source = stream(tmp_path / "a.csv", units={"gyro": "rad/s"})
+    assert source.axes == imu.axes
+    assert sum(map(len, source)) == ROWS
+
+
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_gravity_is_inferred_with_a_dead_accelerometer(tmp_path):
+    table = {
+        "time": np.arange(ROWS) / 100,
+        "accel_x": VALUES[:, 0] * 1e-3,
+        "accel_y": 0.0,
+        "accel_z": 1 + VALUES[:, 1] * 1e-3,
+    }
+    pl.DataFrame(table).write_csv(tmp_path / "a.csv")
+    assert read(tmp_path / "a.csv").axes == ("accel_x", "accel_z")
+    assert np.mean(read(tmp_path / "a.csv")["accel_z"].values) == pytest.approx(9.80665, rel=1e-3)
+
+
+def test_rows_of_other_messages_are_left_out(tmp_path, small_blocks):
+    lines = []
+    for k, line in enumerate(LINES):
+        lines += [line.replace("\n", ",\n")] + (
+            [f"{k / 100 + 0.004:.3f},,,{20 + k / 100:.2f}\n"] if k % 10 == 3 else []
+        )
+    path = saved(tmp_path, lines, HEADER.replace("\n", ",temperature\n"))
+    imu = read(path)
+    assert (imu.rate, imu.segments) == (100.0, ((0, ROWS),))
+    assert imu.time_base.lost == 0
+    assert [r.facts["count"] for r in imu.remarks if r.code == "rows-of-others"] == [600]
+    # Their temperature is interpolated to the samples.
+    assert imu.temperature[10:-10] == pytest.approx(20 + np.arange(10, ROWS - 10) / 100 - 0.004, abs=1e-6)
+    assert sum(map(len, stream(path))) == ROWS
+
+
+def test_sensors_with_different_rates_in_one_table(tmp_path):
+    odd = np.arange(ROWS) % 3 > 0
+    table = {
+        "time": np.arange(ROWS) / 100,
+        "gyro_x": VALUES[:, 0],
+        "accel_x": np.where(odd, np.nan, VALUES[:, 1]),
+    }
+    pl.DataFrame(table).write_parquet(tmp_path / "a.parquet")
+    with pytest.raises(DataError, match=r"gyro_x in 6000, accel_x in 2000 .*columns=\{'gyro_x': 'gyro_x'\}"):
+        read(tmp_path / "a.parquet", units={"gyro": "rad/s", "accel": "g"})
+    assert read(tmp_path / "a.parquet", columns={"accel_x": "accel_x"}, units={"accel": "g"}).rate == pytest.approx(
+        100 / 3
+    )
+
+
+def test_gaps_of_lost_rows_and_time_stamps():
+    pairs, stamped = [(3, 5), (9, 10), (20, 24)], [(10, 0.5), (22, 0.25), (23, 0.15)]
+    found = gaps_of(pairs, [4, 8, 18], stamped=stamped, rate=10.0)
+    assert found == ((4, pytest.approx(0.2)), (8, 0.5), (18, pytest.approx(0.6)))
