@@ -234,12 +234,24 @@ class _Crew:
             path = None if stream._origin is None else stream._origin.path
             parts = max(A_THREAD * self._threads(), (path.stat().st_size if path else 0) // PART_BYTES)
         self._parts: tuple[Part, ...] = stream.parts(parts)
+        self._whole: tuple[Part, ...] = stream.parts(1)
 
     def measure(self, axes: Mapping[str, Callable[[int], G]]) -> Mapping[str, G]:
         """Measure all parts and merge them in order; raise the first error in the file.
 
-        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample.
+        `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
+        number their samples by the rows of the file. If rows are lost, the recording is measured again as one part.
         """
+        found = self._measured(axes)
+        if found is None:
+            self._parts, self._samples = self._whole, 0
+            found = self._measured(axes)
+        assert found is not None
+        self.summary = found.summary
+        return found.axes
+
+    def _measured(self, axes: Mapping[str, Callable[[int], G]]) -> _Measured[G] | None:
+        """Measure all parts and merge them in order; None if a part does not begin where the one before ends."""
         arrived: queue.SimpleQueue[int] = queue.SimpleQueue()
         running: dict[int, Any] = {}
         found: dict[int, _Measured[G] | GmwmError] = {}
@@ -257,13 +269,14 @@ class _Crew:
                     part = found.pop(merged)
                     if isinstance(part, GmwmError):
                         raise part
+                    if joined is not None and joined.summary.stop != self._parts[merged].first:
+                        return None
                     joined = part if joined is None else joined.followed_by(part)
                     merged += 1
         finally:
             with suppress(Exception):  # the scheduler may be gone
                 self._client.cancel([*running.values(), begin], force=True)
-        self.summary = joined.summary
-        return joined.axes
+        return joined
 
     def _threads(self) -> int:
         """Current number of threads of all workers. More workers may connect later."""
