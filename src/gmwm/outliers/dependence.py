@@ -70,7 +70,7 @@ def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict
     verdict : Verdict
         The test for outliers with `robust`; its standard errors are used.
     """
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
     assert robust.efficiency is not None
     assert other.efficiency is not None
@@ -82,7 +82,7 @@ def dependence(robust: WaveletVariance, other: WaveletVariance, verdict: Verdict
     if other.efficiency < robust.efficiency:
         # The standard errors of an efficient curve are smaller: 1 / e - 1 is the variance of uncorrelated coefficients.
         error = error * np.sqrt((1 / other.efficiency - 1) / (1 / robust.efficiency - 1))
-    limit = MATERIAL + float(norm.isf(verdict.size / (2 * apart.size * verdict.comparisons))) * error
+    limit = MATERIAL - float(ndtri(verdict.size / (2 * apart.size * verdict.comparisons))) * error
     if not np.any(apart > limit):
         return None
     k = int(np.flatnonzero(usable)[np.argmax(apart / limit)])

@@ -217,10 +217,10 @@ def _bulk(values: Vector, rate: float, step: float) -> tuple[Vector, int, float]
 
 def _freedom(relative: Vector) -> float:
     """Degrees of freedom of the t distribution with the ratio of the 90 % quantile to the median, or fewer."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     grid = np.geomspace(1.0, 1000.0, 200)
-    expected = t.ppf(0.95, grid) / t.ppf(0.75, grid)
+    expected = stdtrit(grid, 0.95) / stdtrit(grid, 0.75)
     error = 1.5 / np.sqrt(relative.size)  # of the ratio; 1.2 for independent residuals of Gaussian noise
     middle, high = np.quantile(relative, [0.5, 0.9])
     ratio = float(high / middle) * (1 + 3 * error) if middle > 0 else np.inf
@@ -229,7 +229,8 @@ def _freedom(relative: Vector) -> float:
 
 def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1.0) -> float:
     """The smallest θ beyond which residuals are spikes, up to a share of false ones; infinite if there are none."""
-    from scipy.stats import binom, poisson, t
+    # Not from scipy.stats, whose import takes as long as the spikes of six axes.
+    from scipy.special import bdtrc, pdtrc, stdtr, stdtrit
 
     ordered = np.sort(deviation[deviation >= LEAST / 2])[::-1]
     ks = np.arange(1, np.count_nonzero(ordered >= LEAST) + 1)
@@ -238,20 +239,20 @@ def _threshold(deviation: Vector, samples: int, freedom: float, false: float = 1
     theta = ordered[ks - 1]
     beyond = np.searchsorted(-ordered, -theta / APART, side="right")
     double = np.searchsorted(-ordered, -theta / 2, side="right")
-    scale = t.ppf(0.75, freedom) / _QUARTILE
-    expected = samples * 2 * t.sf(theta * scale, freedom)
-    good = (poisson.sf(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond <= MORE * ks)
-    good &= np.where(ks < _FEW, double == ks, binom.sf(ks - 1, beyond, _TAIL) <= CERTAIN)
+    scale = stdtrit(freedom, 0.75) / _QUARTILE
+    expected = samples * 2 * stdtr(freedom, -theta * scale)
+    good = (pdtrc(ks - 1, expected) <= CERTAIN) & (expected <= false * ks) & (beyond <= MORE * ks)
+    good &= np.where(ks < _FEW, double == ks, bdtrc(ks - 1, beyond, _TAIL) <= CERTAIN)
     return float(theta[good][-1]) if np.any(good) else np.inf
 
 
 def _isolated(at: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
     """Which of the places, in order, are in no crowd and no long run, and not near a crowd."""
-    from scipy.stats import binom
+    from scipy.special import bdtrc
 
     # Crowds and runs that so many spikes at random places have by chance, at most one in a hundred recordings.
     share, rare = at.size / samples, 0.01 / at.size
-    crowd = max(CROWD, int(binom.isf(rare, 2 * NEAR, share)))
+    crowd = max(CROWD, int(np.argmax(bdtrc(np.arange(2 * NEAR + 1), 2 * NEAR, share) <= rare)))
     run = max(RUN, int(np.ceil(np.log(rare) / np.log(share))))
     near = np.searchsorted(at, at + NEAR, side="right") - np.searchsorted(at, at - NEAR) - 1
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at) > 1) + 1])

@@ -17,7 +17,9 @@ HALF = 0.5
 PEAK = 2.0
 """Ratio of the highest density to that at low frequencies from which a maximum counts as a resonance."""
 _POINTS = 2048
-_BISECTIONS = 50
+_PIECES = 64
+_ROUNDS = 9
+"""Rounds that each divide the interval of a crossing by 64: to 2⁻⁵⁴ of its length."""
 STEP = 1e-5
 """Relative step of one-sided differences, and the order of their error (tests/processes/test_band_limit.py)."""
 
@@ -41,59 +43,69 @@ def band_numbers(
     free : mapping of parameter name to function
         The density with one shape parameter θ larger by a factor of 1 + 1e-5.
     """
-    level = float(density(np.zeros(1))[0])
-    numbers = [Physical("N", "white noise density", math.sqrt(level), 0.5, slopes=slopes)]
-    for symbol, title, of in (
-        ("f_b", "bandwidth at half the power", _bandwidth),
-        ("f_r", "resonance frequency", _resonance),
-        ("Q_r", "quality factor of the resonance", _quality),
-    ):
-        value = of(density, rate)
-        if value is None:
+    values = _band(density, rate)
+    moved = {name: _band(other, rate) for name, other in free.items()}
+    numbers = [Physical("N", "white noise density", math.sqrt(_at_zero(density)), 0.5, slopes=slopes)]
+    for symbol, title in _TITLES.items():
+        if symbol not in values:
             continue
-        moved = {name: of(other, rate) for name, other in free.items()}
-        changes = {name: math.log(at / value) / STEP for name, at in moved.items() if at is not None and at > 0}
+        value = values[symbol]
+        changes = {name: math.log(other[symbol] / value) / STEP for name, other in moved.items() if symbol in other}
         power = 0.0 if symbol == "Q_r" else -1.0
         numbers.append(Physical(symbol, title, value, power, signal_power=0, slopes=changes))
     return tuple(numbers)
 
 
-def _bandwidth(density: Density, rate: float) -> float | None:
-    """The frequency above which the density stays below half of that at low frequencies; None up to half the rate."""
-    half = HALF * float(density(np.zeros(1))[0])
+_TITLES = {
+    "f_b": "bandwidth at half the power",
+    "f_r": "resonance frequency",
+    "Q_r": "quality factor of the resonance",
+}
+
+
+def _at_zero(density: Density) -> float:
+    return float(density(np.zeros(1))[0])
+
+
+def _band(density: Density, rate: float) -> dict[str, float]:
+    """The bandwidth (Hz), and the frequency (Hz) and the quality factor of the resonance, as far as they exist."""
+    found = {}
     grid = np.linspace(0.0, 0.5 * rate, _POINTS)
-    above = np.flatnonzero(density(grid) >= half)
-    if above[-1] == _POINTS - 1:
-        return None
-    return _crossing(density, half, grid[above[-1]], grid[above[-1] + 1])
+    values, low = density(grid), _at_zero(density)
+    last = int(np.flatnonzero(values >= HALF * low)[-1])
+    if last < _POINTS - 1:
+        # Above the bandwidth the density stays below half of that at low frequencies.
+        found["f_b"] = _crossing(density, HALF * low, grid[last], grid[last + 1])
+    centre = _peak(density, grid, values)
+    top = float(density(np.array([centre]))[0])
+    if top >= PEAK * low and centre < 0.4999 * rate:
+        found["f_r"] = centre
+        quality = _quality(density, rate, centre, top)
+        if quality is not None:
+            found["Q_r"] = quality
+    return found
 
 
-def _peak(density: Density, rate: float) -> tuple[float, float] | None:
-    """Frequency and density of the highest maximum, if it is a resonance."""
-    low, high = 0.0, 0.5 * rate
-    for _ in range(4):
-        grid = np.linspace(low, high, _POINTS)
-        values = density(grid)
-        place = int(np.argmax(values))
-        low, high = grid[max(place - 1, 0)], grid[min(place + 1, _POINTS - 1)]
-    top = float(values[place])
-    return (float(grid[place]), top) if top >= PEAK * float(density(np.zeros(1))[0]) else None
+def _peak(density: Density, grid: Vector, values: Vector) -> float:
+    """The frequency of the highest maximum: the vertex of a parabola, on a fine grid around it.
+
+    A yet finer grid would show rounding errors, because the maximum is flat.
+    """
+    place = int(np.clip(np.argmax(values), 1, _POINTS - 2))
+    fine = np.linspace(grid[place - 1], grid[place + 1], _POINTS)
+    found = density(fine)
+    place = int(np.clip(np.argmax(found), 1, _POINTS - 2))
+    left, top, right = found[place - 1 : place + 2]
+    bend = left - 2 * top + right
+    shift = np.clip((left - right) / (2 * bend), -1.0, 1.0) if bend < 0 else 0.0
+    return float(fine[place] + shift * (fine[1] - fine[0]))
 
 
-def _resonance(density: Density, rate: float) -> float | None:
-    found = _peak(density, rate)
-    return None if found is None or found[0] >= 0.4999 * rate else found[0]
-
-
-def _quality(density: Density, rate: float) -> float | None:
+def _quality(density: Density, rate: float, centre: float, top: float) -> float | None:
     """Frequency over width at half the power of the highest maximum."""
-    found = _peak(density, rate)
-    if found is None or _resonance(density, rate) is None:
-        return None
-    centre, top = found
     grid = np.linspace(0.0, 0.5 * rate, _POINTS * 4)
-    low = grid[(density(grid) < HALF * top) & (grid < centre)]
-    high = grid[(density(grid) < HALF * top) & (grid > centre)]
+    below = grid[density(grid) < HALF * top]
+    low, high = below[below < centre], below[below > centre]
     if not low.size or not high.size:
         return None
     left = _crossing(density, HALF * top, centre, low[-1])
@@ -103,7 +115,8 @@ def _quality(density: Density, rate: float) -> float | None:
 
 def _crossing(density: Density, level: float, inside: float, outside: float) -> float:
     """The frequency between two, of which the first has a density above a level, where the density equals it."""
-    for _ in range(_BISECTIONS):
-        middle = (inside + outside) / 2
-        inside, outside = (middle, outside) if density(np.array([middle]))[0] >= level else (inside, middle)
+    for _ in range(_ROUNDS):
+        grid = np.linspace(inside, outside, _PIECES + 1)
+        first = int(np.argmax(np.append(density(grid[1:-1]) < level, True))) + 1
+        inside, outside = grid[first - 1], grid[first]
     return float((inside + outside) / 2)

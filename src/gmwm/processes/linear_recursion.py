@@ -9,6 +9,7 @@ unit circle with a relative error of 1e-16/δ.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache, lru_cache, partial
 from itertools import pairwise
 from typing import Any
@@ -224,7 +225,7 @@ class Lagged(Ordered, abstract=True, listed=False):
         return self._density(self.nonlinear, as_frequencies(frequencies, rate), as_rate(rate))
 
     def _density(self, nonlinear: Vector, frequencies: Vector, rate: float) -> Vector:
-        """The density (u²/Hz) with other coefficients, which may be outside the region of stationarity."""
+        """The density (u²/Hz) with these coefficients, which may be outside the region of stationarity."""
         cycles = frequencies / rate
         density = np.full(cycles.shape, self.scale / rate)
         for part, span in self._factors():
@@ -277,22 +278,9 @@ class Lagged(Ordered, abstract=True, listed=False):
         time = self.correlation_time(rate)
         if time is None or time >= SHORT or self.scale == 0:
             return ()
-        slopes = {self.scale_parameter().name: 0.5}
-        free: dict[str, Density] = {}
-        for part, span in self._factors():
-            sign, values = _sign(part), self.nonlinear[span]
-            names = [p.name for p in self.nonlinear_parameters()[span]]
-            for name, value in zip(names, values.tolist(), strict=True):
-                # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
-                slopes[name] = value / (1 - values.sum()) if sign > 0 else value / (1 + values.sum())
-                if not self.is_fixed(name):
-                    free[name] = partial(self._density, self._moved(name), rate=rate)
-        return band_numbers(lambda f: self.psd(f, rate), rate, slopes, free=free)
-
-    def _moved(self, name: str) -> Vector:
-        """The coefficients, one of them larger by a factor of 1 + 1e-5."""
-        names = [p.name for p in self.nonlinear_parameters()]
-        return np.asarray(self.nonlinear * np.where(np.array(names) == name, 1 + STEP, 1.0))
+        free = tuple(p.name for p in self.nonlinear_parameters() if not self.is_fixed(p.name))
+        density, *others = _band_numbers(type(self), tuple(self.nonlinear.tolist()), free, as_rate(rate))
+        return (replace(density, value=density.value * math.sqrt(self.scale)), *others)
 
     def _recursion(self) -> tuple[Vector, Vector, Matrix, Vector]:
         """Return the full φ and θ, the predictors of lower orders, and their error standard deviations at σ² = 1."""
@@ -308,6 +296,25 @@ class Lagged(Ordered, abstract=True, listed=False):
         out = np.empty(distances.size)
         _core.arma_autocovariance(self.full_orders(), self.nonlinear, distances, from_zero, out)
         return np.asarray(self.scale * out[where].reshape(lags.shape))
+
+
+@lru_cache(maxsize=256)
+def _band_numbers(
+    kind: type[Lagged], parameters: tuple[float, ...], free: tuple[str, ...], rate: float
+) -> tuple[Physical, ...]:
+    """N, bandwidth and resonance at innovation variance 1, with slopes by the free coefficients."""
+    at, process = np.array(parameters), kind.standard(parameters)
+    slopes = {kind.scale_parameter().name: 0.5}
+    moved: dict[str, Density] = {}
+    for part, span in kind._factors():
+        sign, values = _sign(part), at[span]
+        for k, parameter in enumerate(kind.nonlinear_parameters()[span], span.start):
+            # ln N = ½ ln σ² + ln(1 + Σθ) − ln(1 − Σφ), and the same for the seasonal polynomials.
+            slopes[parameter.name] = parameters[k] / (1 - sign * float(values.sum()))
+            if parameter.name in free:
+                there = np.where(np.arange(at.size) == k, at * (1 + STEP), at)
+                moved[parameter.name] = partial(process._density, there, rate=rate)
+    return band_numbers(partial(process._density, at, rate=rate), rate, slopes, free=moved)
 
 
 @lru_cache(maxsize=64)

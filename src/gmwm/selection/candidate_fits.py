@@ -122,15 +122,12 @@ class _Exploration:
     def mend(self) -> None:
         """Replace a solution with a larger objective than that of one of its parts."""
         for key, found in sorted(self.solved.items(), key=lambda item: sum(item[1].structure.values())):
-            parts = [
-                p
-                for p in self.solved.values()
-                if p.structure != found.structure and of_lower_order(p.structure, found.structure)
-            ]
-            best = min(parts, key=lambda p: p.solution.objective, default=found)
-            square = found.problem.unit**2
-            least, reached = best.solution.objective / square, found.solution.objective / square
-            if not found.problem.as_low(reached, least, NOT_LOWER):
+            square, reached = found.problem.unit**2, found.solution.objective
+            lower = sorted(
+                (p for p in self.solved.values() if p.solution.objective < reached), key=lambda p: p.solution.objective
+            )
+            best = next((p for p in lower if of_lower_order(p.structure, found.structure)), found)
+            if not found.problem.as_low(reached / square, best.solution.objective / square, NOT_LOWER):
                 self.solved[key] = replace(best, structure=found.structure)
 
     def fit(self, model: Model) -> Fit:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gmwm import _core
 from gmwm._arrays import Matrix, Vector
@@ -159,13 +160,13 @@ class Hypothesis:
         single = np.column_stack([net[:, :linear], net[:, linear:].max(axis=1, initial=0.0)])
         return single, 2 * float(penalty[new].min(initial=np.inf))
 
-    def several(self) -> Vector:
-        """Upper bound of the reduction of the criterion (B,) by two or more parameters."""
+    def several(self, records: NDArray[np.int64]) -> Vector:
+        """Upper bound of the reduction of the criterion by two or more parameters, for some of the records."""
         parts = [part @ self.root.T for part in map(np.asarray, self.fit.decomposition.values()) if np.any(part > 0)]
         columns = np.concatenate([self._columns[0], [part / np.linalg.norm(part) for part in parts]])
         centre = self.fit.implied @ self.root.T
-        best = [_core.nonnegative_least_squares(centre + error, columns)[1] for error in self.errors]
-        return np.asarray(self.losses - np.array(best) - self.least)
+        best = [_core.nonnegative_least_squares(centre + error, columns)[1] for error in self.errors[records]]
+        return np.asarray(self.losses[records] - np.array(best) - self.least)
 
 
 def as_good(
@@ -200,8 +201,9 @@ def by_chance(hypotheses: Sequence[Hypothesis], rivals: Sequence[Fit], size: flo
     most = np.sum([h.losses - h.least for h in hypotheses], axis=0)
     if np.mean(np.maximum(single, most) >= difference) <= size:
         return False
-    several = np.sum([h.several() for h in hypotheses], axis=0)
-    return bool(np.mean(np.maximum(single, several) >= difference) > size)
+    open_ones = np.flatnonzero((single < difference) & (most >= difference))
+    several = np.sum([h.several(open_ones) for h in hypotheses], axis=0)
+    return bool(np.count_nonzero(single >= difference) + np.count_nonzero(several >= difference) > size * single.size)
 
 
 def drawn_errors(curve: Vector, wavelet: Matrix, draws: int, seed: int) -> Matrix:
