@@ -7,12 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, PL, RW, SARMA, WN
-from gmwm.covariance import Design, covariance, filtered, gaussian, variances, wavelet_covariance
+from gmwm import AR, AR1, ARMA, DR, GM, MA, MAT, PL, QN, RW, SARMA, WN
+from gmwm.covariance import (
+    Design,
+    covariance,
+    filtered,
+    gaussian,
+    short_memory_sums,
+    variances,
+    wavelet_covariance,
+)
 from gmwm.covariance.robust import hermite_weights
 from gmwm.processes import Process
-from gmwm.processes.model import as_model
-from gmwm.processes.parameter import Parameter, Value
+from gmwm.processes.model import Model, as_model
+from gmwm.processes.parameter import Fixed, Parameter, Value
 from gmwm.processes.short_memory import LONGEST
 from tests.covariance.test_sums import double_sum
 
@@ -182,3 +190,28 @@ def test_a_process_of_ones_own():
     known = Triangle(sigma2=2.0).autocovariance(np.arange(-999, 1000), RATE)
     expected = double_sum(known + oracle.autocovariances("walk", 1e-3, 0, 1000), 9, 1000, 0.0, [2.0])
     np.testing.assert_allclose(own, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("samples", [1500, 100_000])
+@pytest.mark.parametrize("name", PROCESSES)
+def test_kept_sums_give_the_same_as_all_lags(name, samples):
+    # The first covariance is the sum over all lags; later ones use the kept sums of the process of fixed shape.
+    process = PROCESSES[name]
+    held = {p.name: Fixed(process.value(p.name)) for p in process.nonlinear_parameters()}
+    slow = GM(0.02, 3.0) + GM(4.0, 1.0) + PL(alpha=1.0, nu2=0.3)
+    model = Model((process.with_values(**held), *slow.processes, RW(1e-6), QN(0.1), DR(1e-4)))
+    at = design(samples)
+    short_memory_sums._places.cache_clear()
+    expected, diagonal = covariance(model, at), variances(model, at)
+    size = np.sqrt(np.outer(diagonal, diagonal))
+    for _ in range(2):
+        np.testing.assert_allclose(covariance(model, at) / size, expected / size, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(variances(model, at), diagonal, rtol=1e-11)
+    place = short_memory_sums._places(type(process), tuple(process.nonlinear.tolist()), samples, RATE, False)
+    assert any(place) == (name != "slow negative root")  # its covariance alternates
+    few = at.only(at.levels < 8)
+    np.testing.assert_allclose(covariance(model, few), expected[:7, :7], rtol=1e-9)
+    alone = Model((process.with_values(**held, sigma2=5.0),))
+    known = covariance(alone, at)
+    short_memory_sums._places.cache_clear()
+    np.testing.assert_allclose(known, covariance(alone, at), rtol=1e-10)

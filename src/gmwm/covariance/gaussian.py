@@ -18,6 +18,7 @@ from gmwm import _core
 from gmwm._arrays import Matrix, Vector
 from gmwm.covariance.design import Design
 from gmwm.covariance.robust import hermite_weights
+from gmwm.covariance.short_memory_sums import ShapeSums, has_fixed_shape, shape_sums
 from gmwm.processes.base import Process
 from gmwm.processes.haar_covariance import LagGrid
 from gmwm.processes.model import Model
@@ -81,7 +82,12 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     coarser, finer = np.diag_indices(size) if diagonal else np.tril_indices(size)
     pairs = _Pairs(finer, coarser, half, design.counts.astype(np.float64))
     present = [process for process in model.processes if process.scale > 0]
-    out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
+    shared = _shared(present, design)
+    sums = None if shared is None else shape_sums(shared, design, diagonal=diagonal)
+    if shared is None or sums is None:
+        out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
+    else:
+        out = _beside(shared, sums, model, design, pairs, diagonal=diagonal)
     for place, stride in enumerate(design.strides):
         if stride > 1:
             mine = (finer == place) & (coarser == place if diagonal else True)
@@ -132,20 +138,54 @@ def _over_lags(
     """V_jk of pairs of levels from the covariances at the lags between coefficients, one every `stride` samples."""
     present = [process for process in model.processes if process.scale > 0]
     covariance = _coefficient_covariance(present, at, design.rate)
-    scale = 4 * pairs.outer(pairs.half)
-    slope = sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
-    total = np.zeros(pairs.finer.size)
-    if slope:
-        total += slope**2 * pairs.outer(pairs.half) / scale * np.add.reduceat(weight * covariance, starts)
-    squares = 2 / scale**2 * _power_sum(covariance, weight, starts)
+    first = np.add.reduceat(weight * covariance, starts) if _slope(model) else None
+    second = _power_sum(covariance, weight, starts)
     if design.efficiency is not None:
         robust = _robust_sum(present, pairs, design=design, covariance=covariance, weight=weight, starts=starts)
-        squares = np.where(design.few[pairs.finer] | design.few[pairs.coarser], squares, robust)
-    elif cumulant := sum(process.error_cumulant for process in present):
+        second = np.where(design.few[pairs.finer] | design.few[pairs.coarser], second, robust)
+    return _of_sums(model, design, pairs, first=first, second=second, stride=stride)
+
+
+def _slope(model: Model) -> float:
+    """Change of the mean of a model in one sample."""
+    return sum(float(process.mean(1.0) - process.mean(0.0)) for process in model.processes)
+
+
+def _of_sums(
+    model: Model, design: Design, pairs: _Pairs, *, first: Vector | None, second: Vector, stride: int = 1
+) -> Vector:
+    """V_jk of pairs of levels from Σ n Cov and Σ n Cov² over the lags between coefficients."""
+    scale = 4 * pairs.outer(pairs.half)
+    total = 2 / scale**2 * second
+    if first is not None:
+        total += _slope(model) ** 2 * pairs.outer(pairs.half) / scale * first
+    present = [process for process in model.processes if process.scale > 0]
+    if design.efficiency is None and (cumulant := sum(process.error_cumulant for process in present)):
         # Not for a robust estimate: its scatter is smaller too, but its mean is larger, and the two nearly cancel.
-        squares += cumulant * _excess(pairs, design.samples) / stride / scale**2
-    total += squares
+        total += cumulant * _excess(pairs, design.samples) / stride / scale**2
     return np.asarray(total / pairs.outer(pairs.counts))
+
+
+def _shared(present: list[Process], design: Design) -> Process | None:
+    """The process of a model whose sums over lags are kept: of fixed shape and short memory, the only one with it."""
+    if design.efficiency is not None or any(stride > 1 for stride in design.strides):
+        return None
+    short = [process for process in present if process.memory(design.rate)]
+    return short[0] if len(short) == 1 and has_fixed_shape(short[0]) and not _alternates(present, design.rate) else None
+
+
+def _beside(short: Process, sums: ShapeSums, model: Model, design: Design, pairs: _Pairs, *, diagonal: bool) -> Vector:
+    """V_jk of a model with a process whose sums over lags are kept."""
+    count = pairs.finer.size
+    others = [process for process in model.processes if process.scale > 0 and process is not short]
+    first, second = short.scale * sums.first[:count], short.scale**2 * sums.second[:count]
+    if others:
+        second += 2 * short.scale * sums.mixed(others, design.rate)[:count]
+        at, weight, starts = _lags(others, design, diagonal=diagonal)
+        covariance = _coefficient_covariance(others, at, design.rate)
+        second += _power_sum(covariance, weight, starts)
+        first += np.add.reduceat(weight * covariance, starts)
+    return _of_sums(model, design, pairs, first=first if _slope(model) else None, second=second)
 
 
 def _lags(
@@ -190,7 +230,7 @@ def _coefficient_covariance(present: list[Process], at: LagGrid, rate: float) ->
     """2^(j+k) Cov(W_j, W_k) at the nodes."""
     total = np.zeros_like(at.lag)
     for process in present:
-        if at.lag.size > SHARED or not all(process.is_fixed(p.name) for p in process.nonlinear_parameters()):
+        if at.lag.size > SHARED or not has_fixed_shape(process):
             total += process.coefficient_covariance(at, rate)
             continue
         # The shape is the same for every scale, and models that are compared share it.
@@ -216,7 +256,7 @@ def _robust_sum(
     weight: Vector,
     starts: NDArray[np.int64],
 ) -> Vector:
-    """ν_j² ν_k² Σ_q c_q Σ_u n(u) ρ^q of each pair."""
+    """What replaces Σ n Cov² for a robust estimate: ½ Cov_jj Cov_kk Σ_q c_q Σ_u n(u) ρ^q of each pair, at lag 0."""
     assert design.efficiency is not None
     half = pairs.half
     own = _coefficient_covariance(present, LagGrid(half, half, np.zeros_like(half)), design.rate)
@@ -225,7 +265,7 @@ def _robust_sum(
     unit = np.repeat(np.where(size > 0, size, 1.0), np.diff(starts, append=covariance.size))
     squares = covariance * covariance / unit
     terms = weight * squares * np.polyval(hermite_weights(design.efficiency)[::-1], squares)
-    return np.asarray(size / (4 * pairs.outer(half)) ** 2 * np.add.reduceat(terms, starts))
+    return np.asarray(size / 2 * np.add.reduceat(terms, starts))
 
 
 def _excess(pairs: _Pairs, samples: int) -> Vector:

@@ -1,0 +1,197 @@
+"""Sums over lags for a process of known shape and short memory beside others, from few nodes.
+
+Near a kink, the autocovariance of such a process is a table, and every lag within its memory is a term of the sum: a
+million of them for 19 levels and a memory of a thousand samples. The sum of squares of a model is
+
+    Σ n (s C + D)² = s² Σ n C² + 2 s Σ n C D + Σ n D²,
+
+with C the covariance of the process at unit scale and D that of the other processes. The first sum is a number for each
+pair of levels. In the second one D is smooth between the kinks. It is replaced by its interpolant through Chebyshev
+nodes on intervals [d, 2d] of the distance d from a kink, so that n C enters through one weight for each node.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm import _core
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.design import Design
+from gmwm.processes.base import Process
+from gmwm.processes.haar_covariance import LagGrid
+
+ORDER = 16
+"""Nodes of an interval [d, 2d]: the relative error of the interpolant of a function with a singularity at 0 is
+5.8⁻¹⁶ = 6e-13 (Trefethen 2013, Approximation Theory and Approximation Practice, chapter 8)."""
+EVERY_RATE = (2.0**-964, 2.0)
+"""Range of the decay rates of the other processes, per sample: any."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeSums:
+    """Sums over lags of a process at unit scale, one for each pair of levels.
+
+    Attributes
+    ----------
+    levels : list of int
+    at : LagGrid
+        Nodes for the covariance of the other processes.
+    weight : (n,) array
+        Weights of the nodes: Σ n C D is the sum of weight times D.
+    starts : (pairs,) int array
+        First node of each pair.
+    first, second : (pairs,) arrays
+        Σ n C and Σ n C².
+    known : dict
+        Σ n C D of processes of scale 1, by class and shape.
+    """
+
+    levels: list[int]
+    at: LagGrid
+    weight: Vector
+    starts: NDArray[np.int64]
+    first: Vector
+    second: Vector
+    known: dict[Any, Vector] = field(default_factory=dict)
+
+    def mixed(self, others: Sequence[Process], rate: float) -> Vector:
+        """Σ n C D (pairs,) with D the covariance of other processes."""
+        total, moving = np.zeros(self.starts.size), np.zeros(self.weight.size)
+        for process in others:
+            if not has_fixed_shape(process):
+                moving += process.coefficient_covariance(self.at, rate)
+                continue
+            key = (type(process), tuple(process.nonlinear.tolist()))
+            if key not in self.known:
+                standard = type(process).standard(process.nonlinear)
+                self.known[key] = self._sum(standard.coefficient_covariance(self.at, rate))
+            total += process.scale * self.known[key]
+        return total + self._sum(moving)
+
+    def _sum(self, covariance: Vector) -> Vector:
+        return np.asarray(np.add.reduceat(self.weight * covariance, self.starts))
+
+
+def has_fixed_shape(process: Process) -> bool:
+    """Whether every parameter that changes the shape of the process is fixed."""
+    return all(process.is_fixed(p.name) for p in process.nonlinear_parameters())
+
+
+def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums | None:
+    """The sums of a process whose shape is fixed, for the levels of a design or more; None on the first call.
+
+    Models with the same process share them. They take longer than one covariance, so that they wait for a second one.
+    """
+    place = _places(type(process), tuple(process.nonlinear.tolist()), design.samples, design.rate, diagonal)
+    levels = design.levels.tolist()
+    if not place:
+        place.append(None)
+        return None
+    found = place[0]
+    if found is None or found.levels[: len(levels)] != levels:
+        found = place[0] = _shape_sums(process, design, diagonal)
+    return found
+
+
+@lru_cache(maxsize=6)
+def _places(
+    kind: type[Process], nonlinear: tuple[float, ...], samples: int, rate: float, diagonal: bool
+) -> list[ShapeSums | None]:
+    """A place for the sums of a process: those of the first levels are the first of the sums of more levels."""
+    return []
+
+
+def _shape_sums(process: Process, design: Design, diagonal: bool) -> ShapeSums:
+    standard = type(process).standard(process.nonlinear)
+    starts, fine, coarse, lag, weight, _ = _core.covariance_lags(
+        design.levels, design.samples, *EVERY_RATE, False, diagonal, process.memory(design.rate) or 0
+    )
+    covariance = standard.coefficient_covariance(LagGrid(fine, coarse, lag), design.rate)
+    weight = weight * covariance
+    first = np.add.reduceat(weight, starts)
+    covariance *= weight
+    second = np.add.reduceat(covariance, starts)
+    del covariance
+    pieces = _pieces(lag, fine, coarse, starts)
+    sizes = np.array([length for _, length in pieces])
+    begins = np.array([begin for begin, _ in pieces])
+    kept = np.minimum(sizes, ORDER)
+    places = np.concatenate([[0], np.cumsum(kept)])
+    new_lag, new_weight = np.empty(places[-1]), np.empty(places[-1])
+    for length in np.unique(sizes):
+        chosen = np.flatnonzero(sizes == length)
+        old = begins[chosen, None] + np.arange(length)
+        new = places[chosen, None] + np.arange(min(length, ORDER))
+        if length <= ORDER:
+            new_lag[new], new_weight[new] = lag[old], weight[old]
+        else:
+            nodes, shares = _interpolation(int(length))
+            new_lag[new], new_weight[new] = lag[begins[chosen], None] + nodes, weight[old] @ shares
+    at = LagGrid(np.repeat(fine[begins], kept), np.repeat(coarse[begins], kept), new_lag)
+    return ShapeSums(
+        levels=design.levels.tolist(), at=at, weight=new_weight, starts=places[np.searchsorted(begins, starts)],
+        first=first, second=second,
+    )  # fmt: skip
+
+
+def _pieces(lag: Vector, fine: Vector, coarse: Vector, starts: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First node and number of nodes of the intervals, in order; nodes that are no neighbours stay single."""
+    ends = np.append(starts[1:], lag.size)
+    kinks = []
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        h, k = fine[start], coarse[start]
+        corners = np.unique([b - a for b in (0.0, k, 2 * k) for a in (0.0, h, 2 * h)])
+        place = start + np.searchsorted(lag[start:end], corners)
+        kinks.append(place[(place < end)][lag[place[place < end]] == corners[place < end]])
+    kink = np.zeros(lag.size + 1, dtype=np.bool_)
+    kink[np.concatenate(kinks)] = True
+    new = np.ones(lag.size + 1, dtype=np.bool_)
+    new[1:-1] = np.diff(lag) != 1.0
+    new[starts] = True
+    new |= kink
+    new[1:] |= kink[:-1]
+    begins = np.flatnonzero(new)
+    pieces = []
+    for begin, end in pairwise(begins.tolist()):
+        left, right = begin > 0 and kink[begin - 1], kink[end]
+        pieces += _doubled(begin, end, bool(left), bool(right))
+    return pieces
+
+
+def _doubled(begin: int, end: int, left: bool, right: bool) -> list[tuple[int, int]]:
+    """Intervals whose lengths double with the distance from the kinks at one or both ends."""
+    if end - begin <= ORDER:
+        return [(begin, end - begin)]
+    if left and right:
+        middle = (begin + end) // 2
+        return _doubled(begin, middle, True, False) + _doubled(middle, end, False, True)
+    if not left and not right:
+        return [(k, 1) for k in range(begin, end)]
+    cuts = [0]
+    while cuts[-1] < end - begin:
+        cuts.append(min(2 * cuts[-1] if len(cuts) > 1 else ORDER, end - begin))
+    if left:
+        return [(begin + a, b - a) for a, b in pairwise(cuts)]
+    return [(end - b, b - a) for a, b in pairwise(cuts)][::-1]
+
+
+@lru_cache(maxsize=4096)
+def _interpolation(length: int) -> tuple[Vector, Matrix]:
+    """Chebyshev nodes among 0 … length − 1, and the interpolation weights (length, ORDER) of each integer."""
+    angle = (np.arange(ORDER) + 0.5) * math.pi / ORDER
+    x = np.cos(angle)
+    sign = np.where(np.arange(ORDER) % 2, -1.0, 1.0) * np.sin(angle)
+    t = 2 * np.arange(length) / (length - 1) - 1
+    apart = t[:, None] - x
+    exact = apart == 0
+    share = sign / np.where(exact, 1.0, apart)
+    share = np.where(exact.any(axis=1, keepdims=True), exact, share)
+    return (x + 1) * (length - 1) / 2, share / share.sum(axis=1, keepdims=True)
