@@ -207,7 +207,9 @@ def test_kept_sums_give_the_same_as_all_lags(name, samples):
     for _ in range(2):
         np.testing.assert_allclose(covariance(model, at) / size, expected / size, rtol=0, atol=1e-11)
         np.testing.assert_allclose(variances(model, at), diagonal, rtol=1e-11)
-    place = short_memory_sums._places(type(process), tuple(process.nonlinear.tolist()), samples, RATE, False)
+    place = short_memory_sums._places(
+        type(process), tuple(process.nonlinear.tolist()), samples, rate=RATE, diagonal=False
+    )
     assert any(place) == (name != "slow negative root")  # its covariance alternates
     few = at.only(at.levels < 8)
     np.testing.assert_allclose(covariance(model, few), expected[:7, :7], rtol=1e-9)

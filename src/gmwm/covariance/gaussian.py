@@ -87,7 +87,7 @@ def _entries(model: Model, design: Design, *, diagonal: bool) -> Vector:
     if shared is None or sums is None:
         out = _over_lags(model, design, pairs, *_lags(present, design, diagonal=diagonal))
     else:
-        out = _beside(shared, sums, model, design, pairs, diagonal=diagonal)
+        out = _beside(shared, sums, model, design, pairs=pairs, diagonal=diagonal)
     for place, stride in enumerate(design.strides):
         if stride > 1:
             mine = (finer == place) & (coarser == place if diagonal else True)

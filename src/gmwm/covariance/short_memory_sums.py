@@ -90,7 +90,9 @@ def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums
 
     Models with the same process share them. They take longer than one covariance, so that they wait for a second one.
     """
-    place = _places(type(process), tuple(process.nonlinear.tolist()), design.samples, design.rate, diagonal)
+    place = _places(
+        type(process), tuple(process.nonlinear.tolist()), design.samples, rate=design.rate, diagonal=diagonal
+    )
     levels = design.levels.tolist()
     if not place:
         place.append(None)
@@ -103,7 +105,7 @@ def shape_sums(process: Process, design: Design, *, diagonal: bool) -> ShapeSums
 
 @lru_cache(maxsize=6)
 def _places(
-    kind: type[Process], nonlinear: tuple[float, ...], samples: int, rate: float, diagonal: bool
+    kind: type[Process], nonlinear: tuple[float, ...], samples: int, *, rate: float, diagonal: bool
 ) -> list[ShapeSums | None]:
     """A place for the sums of a process: those of the first levels are the first of the sums of more levels."""
     return []
