@@ -136,18 +136,20 @@ def _tables(path: Path) -> list[_Table]:
             continue
         source = MemberSource(path, name)
         try:
-            reader, layout = packed_text(source, Path(inside.name))
+            reader, layouts = packed_text(source, Path(inside.name))
         except PackedError:
             raise  # a damaged table must not be skipped
         except ReadError as error:
             first_error = first_error or error
             continue
-        table = _Table(source, reader, replace(layout, topic=str(inside.with_suffix(""))))
-        if table.filtered and not any(remark.code == "gravity-removed" for remark in layout.remarks):
-            removed = Remark.of("gravity-removed", table.layout.topic)
-            table = replace(table, layout=replace(table.layout, remarks=(*layout.remarks, removed)))
-        if table.quantities or len(names) == 1:
-            found.append(table)
+        for layout in layouts:
+            topic = "/".join([str(inside.with_suffix("")), *([layout.topic] if len(layouts) > 1 else [])])
+            table = _Table(source, reader, replace(layout, topic=topic))
+            if table.filtered and not any(remark.code == "gravity-removed" for remark in layout.remarks):
+                removed = Remark.of("gravity-removed", table.layout.topic)
+                table = replace(table, layout=replace(table.layout, remarks=(*layout.remarks, removed)))
+            if table.quantities or len(names) == 1:
+                found.append(table)
     if not found:
         if first_error is not None and len(names) == 1:
             raise first_error

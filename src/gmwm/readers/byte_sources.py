@@ -52,6 +52,11 @@ class FileSource:
         return str(self.path)
 
     @property
+    def named(self) -> Path:
+        """The name of the unpacked file."""
+        return self.path
+
+    @property
     def seekable(self) -> bool:
         """Whether the end can be read without reading everything before it."""
         return True
@@ -77,6 +82,11 @@ class CompressedSource(FileSource):
     """The bytes inside a gzip or Zstandard file, known by its first bytes."""
 
     @property
+    def named(self) -> Path:
+        """The name of the unpacked file."""
+        return self.path.with_suffix("")
+
+    @property
     def seekable(self) -> bool:
         """No: the end is known only after everything was decompressed."""
         return False
@@ -99,6 +109,11 @@ class MemberSource(FileSource):
 
     def __str__(self) -> str:
         return f"{self.path}:{self.member}"
+
+    @property
+    def named(self) -> Path:
+        """The name of the unpacked file."""
+        return Path(self.member)
 
     @property
     def seekable(self) -> bool:

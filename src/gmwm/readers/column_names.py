@@ -36,7 +36,7 @@ _OTHER = {
 _TIME = {
     "time", "t", "timestamp", "timestamps", "stamp", "timestamputc", "sensortime", "gpstime", "tow",
     "secondselapsed", "timeelapsed", "elapsedtime", "elapsed", "headerstamp", "fieldheaderstamp",
-    "sampletime", "sampletimefine", "seconds", "sec", "ts",
+    "sampletime", "sampletimefine", "seconds", "sec", "ts", "timestartup", "gpstow",
 }  # fmt: skip
 _TEMPERATURE = {"temperature", "temp", "tempc", "imutemp", "imutemperature", "sensortemperature"}
 
@@ -46,6 +46,9 @@ _REMARKS = {
     "imu", "sensor", "meas", "measured", "x", "y", "z", "-",
 }  # fmt: skip
 _CLOCKS = {"utc", "gps", "gnss", "tai", "unix", "epoch", "posix", "ros", "local", "host", "device", "sensor", "elapsed"}
+
+_ELEMENT = re.compile(r"\[([012])\]")
+"""An element of an array of three numbers: gyroADC[0] is x."""
 
 _BRACKETED = re.compile(r"\s*[\[({<]\s*([^\])}>]*?)\s*[\])}>]\s*$")
 
@@ -77,7 +80,7 @@ def recognise(name: str) -> ColumnName:
     >>> recognise("accY_mg").unit, recognise("timestamp_us").unit
     ('mg', 'us')
     """
-    text = clean(name)
+    text = _ELEMENT.sub(lambda match: f"_{'xyz'[int(match[1])]}", clean(name), count=1)
     bracket = _BRACKETED.search(text)
     unit_text = bracket.group(1) if bracket else ""
     words = _words(text[: bracket.start()] if bracket else text)
@@ -90,7 +93,7 @@ def recognise(name: str) -> ColumnName:
         tail_unit, words = words[-1] + tail_unit, words[:-1]
         axis = _axis(words)
     if not axis:
-        return ColumnName()
+        return _by_unit(words, tail_unit, unit_text)
     unit = unit_of(unit_text, axis) or unit_of(tail_unit, axis)
     if tail_unit and not unit_of(tail_unit, axis) and not _harmless(tail_unit):
         return ColumnName()  # for example gyro_x_std and accel_x_bias, which are not samples
@@ -100,6 +103,15 @@ def recognise(name: str) -> ColumnName:
     if axis == "time" and joined.startswith("sec"):
         unit = unit or "s"
     return ColumnName(axis, unit, "angularvelocity" in joined or "linearacceleration" in joined)
+
+
+def _by_unit(words: list[str], tail: str, unit: str) -> ColumnName:
+    """The axis of a column whose name is only a letter, by its unit: X (rad/s)."""
+    if words in (["x"], ["y"], ["z"]) and not tail:
+        for quantity in ("gyro", "accel"):
+            if found := unit_of(unit, quantity):
+                return ColumnName(f"{quantity}_{words[0]}", found)
+    return ColumnName()
 
 
 def named_unit(name: str, axis: str) -> str:

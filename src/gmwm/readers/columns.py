@@ -145,6 +145,11 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
         role = channel.axis or recognise(channel.name).axis
         if role in wanted and k not in used:
             candidates.setdefault(role, []).append(k)
+    for role, several in candidates.items():
+        fixed = [k for k in several if layout.channels[k].axis == role]
+        candidates[role] = fixed or several
+    if (stamp := _header_stamp(layout, candidates.get("time", []))) is not None:
+        candidates["time"] = [stamp]
     remarks = []
     for role, several in candidates.items():
         if len(several) == 1:
@@ -160,6 +165,18 @@ def _by_name(layout: Layout, wanted: set[str], used: set[int], path: Path) -> tu
         others: Fact = tuple(names[1:])
         remarks.append(Remark.of("column-chosen", role=role, column=names[0], others=others))
     return {role: several[0] for role, several in candidates.items()}, tuple(remarks)
+
+
+def _header_stamp(layout: Layout, times: Sequence[int]) -> int | None:
+    """The stamp in the header of ROS messages, if other columns hold a time too, such as that of recording.
+
+    A driver that does not set it leaves zeros.
+    """
+    for k in times:
+        words = clean(layout.channels[k].name).casefold().replace("/", ".")
+        if words.endswith("header.stamp") and len(times) > 1 and layout.first_row[k : k + 1] not in ((), ("0",)):
+            return k
+    return None
 
 
 def _shown(layout: Layout) -> str:

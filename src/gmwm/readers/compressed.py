@@ -25,10 +25,10 @@ class CompressedReader(Reader):
         return 0.9 if head.startswith((GZIP, ZSTD)) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns of the text inside."""
+        """The recordings in the text inside."""
         source = CompressedSource(path)
-        reader, layout = packed_text(source, path.with_suffix(""))
-        return (replace(layout, state=(reader, layout)),)
+        reader, layouts = packed_text(source, path.with_suffix(""))
+        return tuple(replace(layout, state=(reader, layout)) for layout in layouts)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """The numbers, unpacked while they are read."""
@@ -37,8 +37,8 @@ class CompressedReader(Reader):
         return reader.rows(CompressedSource(path), inner, wanted)  # type: ignore[no-any-return]
 
 
-def packed_text(source: FileSource, name: Path) -> tuple[TextReader, Layout]:
-    """The text format of compressed bytes, and the layout of their columns.
+def packed_text(source: FileSource, name: Path) -> tuple[TextReader, tuple[Layout, ...]]:
+    """The text format of compressed bytes, and the recordings in them.
 
     Parameters
     ----------
@@ -63,4 +63,4 @@ def packed_text(source: FileSource, name: Path) -> tuple[TextReader, Layout]:
             f"{source} is not text when unpacked, and only text is read from compressed files",
             advice="Unpack it and pass the file in it.",
         )
-    return best, best.layout(source)
+    return best, best.layouts_of(source)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gmwm.errors import ReadError
@@ -61,6 +62,16 @@ class Dialect:
         For each column, whether the first rows hold dates with times or times of day that are not all the same.
     header : tuple of str
         The lines above the numbers that have as many cells as they, which may occur again below.
+    above : tuple of str
+        All lines above the numbers.
+    sensors : (int, tuple of str) or None
+        The column that states which of several sensors a row is of, and its values; None if there is none.
+    sensor : (int, str) or None
+        The column and the value of the rows that are read; None to read all.
+    stamp_parts : (int, int) or None
+        The columns of the seconds and the nanoseconds of time stamps in two columns, as of ROS messages.
+    cleaning : tuple of (pattern, replacement)
+        What is replaced in each line before it is split: labels of the numbers, arrows after a time.
     cut : tuple of str
         The last cell of the file if it was cut off within a number, and that of the line before; empty otherwise.
     """
@@ -79,6 +90,11 @@ class Dialect:
     rate: float | None = None
     stamps: tuple[bool, ...] = ()
     header: tuple[str, ...] = ()
+    above: tuple[str, ...] = ()
+    sensors: tuple[int, tuple[str, ...]] | None = None
+    sensor: tuple[int, str] | None = None
+    stamp_parts: tuple[int, int] | None = None
+    cleaning: tuple[tuple[bytes, bytes], ...] = ()
     cut: tuple[str, ...] = ()
 
 
@@ -119,6 +135,9 @@ def detect(lines: list[str], path: object) -> Dialect:
             f"{path} holds no rows, only comments or blank lines",
             advice="Check whether the recording was interrupted.",
         )
+    cleaning, labels = _cleaning([line for _, line in body])
+    for pattern, replacement in cleaning:
+        body = [(k, re.sub(pattern.decode(), replacement.decode(), line)) for k, line in body]
     delimiter, decimal_comma = _delimiter([line for _, line in body])
     rows = [(k, split(line, delimiter)) for k, line in body]
     numeric = _numeric_columns([cells for _, cells in rows], decimal_comma)
@@ -131,14 +150,18 @@ def detect(lines: list[str], path: object) -> Dialect:
         )
     first_line, fields = rows[start][0], len(numeric)
     data = [cells for _, cells in rows[start:] if len(cells) == fields]
-    trailing = fields > 1 and all(cells[-1] == "" for cells in data)
+    named = any(len(cells) == fields and cells[-1] for _, cells in rows[:start])
+    trailing = fields > 1 and not named and all(cells[-1] == "" for cells in data)
     columns = fields - trailing
     header = [(k, _trimmed(cells, columns)) for k, cells in rows[:start]]
     comments = [line for line in lines[: first_line - 1] if comment_sign(line)]
     where = (path, first_line)
-    names, units = _parted(
-        header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where
-    ) or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
+    names, units = (
+        (labels, ())
+        if len(labels) == columns
+        else _parted(header, body, comments=comments, row=data[0][:columns], delimiter=delimiter, where=where)
+        or _header(header, body, comments=comments, columns=columns, delimiter=delimiter, where=where)
+    )
     sign = next((comment_sign(line) for line in lines if comment_sign(line)), "")
     whole = [cells for _, cells in rows[start:] if _is_row(cells, numeric, decimal_comma)]
     filled = [[row[c] for row in whole if row[c]] for c in range(columns)]
@@ -161,7 +184,58 @@ def detect(lines: list[str], path: object) -> Dialect:
         rate=_stated_rate(comments),
         stamps=stamps,
         header=tuple(line for k, line in body[:start] if len(split(line, delimiter)) > 1),
+        above=tuple(lines[: first_line - 1]),
+        sensors=_sensors(names, whole),
+        stamp_parts=_stamp_parts(names, integers),
+        cleaning=cleaning,
     )
+
+
+_LABEL = r"[A-Za-z_][\w.]*\s*[:=]\s*"
+_LABELLED = re.compile(rf"\s*(?:({_LABEL})[-+]?[\d.][^\s,;:=]*[\s,;]*){{2,}}")
+_ARROW = re.compile(r"\s*\d\d:\d\d:\d\d[.,]\d+ -> ")
+
+
+def _cleaning(lines: list[str]) -> tuple[tuple[tuple[bytes, bytes], ...], tuple[str, ...]]:
+    """What to replace in each line, and the names of the columns if each number has a label.
+
+    Programs for the serial port write "ax:0.1 ay:0.2" or "t=0.01, gx=0.1", and the Arduino IDE "12:00:00.000 -> 0.1".
+    """
+    sample = lines[len(lines) // 2 :][:50]
+    found: list[tuple[bytes, bytes]] = []
+    if 2 * sum(_ARROW.match(line) is not None for line in sample) > len(sample):
+        rest = sample[-1].partition(" -> ")[2]
+        sign = next((mark for mark in ",;\t" if mark in rest), " ")
+        found.append((rb" -> ", sign.encode()))
+    labelled = [line for line in sample if _LABELLED.fullmatch(line.partition(" -> ")[2] or line)]
+    if 2 * len(labelled) <= len(sample):
+        return tuple(found), ()
+    names = (*["time"] * len(found), *(label.rstrip(" \t:=") for label in re.findall(_LABEL, labelled[-1])))
+    return (*found, (_LABEL.encode(), b"")), names
+
+
+def _sensors(names: Sequence[str], rows: list[list[str]]) -> tuple[int, tuple[str, ...]] | None:
+    """The column that states which of several sensors a row is of, and its values in the first rows."""
+    for k, name in enumerate(names):
+        if name.casefold() in _SENSOR_COLUMNS:
+            values = sorted({row[k] for row in rows})
+            if 1 < len(values) <= _MOST_SENSORS and all(value.isdecimal() for value in values):
+                return k, tuple(values)
+    return None
+
+
+_SENSOR_COLUMNS = ("i", "imu", "imu_id", "sensor", "sensor_id", "device", "device_id", "instance")
+_MOST_SENSORS = 16
+
+
+def _stamp_parts(names: Sequence[str], integers: Sequence[bool]) -> tuple[int, int] | None:
+    """The columns of the seconds and the nanoseconds of time stamps in two columns."""
+    keys = {re.sub(r"[^a-z]", "", name.casefold()): k for k, name in enumerate(names)}
+    for seconds, rest in (("stampsec", "stampnanosec"), ("stampsecs", "stampnsecs")):
+        found = [next((k for key, k in keys.items() if key.endswith(end)), None) for end in (seconds, rest)]
+        if found[0] is not None and found[1] is not None and integers[found[0]] and integers[found[1]]:
+            return found[0], found[1]
+    return None
 
 
 def _delimiter(lines: list[str]) -> tuple[str, bool]:
@@ -257,6 +331,11 @@ def _header(
             units = tuple(cells)
         elif len(cells) == columns and not names:
             names = tuple(clean(cell) for cell in cells)
+        elif len(cells) == columns and not _axes(names):
+            names = _below(cells, names)
+    if not names and header and len(header[-1][1]) == columns - 1 and _axes(header[-1][1]):
+        # `write.table` of R does not name the column of the row names.
+        names = ("", *(clean(cell) for cell in header[-1][1]))
     for line in reversed(comments):
         if names and units:
             break
@@ -272,6 +351,20 @@ def _header(
             advice="Repair the header, or delete it and name the columns in their order with {--columns}.",
         )
     return names, units
+
+
+def _axes(names: Sequence[str]) -> int:
+    """Number of names that are known as an axis."""
+    return sum(recognise(name).axis not in ("", "time", "temperature") for name in names)
+
+
+def _below(groups: Sequence[str], names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of two lines: "Gyroscope" above "X (deg/s)". A merged cell stands only above its first column."""
+    joined, group = [], ""
+    for above, name in zip(groups, names, strict=True):
+        group = clean(above) or group
+        joined.append(f"{group} {name}".strip())
+    return tuple(joined) if _axes(joined) else names
 
 
 def _comment_cells(line: str, columns: int, delimiter: str) -> list[str]:

@@ -12,11 +12,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gmwm.errors import ReadError
 from gmwm.readers.base import HEAD_BYTES, Channel, Layout, Mark, Reader, Rows, register
 from gmwm.readers.byte_sources import FileSource
 from gmwm.readers.column_names import recognise, unit_of
 from gmwm.readers.dialect import Dialect, detect, is_number, split
+from gmwm.readers.known_tables import known_table
+from gmwm.readers.lost_samples import MISSING, is_missing
 from gmwm.readers.text_rows import OR_SKIP, RowParser
 from gmwm.readers.text_stamps import UNIT, is_time_of_day
 from gmwm.remarks import Remark
@@ -58,8 +63,20 @@ class TextReader(Reader):
         return 0.5 if re.search(rb"\d", head) else 0.1
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """The columns, with names from the header or a comment."""
-        return (self.layout(FileSource(path)),)
+        """The columns, with names from the header or a comment; one recording for each sensor in the rows."""
+        return self.layouts_of(FileSource(path))
+
+    def layouts_of(self, source: FileSource) -> tuple[Layout, ...]:
+        """The recordings in a text, from a file or unpacked: several if a column states the sensor of each row."""
+        layout = self.layout(source)
+        dialect: Dialect = layout.state
+        if dialect.sensors is None:
+            return (layout,)
+        column, values = dialect.sensors
+        name = dialect.names[column]
+        return tuple(
+            replace(layout, topic=f"{name}={value}", state=replace(dialect, sensor=(column, value))) for value in values
+        )
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """One chunk for each block; a column whose first rows hold long integers stays int64."""
@@ -68,9 +85,10 @@ class TextReader(Reader):
     def marks(self, path: Path, layout: Layout) -> tuple[Mark, ...]:
         """Marks for the blocks. Their rows are counted in a pass over the file that parses no numbers.
 
-        There are no marks if a column holds times of day, whose midnights must be counted from the first row.
+        There are no marks if a column holds times of day, whose midnights must be counted from the first row, or if
+        only some rows are read.
         """
-        if any(map(is_time_of_day, layout.state.first_row)):
+        if any(map(is_time_of_day, layout.state.first_row)) or layout.state.sensor:
             return ()
         source, row, marks = FileSource(path), 0, []
         parser = RowParser(source, layout.state, layout, ())
@@ -90,18 +108,25 @@ class TextReader(Reader):
         dialect = detect(_head_lines(source), source)
         names = dialect.names or ("",) * dialect.columns
         time, channels = _time_by_content(dialect), []
+        program, known = known_table(names, source.named, dialect.above)
         for k, name in enumerate(names):
             unit = dialect.column_units[k] if dialect.column_units else ""
             axis = recognise(name).axis
-            if dialect.stamps[k]:
+            if k in known and not dialect.stamps[k]:
+                channels.append(Channel(name, known[k][1] or unit, known[k][0]))
+            elif dialect.stamps[k]:
                 channels.append(Channel(name, UNIT, "time" if k == time else ""))
             else:
                 channels.append(Channel(name, (unit_of(unit, axis) or unit) if axis else unit))
         # Compressed formats detect by themselves whether they are complete.
         end = _open_end(source, dialect.delimiter) if source.seekable else None
-        remarks = (Remark.of("no-line-end"),) if end is not None else ()
+        remarks: tuple[Remark, ...] = (Remark.of("no-line-end"),) if end is not None else ()
         if end:
             dialect = replace(dialect, cut=end)
+        if program:
+            remarks += (Remark.of("layout-known", format=program),)
+        if dialect.stamp_parts is not None:
+            channels.append(Channel("header.stamp", "ns", "time"))
         return Layout(
             tuple(channels), dialect.first_row, rate=dialect.rate, units=dialect.units, remarks=remarks, state=dialect
         )
@@ -112,16 +137,34 @@ class TextReader(Reader):
         """Give the numbers of a text, from the first row or from the block at a place on."""
         dialect: Dialect = layout.state
         _require_end(source, layout)
-        parser = RowParser(source, dialect, layout, tuple(wanted))
+        stamp, read = dialect.columns, list(wanted)
+        if stamp in wanted and dialect.stamp_parts is not None:
+            read = [*dict.fromkeys([*(k for k in wanted if k != stamp), *dialect.stamp_parts])]
+        parser = RowParser(source, dialect, layout, tuple(read))
         for begin, block in _blocks(source, dialect, place):
             chunk = parser.parse(block, begin.line)
             if chunk is not None:
-                yield chunk
+                yield (
+                    chunk
+                    if stamp not in wanted
+                    else {k: _stamp(chunk, dialect) if k == stamp else chunk[k] for k in wanted}
+                )
+
+
+def _stamp(chunk: Rows, dialect: Dialect) -> NDArray[np.int64]:
+    """The time stamps (ns) of a table with seconds and nanoseconds in two columns."""
+    assert dialect.stamp_parts is not None
+    parts = [np.asarray(chunk[k]) for k in dialect.stamp_parts]
+    missing = [is_missing(part) for part in parts]
+    away = np.any([np.zeros(parts[0].size, dtype=bool) if one is None else one for one in missing], axis=0)
+    seconds, rest = (np.where(away, 0, part).astype(np.int64) for part in parts)
+    return np.where(away, MISSING, seconds * 10**9 + rest)
 
 
 def _time_by_content(dialect: Dialect) -> int | None:
     """The column that is the time because it holds dates or times of day; None if a name states the time."""
-    if not dialect.names or any(recognise(name).axis == "time" for name in dialect.names):
+    timed = dialect.stamp_parts is not None or any(recognise(name).axis == "time" for name in dialect.names)
+    if not dialect.names or timed:
         return None
     found = [k for k, stamped in enumerate(dialect.stamps) if stamped]
     return min(found, key=lambda k: is_time_of_day(dialect.first_row[k]), default=None)

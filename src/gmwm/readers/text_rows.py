@@ -50,14 +50,23 @@ class RowParser:
         numbers = [k for k in wanted if k not in self.stamps]
         self.schema |= {str(k): pl.Int64 if k in self.long else pl.Float64 for k in numbers}
         # The last column is always read, because a short row has a null there.
-        self.projection = sorted({*wanted, dialect.columns - 1})
+        self.projection = sorted({*wanted, dialect.columns - 1, *(dialect.sensor or ())[:1]})
+        self.cleaning = [(re.compile(pattern), replacement) for pattern, replacement in dialect.cleaning]
         self.sign = dialect.comment.encode()
 
     def parse(self, block: bytes, line: int) -> Rows | None:
         """The numbers of a block that begins in `line`; None if it has no row."""
+        import polars as pl
+
+        for pattern, replacement in self.cleaning:
+            block = pattern.sub(replacement, block)
         frame = self._table(block, line)
         if frame is None:
             return None
+        if self.dialect.sensor is not None:
+            column, value = self.dialect.sensor
+            cells = frame.get_column(str(column))
+            frame = frame.filter(cells.cast(pl.String).str.strip_chars() == value)
         return {k: self._column(frame.get_column(str(k)), k, block, line) for k in self.wanted}
 
     def _column(self, column: pl.Series, k: int, block: bytes, line: int) -> NDArray[Any]:
