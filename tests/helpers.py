@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gmwm.errors import GmwmError
 from gmwm.remarks import Remark
+
+
+def device(name: str) -> Path:
+    """A file that a real device or its logger wrote; the test is skipped where it is not at hand."""
+    path = Path(__file__).parents[2] / "shared" / "data" / "device" / name
+    if not path.exists():
+        pytest.skip(f"{name} is not at hand")
+    return path
 
 
 def codes(remarks: Iterable[Remark]) -> list[str]:

@@ -6,11 +6,12 @@ import sys
 import numpy as np
 import pytest
 
+import gmwm
 from gmwm.axis_names import AXES
-from gmwm.errors import DataError, GmwmError, MissingDependencyError, ReadError
+from gmwm.errors import DataError, GmwmError, MissingDependencyError, OptionError, ReadError
 from gmwm.readers import base, find_reader, read
 from gmwm.readers.ulog import UlogReader
-from tests.helpers import raises
+from tests.helpers import device, raises
 
 pyulog = pytest.importorskip("pyulog")
 
@@ -198,3 +199,47 @@ def test_without_pyulog_the_extra_is_named(file, monkeypatch):
     with raises(MissingDependencyError, advises=["'gmwm[px4]'"]):
         read(file)
     assert "ulog" in base._READERS
+
+
+def whole_log(selected=9):
+    """A log as PX4 writes it: the six axes at 250 Hz, each sensor at 1 Hz with its temperature."""
+    rows = enumerate(numbers(1000).tolist())
+    data = [(7, struct.pack("<Q3fIi3fI", START + 4000 * k, *row[:3], 4000, 0, *row[3:], 4000)) for k, row in rows]
+    for which, number, temperature in ((1, 8, 50.0), (2, 9, 30.0), (4, 8, 10.0)):
+        for k in range(5):
+            stamp = START + 1_000_000 * k
+            data.append((which, struct.pack("<QQI4f", stamp, stamp, number, 0.1, 0.1, 0.1, temperature + k)))
+    data.append((5, struct.pack("<QII", START, 8, selected)))
+    selection = "sensor_selection:uint64_t timestamp;uint32_t accel_device_id;uint32_t gyro_device_id;"
+    names = [(7, 0, "sensor_combined"), (1, 0, "sensor_gyro"), (2, 1, "sensor_gyro"), (4, 0, "sensor_accel")]
+    return ulog([COMBINED, GYRO, ACCEL, selection], [*names, (5, 0, "sensor_selection")], data)
+
+
+def test_sensor_combined_is_preferred_and_has_the_temperature_of_its_gyroscope(file):
+    file.write_bytes(whole_log())
+    imu = read(file)
+    assert (imu.axes, imu.rate, len(imu)) == (AXES, 250, 1000)
+    assert imu.temperature == pytest.approx(30 + np.arange(1000) / 250, abs=1e-6)
+    chosen = next(remark for remark in imu.remarks if remark.code == "topic-chosen")
+    assert "250 Hz, 4 s" in chosen.text()
+    assert "sensor_gyro_1 (gyro_x, gyro_y, gyro_z; 1 Hz, 4 s)" in chosen.text()
+    assert read(file, topic="sensor_combined").rate == 250
+    with pytest.raises(OptionError, match=r"sensor_combined_0 \(.*; 250 Hz, 4 s\)"):
+        read(file, topic="vehicle_imu")
+    file.write_bytes(whole_log(selected=8))
+    assert read(file).temperature[0] == 50
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["", "_appended_multiple", "_log_small", "_px4_events", "_logging_tagged_and_default_params"],
+)
+@pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")
+def test_logs_of_devices_are_read_as_pyulog_does(name):
+    path = device(f"PX4_pyulog_sample{name}.ulg")
+    imu = read(path)
+    data = pyulog.ULog(str(path), ["sensor_combined"]).data_list[0].data
+    for k in range(3):
+        np.testing.assert_array_equal(imu[AXES[k]].values, data[f"gyro_rad[{k}]"])
+        np.testing.assert_array_equal(imu[AXES[3 + k]].values, data[f"accelerometer_m_s2[{k}]"])
+    assert not [one for one in gmwm.inspect(imu).axes.values() if one.lsb is not None]

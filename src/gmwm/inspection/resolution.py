@@ -98,7 +98,7 @@ def _lattice(levels: Vector) -> float | None:
     steps = np.diff(levels)
     # Values that differ only by the rounding of float64 are equal.
     steps = steps[steps > 1e-12 * np.max(np.abs(levels))]
-    if steps.size == 0:
+    if steps.size == 0 or _is_float32_rounding(levels, float(np.min(steps))):
         return None
     step = float(np.min(steps))
     multiples = steps / step
@@ -107,6 +107,13 @@ def _lattice(levels: Vector) -> float | None:
     # The step from the whole range has a smaller rounding error than a single difference.
     exact = float(np.sum(steps) / np.sum(np.round(multiples)))
     return float(f"{exact:.9g}")
+
+
+def _is_float32_rounding(levels: Vector, step: float) -> bool:
+    """Whether a step is the distance of float32 numbers of the size of the values, which is no step of a sensor."""
+    largest = np.float32(np.max(np.abs(levels)))
+    single = bool(np.all(levels == levels.astype(np.float32)))
+    return single and step <= float(np.spacing(largest))
 
 
 def before_rounding(runs: list[Vector], step: float) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, as_rate
-from gmwm._text import counted
+from gmwm._text import counted, duration_text
 from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.options import BadLines, Columns, Gaps, ReadOptions
@@ -177,7 +177,9 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     """
     layouts = reader.layouts(path)
     if topic is not None:
-        named = [layout for layout in layouts if layout.topic == topic]
+        # The first instance of a message, and a topic of ROS without its slash.
+        spelled = ((topic,), (f"{topic}_0", f"/{topic}"))
+        named = next((found for names in spelled if (found := [x for x in layouts if x.topic in names])), [])
         if len(named) == 1:
             return _readable(named[0], path)
         what = f"{len(named)} topics {topic!r}" if named else f"no topic {topic!r}"
@@ -185,6 +187,11 @@ def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
     fitting = [layout for layout in layouts if layout.inertial] if len(layouts) > 1 else layouts
     if len(fitting) == 1:
         return _readable(fitting[0], path)
+    preferred = [layout for layout in fitting if layout.preferred]
+    if len(preferred) == 1:
+        others = tuple(topic_words(layout) for layout in fitting if not layout.preferred)
+        chosen = Remark.of("topic-chosen", topic=topic_words(preferred[0]), others=others)
+        return _readable(replace(preferred[0], remarks=(chosen, *preferred[0].remarks)), path)
     if not fitting:
         raise ReadError(
             f"{path} holds {len(layouts)} recordings, none of them known as inertial. Its topics: {_topics(layouts)}",
@@ -213,11 +220,23 @@ def _readable(layout: Layout, path: Path) -> Layout:
 
 def _topics(layouts: Sequence[Layout], most: int = 20) -> str:
     """Topics with their axes, for a message."""
-    named = []
-    for layout in layouts[:most]:
-        axes = [channel.axis for channel in layout.channels if channel.axis in AXES]
-        named.append(layout.topic + (f" ({', '.join(axes)})" if axes else ""))
+    named = [topic_words(layout) for layout in layouts[:most]]
     return ", ".join(named) + (f" and {len(layouts) - most} more" if len(layouts) > most else "") or "none"
+
+
+def topic_words(layout: Layout) -> str:
+    """A topic with its axes, rate and length, for a message.
+
+    >>> topic_words(Layout((), topic="/imu", extent=(501, 5.0)))
+    '/imu (100 Hz, 5 s)'
+    """
+    axes = [channel.axis for channel in layout.channels if channel.axis in AXES]
+    about = [", ".join(axes)] if axes else []
+    if layout.extent is not None:
+        samples, seconds = layout.extent
+        shown = f"{(samples - 1) / seconds:.4g} Hz, {duration_text(seconds)}" if seconds > 0 else ""
+        about += [shown or counted(samples, "message")]
+    return layout.topic + (f" ({'; '.join(about)})" if about else "")
 
 
 _APART = " Gyroscopes and accelerometers with different clocks are read and calibrated one after the other."

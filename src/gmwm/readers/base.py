@@ -80,6 +80,10 @@ class Layout:
     rate_of_samples : bool
         Whether `rate` describes these samples instead of a setting of the device. gmwm warns if the time stamps show
         another rate.
+    preferred : bool
+        Whether this recording is read if the user chooses none, although the file has others.
+    extent : (int, float) or None
+        Number of samples and duration (s), if the reader knows them.
     unreadable : ReadError or None
         Why the recording cannot be read.
     skip_bad_lines : bool
@@ -96,6 +100,8 @@ class Layout:
     inertial: bool = True
     stray_time: str = ""
     rate_of_samples: bool = False
+    preferred: bool = False
+    extent: tuple[int, float] | None = None
     unreadable: ReadError | None = None
     skip_bad_lines: bool = False
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -54,17 +55,27 @@ class UlogReader(Reader):
         return 1.0 if head.startswith(_SIGNATURE) else 0.0
 
     def layouts(self, path: Path) -> tuple[Layout, ...]:
-        """One recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as sensor_gyro_0."""
+        """One recording for each instance of sensor_combined, sensor_gyro and sensor_accel, such as sensor_gyro_0.
+
+        The six axes of sensor_combined are preferred. Its temperature is that of the selected gyroscope, which logs it
+        with the slower message sensor_gyro.
+        """
         log = _loaded(path)
         dropouts = (Remark.of("log-dropouts", count=len(log.dropouts)),) if log.dropouts else ()
-        found = (_layout(f"{item.name}_{item.multi_id}", _MESSAGES[item.name], item.data) for item in log.data_list)
+        messages = [item for item in log.data_list if item.name in _MESSAGES]
+        found = [_layout(f"{item.name}_{item.multi_id}", _MESSAGES[item.name], item.data) for item in messages]
         layouts = [layout for layout in found if layout is not None]
         if not layouts:
             raise ReadError(
                 f"{path} holds none of the messages {', '.join(_MESSAGES)}",
                 advice="Log them with the parameter SDLOG_PROFILE.",
             )
-        return tuple(Layout(x.channels, topic=x.topic, remarks=dropouts, state=x.state) for x in layouts)
+        out = []
+        for layout in layouts:
+            combined = layout.topic == "sensor_combined_0"
+            whole = _with_temperature(layout, log.data_list) if combined else layout
+            out.append(replace(whole, preferred=combined, remarks=(*whole.remarks, *dropouts)))
+        return tuple(out)
 
     def chunks(self, path: Path, layout: Layout, wanted: Sequence[int]) -> Iterator[Rows]:
         """All numbers in one chunk, because pyulog holds the log in memory."""
@@ -74,14 +85,37 @@ class UlogReader(Reader):
 def _layout(topic: str, axes: Mapping[str, str], data: Mapping[str, np.ndarray[Any, Any]]) -> Layout | None:
     """The time and the axes of one message, with its temperature if there is one; None if an axis is missing."""
     stamp = next((name for name in _STAMPS if name in data and np.any(data[name])), None)
-    names = [name for name in axes if name in data and (axes[name] != "temperature" or np.all(np.isfinite(data[name])))]
+    names = [
+        name for name in axes if name in data and (axes[name] != "temperature" or np.nansum(np.abs(data[name])) > 0)
+    ]
     if stamp is None or not {name for name in axes if axes[name] != "temperature"} <= set(names):
         return None
     channels = [Channel(stamp, "us", "time")]
     channels += [Channel(name, _UNITS[axes[name].split("_")[0]], axes[name]) for name in names]
     # int64 holds the microseconds since the start exactly.
     columns = [data[stamp].astype(np.int64), *(data[name].astype(np.float64) for name in names)]
-    return Layout(tuple(channels), topic=topic, state=dict(enumerate(columns)))
+    times = columns[0]
+    extent = (times.size, float(times[-1] - times[0]) / 1e6)
+    return Layout(tuple(channels), topic=topic, state=dict(enumerate(columns)), extent=extent)
+
+
+def _with_temperature(layout: Layout, messages: Sequence[Any]) -> Layout:
+    """The layout of sensor_combined with the temperature of its gyroscope, interpolated linearly."""
+    selection: Mapping[str, Any] = next((item.data for item in messages if item.name == "sensor_selection"), {})
+    chosen = selection.get("gyro_device_id", np.zeros(1))[-1]
+    sensors = [item for item in messages if item.name in ("sensor_gyro", "sensor_accel") and "temperature" in item.data]
+    sensors.sort(key=lambda item: (item.data.get("device_id", np.ones(1))[0] != chosen, item.name != "sensor_gyro"))
+    for item in sensors:
+        stamps, values = item.data["timestamp"].astype(np.float64), item.data["temperature"].astype(np.float64)
+        # Simulated sensors have a temperature of zero.
+        there = np.isfinite(values)
+        if there.any() and np.any(values[there]):
+            state = dict(layout.state)
+            state[len(state)] = np.interp(layout.state[0].astype(np.float64), stamps[there], values[there])
+            channels = (*layout.channels, Channel("temperature", "°C", "temperature"))
+            remark = Remark.of("temperature-read", topic=f"{item.name}_{item.multi_id}")
+            return replace(layout, channels=channels, state=state, remarks=(*layout.remarks, remark))
+    return layout
 
 
 def _loaded(path: Path) -> Any:
@@ -105,7 +139,7 @@ def _loaded(path: Path) -> Any:
         with redirect_stdout(printed), _Watched(io.FileIO(path)) as file:
             _require_small(path, ULog(file, parse_header_only=True).message_formats)
         with redirect_stdout(printed), _Watched(io.FileIO(path)) as file:
-            log = ULog(file, list(_MESSAGES))
+            log = ULog(file, [*_MESSAGES, "sensor_selection"])
     except ReadError:
         raise
     except Exception as error:  # pyulog raises any type of error for a damaged file
