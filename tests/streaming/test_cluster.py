@@ -22,7 +22,6 @@ from gmwm.errors import (
 from gmwm.readers import arrays, parquet, streams, text
 from gmwm.remarks import Remark
 from gmwm.streaming import cluster, scheduling
-from gmwm.streaming.cluster import spread_pairs, spread_variance
 from gmwm.streaming.scheduling import connected
 
 UNITS = {"gyro": "deg/s"}
@@ -95,12 +94,12 @@ def test_two_workers_give_what_one_pass_gives(tmp_path, client, suffix):
     base, told = source.time_base, []
     assert expected["gyro_x"].segments == (30_000, 30_000, 2, 64_998, 75_000)
     assert expected["gyro_x"].strides[-1] > 1
-    found = spread_variance(source, scheduler=client, parts=6, exact=12, done=told.append)
+    found = source.wavelet_variance(scheduler=client, parts=6, exact=12, done=told.append)
     same(found, expected)
     assert told == sorted(told)
     assert told[-1] == 200_000
     assert source.time_base.gaps == base.gaps
-    same(spread_variance(source, scheduler=client.scheduler.address, levels=6, confidence=0.9),
+    same(source.wavelet_variance(scheduler=client.scheduler.address, levels=6, confidence=0.9),
          source.wavelet_variance(levels=6, confidence=0.9))  # fmt: skip
 
 
@@ -110,15 +109,11 @@ def test_robust_ones_too(tmp_path, client):
     frame.with_columns(pl.when(pl.int_range(pl.len()) % 997 == 5).then(50.0).otherwise(pl.col("gyro_x"))
                        .alias("gyro_x")).write_parquet(path)  # fmt: skip
     source, told = opened(path), []
-    found = spread_variance(source, scheduler=client, parts=5, exact=12, robust=True, done=told.append)
+    found = source.wavelet_variance(scheduler=client, parts=5, exact=12, robust=True, done=told.append)
     same(found, source.wavelet_variance(exact=12, robust=True), apart=1e-9)
     assert told[-1] == 400_000
-    pairs = spread_pairs(source, scheduler=client, parts=3, passes=1, exact=14, efficiency=0.9)
-    same({axis: pair[0] for axis, pair in pairs.items()}, source.wavelet_variance(exact=14))
-    same({axis: pair[1] for axis, pair in pairs.items()},
-         source.wavelet_variance(robust=True, passes=1, exact=14, efficiency=0.9), apart=1e-9)  # fmt: skip
-    with pytest.raises(OptionError, match="passes must be"):
-        spread_pairs(source, scheduler=client, passes=3)
+    once = source.wavelet_variance(scheduler=client, parts=3, robust=True, passes=1, exact=14, efficiency=0.9)
+    same(once, source.wavelet_variance(robust=True, passes=1, exact=14, efficiency=0.9), apart=1e-9)
 
 
 def test_a_part_is_tried_again_after_trouble_that_is_not_its_own(tmp_path, client, monkeypatch):
@@ -133,11 +128,12 @@ def test_a_part_is_tried_again_after_trouble_that_is_not_its_own(tmp_path, clien
         return measure(part, begin)
 
     monkeypatch.setattr(cluster, "_measure", flaky)
-    same(spread_variance(source, scheduler=client, parts=3), source.wavelet_variance())
+    same(source.wavelet_variance(scheduler=client, parts=3), source.wavelet_variance())
     assert len(log.read_text().split()) == 9
     log.unlink()
+    monkeypatch.setattr(cluster, "RETRIES", 1)
     with pytest.raises(OSError, match="the network is down"):
-        spread_variance(source, scheduler=client, parts=3, retries=1)
+        source.wavelet_variance(scheduler=client, parts=3)
 
 
 def test_lost_samples_are_those_of_one_pass(tmp_path, client):
@@ -149,7 +145,7 @@ def test_lost_samples_are_those_of_one_pass(tmp_path, client):
     with pytest.warns(GmwmWarning, match="2 lost samples"):
         expected = opened(path).wavelet_variance()
     with pytest.warns(GmwmWarning, match="2 lost samples"):
-        same(spread_variance(opened(path), scheduler=client, parts=10), expected)
+        same(opened(path).wavelet_variance(scheduler=client, parts=10), expected)
 
 
 def test_warnings_are_those_of_one_pass(tmp_path, client):
@@ -159,7 +155,7 @@ def test_warnings_are_those_of_one_pass(tmp_path, client):
     twice[[50_000, 160_000]] = twice[[49_999, 159_999]]
     frame.with_columns(time=twice).write_parquet(path)
     with pytest.warns(TimeBaseWarning) as told:
-        spread_variance(opened(path), scheduler=client, parts=4)
+        opened(path).wavelet_variance(scheduler=client, parts=4)
     assert [one.message.remark for one in told] == [Remark.of("stamps-repeated", str(path), count=2)]
     assert [warning.filename for warning in told] == [__file__]
 
@@ -171,7 +167,7 @@ def test_a_file_that_workers_do_not_find(tmp_path, client, monkeypatch):
         cluster, "_measure", lambda part, begin: (path.unlink(missing_ok=True), measure(part, begin))[1]
     )
     with pytest.raises(ReadError, match=r"a\.npy does not exist .* available at this path on every machine"):
-        spread_variance(source, scheduler=client, parts=4)
+        source.wavelet_variance(scheduler=client, parts=4)
 
 
 def test_what_is_interrupted_leaves_nothing_behind(tmp_path, client):
@@ -181,7 +177,7 @@ def test_what_is_interrupted_leaves_nothing_behind(tmp_path, client):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        spread_variance(source, scheduler=client, parts=10, done=interrupt)
+        source.wavelet_variance(scheduler=client, parts=10, done=interrupt)
 
     def left(dask_scheduler):
         return [key for key in dask_scheduler.tasks if "_measure" in str(key) or "_unpacked" in str(key)]
@@ -208,13 +204,13 @@ def test_only_some_parts_are_asked_for_at_once(tmp_path, client, monkeypatch):
 
     monkeypatch.setattr(cluster._Crew, "_ask", asked)
     monkeypatch.setattr(cluster._Crew, "_answer", answered)
-    spread_variance(source, scheduler=client, parts=10)
+    source.wavelet_variance(scheduler=client, parts=10)
     assert len(most) == 10
     assert max(most) <= 4
     # By default there are four parts for each thread.
     client.wait_for_workers(2, timeout=60)
     most.clear()
-    spread_variance(source, scheduler=client)
+    source.wavelet_variance(scheduler=client)
     assert len(most) == 8
 
 
@@ -231,7 +227,7 @@ def test_a_worker_that_is_killed_half_way(tmp_path, client):
             killed.append(min(pids(client)))
             os.kill(killed[0], signal.SIGKILL)
 
-    same(spread_variance(source, scheduler=client, parts=10, exact=12, done=kill), source.wavelet_variance(exact=12))
+    same(source.wavelet_variance(scheduler=client, parts=10, exact=12, done=kill), source.wavelet_variance(exact=12))
     assert killed[0] in before - pids(client)
 
 
@@ -240,17 +236,17 @@ def test_workers_that_die_of_a_part(tmp_path, client, monkeypatch):
     monkeypatch.setattr(client.cluster.scheduler, "allowed_failures", 0)
     monkeypatch.setattr(cluster, "_measure", lambda part, begin: os._exit(1))
     with pytest.raises(GmwmError, match=r"workers died while reading Part\(rows \d+ to .*memory"):
-        spread_variance(source, scheduler=client, parts=2)
+        source.wavelet_variance(scheduler=client, parts=2)
 
 
 def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
     source = opened(recording(tmp_path / "a.npy", rows=20_000, gaps=()))
     with pytest.raises(OptionError, match="exact must be"):
-        spread_variance(source, scheduler="tcp://127.0.0.1:1", exact=2)
+        source.wavelet_variance(scheduler="tcp://127.0.0.1:1", exact=2)
     with pytest.raises(OptionError, match="passes must be 2 or 1"):
-        spread_pairs(source, passes=3)
+        source.wavelet_variance(scheduler=client, passes=3)
     with pytest.raises(OptionError, match="count must be a whole number of parts"):
-        spread_variance(source, scheduler=client, parts=0)
+        source.wavelet_variance(scheduler=client, parts=0)
     for workers in (0, True, "two"):
         with pytest.raises(OptionError, match="workers must be a whole number"), connected(workers=workers):
             pass
@@ -261,7 +257,7 @@ def test_options_are_checked_at_the_door(tmp_path, client, monkeypatch):
             pass
     monkeypatch.setattr(scheduling, "PATIENCE", 0.3)
     with pytest.raises(OptionError, match=r"the scheduler at tcp://127\.0\.0\.1:1 does not answer"):
-        spread_variance(source, scheduler="tcp://127.0.0.1:1")
+        source.wavelet_variance(scheduler="tcp://127.0.0.1:1")
     with pytest.raises(OptionError, match="the scheduler at nonsense://x does not answer"), connected("nonsense://x"):
         pass
 

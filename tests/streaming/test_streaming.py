@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gmwm
-from gmwm.errors import DataError, OptionError
+from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.readers import streams
 from gmwm.signals import Signal
 from gmwm.variance.accumulate import WaveletAccumulator
@@ -145,16 +145,14 @@ def test_a_file_with_gaps(tmp_path):
 
 
 def test_what_is_wrong_in_the_file_ends_the_pass_and_its_threads(tmp_path):
-    x = np.random.default_rng(7).normal(size=400_000)
-    x[-5] = np.inf
-    np.save(tmp_path / "a.npy", x)
-    with pytest.raises(DataError, match="inf in row 399996"):
-        gmwm.stream(tmp_path / "a.npy", 100.0, ["gyro_x"], {"gyro": "deg/s"}, chunk=5000).wavelet_variance()
+    x = np.random.default_rng(7).normal(size=300_000)
+    (tmp_path / "a.csv").write_text("gyro_x [rad/s]\n" + "".join(f"{v:.3f}\n" for v in x) + "broken\n0.1\n")
+    with pytest.raises(ReadError, match="line 300002"):
+        gmwm.stream(tmp_path / "a.csv", 100.0, chunk=5000).wavelet_variance()
 
     def interrupt(samples):
         raise KeyboardInterrupt
 
-    x[-5] = 0.0
     np.save(tmp_path / "b.npy", x)
     with pytest.raises(KeyboardInterrupt):
         gmwm.stream(tmp_path / "b.npy", 100.0, ["gyro_x"], {"gyro": "deg/s"}).wavelet_variance(done=interrupt)

@@ -16,13 +16,12 @@ from gmwm._threads import in_threads
 from gmwm.axis_names import sensor_of
 from gmwm.calibration.averaging import averaged_datasheet, averaged_intervals
 from gmwm.calibration.findings import LEAST_SCALES, WANTED
-from gmwm.calibration.measurement import Measured, Pair, measured_axis
+from gmwm.calibration.measurement import Measured, measured_axis, measured_recording
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.recording_findings import as_concerns
 from gmwm.calibration.recording_info import Recording
 from gmwm.calibration.result import AxisCalibration, Calibration
-from gmwm.calibration.stream_measurement import measured_and_inspected
 from gmwm.datasheets import datasheet
 from gmwm.errors import DataError, GmwmError, MissingTheoryError, ModelError, OptionError
 from gmwm.estimation.estimator import as_fit
@@ -31,7 +30,7 @@ from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit, usable_levels
 from gmwm.inference.model_error import relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
-from gmwm.inspection import Inspection, inspect
+from gmwm.inspection import Inspection
 from gmwm.options import as_whole_number
 from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
@@ -81,7 +80,8 @@ def calibrate(
     Parameters
     ----------
     data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
-        A recording of a sensor at rest. A Stream is read twice, in bounded memory.
+        A recording of a sensor at rest. The result is the same for a recording in memory and a Stream, which is read
+        in bounded memory: twice if it has more than 4.2 million samples.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the
@@ -90,7 +90,7 @@ def calibrate(
         Whether the robust wavelet variance, which outliers do not affect, is fitted. "auto" uses it for axes with
         knocks or motion that raise the classical curve, at the 5 % level for all axes together (see `contamination`).
         Heavy tails are no outliers: the classical curve is fitted, and its covariance includes them. Isolated wrong
-        samples are replaced before any curve is measured, except in a stream. With a sinusoid in `within`, "auto"
+        samples are replaced before any curve is measured. With a sinusoid in `within`, "auto"
         always uses the classical estimate, because the robust estimate of a sinusoid differs from its theory. A
         WaveletVariance is fitted as it is.
     weighting, criterion, draws, rng
@@ -218,26 +218,21 @@ def _inspected(
     workers: int | None,
     steps: _Progress,
 ) -> tuple[dict[str, Measured], Inspection | None]:
-    """The data of each axis, as wavelet variances if they come from a stream, and the inspection of a recording."""
-    if isinstance(data, Stream):
-        measured = measured_and_inspected(
-            data, tuple(chosen), efficiency=options.efficiency, threads=threads, scheduler=scheduler, workers=workers,
-            progress=steps.read,
-        )  # fmt: skip
-        pairs: dict[str, Measured] = {
-            axis: Pair(pair[0], pair[1], measured.screens[axis], measured.spectra[axis])
-            for axis, pair in measured.curves.items()
-        }
-        return pairs, measured.inspection
-    if scheduler is not None or workers is not None:
+    """The measured data of each axis, and the inspection of a recording."""
+    if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
         name = "workers" if scheduler is None else "scheduler"
         raise OptionError(
             f"{name} can be given for a stream only",
             argument=name,
             advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
         )
+    if isinstance(data, Imu | Stream):
+        found = measured_recording(
+            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=steps.read
+        )
+        return dict(found.axes), found.inspection
     items = {axis: item for axis, item in chosen.items() if item is not None}
-    return items, inspect(data) if isinstance(data, Imu) else None
+    return items, None
 
 
 def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:

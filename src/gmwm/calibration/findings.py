@@ -189,8 +189,6 @@ def _dependence(axis: str, found: Dependence, unit: str) -> Remark:
 def _of_spikes(axis: str, verdict: Verdict) -> Iterator[Remark]:
     if verdict.repaired:
         yield Remark.of("spikes-repaired", axis, count=verdict.repaired, largest=verdict.largest)
-    if verdict.spikes and verdict.contaminated:
-        yield Remark.of("spikes-kept", axis, count=verdict.spikes, largest=verdict.largest)
 
 
 def _excess(verdict: Verdict) -> dict[str, Fact]:

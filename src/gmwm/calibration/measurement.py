@@ -1,39 +1,59 @@
-"""The wavelet variance of one axis that is fitted: wrong samples replaced, classical or robust, and with its tails."""
+"""What a calibration measures of a recording: curves, wrong samples and tails, spectra, and the inspection."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from gmwm._text import duration_text
+from gmwm._threads import in_threads
+from gmwm.batches import Batch, Batches, Chunked, feed
 from gmwm.calibration.misfit import line_in
 from gmwm.calibration.options import CalibrationOptions
-from gmwm.calibration.spectrum_measurement import measured_spectrum
-from gmwm.errors import DataError
+from gmwm.errors import DataError, GmwmError
+from gmwm.inspection import Inspection
+from gmwm.inspection.api import FirstPass
 from gmwm.outliers import (
     MATERIAL,
     TOLERANCE,
     Screen,
+    Screening,
     Verdict,
     contamination,
     dependence,
     find_spikes,
     other_efficiency,
     repaired,
-    screened,
 )
-from gmwm.signals import Signal
-from gmwm.spectrum import PowerSpectrum
-from gmwm.variance.api import signal_wavelet_variance
+from gmwm.readers.streams import Stream
+from gmwm.signals import Imu, Signal
+from gmwm.spectrum import PowerSpectrum, SpectrumAccumulator
+from gmwm.streaming.cluster import part_levels, spread
+from gmwm.streaming.passes import AxisCurves, Measurement, add_batch, curves_of, unit_of
+from gmwm.streaming.scheduling import connected
 from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+
+def without_spikes(signal: Signal) -> Signal:
+    """The signal with its isolated wrong samples replaced."""
+    return repaired(signal, find_spikes(signal))
 
 
 class Pair(NamedTuple):
-    """The two wavelet variances of one axis, and the screen of its samples and its spectrum if they were read."""
+    """The two wavelet variances of one axis, and the screen of its samples and its spectrum if they were read.
+
+    `other` is the robust wavelet variance with `other_efficiency`, if the samples were read.
+    """
 
     classical: WaveletVariance
     robust: WaveletVariance
     screen: Screen | None = None
     spectrum: PowerSpectrum | None = None
+    other: Callable[[], WaveletVariance] | None = None
 
     @property
     def unit(self) -> str:
@@ -41,7 +61,70 @@ class Pair(NamedTuple):
         return self.classical.unit
 
 
-Measured = Signal | WaveletVariance | Pair
+class AxisSamples:
+    """What the samples of one axis say beyond the curves: wrong samples, bursts and tails, and the spectrum."""
+
+    def __init__(self, rate: float, unit: str, axis: str) -> None:
+        self._screening = Screening(rate)
+        self._spectrum = SpectrumAccumulator(rate, unit=unit, axis=axis)
+        self._repaired, self._largest = 0, 0.0
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add the samples of a batch."""
+        spikes = find_spikes(signal)
+        self.add(repaired(signal, spikes), continues, count=len(spikes), largest=spikes.largest)
+
+    def add(self, clean: Signal, continues: bool, *, count: int, largest: float) -> None:
+        """Add the samples of a batch, `count` of which were replaced."""
+        self._repaired, self._largest = self._repaired + count, max(self._largest, largest)
+        for one in (self._screening, self._spectrum):
+            feed(one, clean, continues)
+
+    def screen(self) -> Screen:
+        """Bursts, wrong samples and tails."""
+        return self._screening.result(repaired=self._repaired, largest=self._largest)
+
+    def spectrum(self) -> PowerSpectrum | None:
+        """The spectrum, smoothed away from lines; None if there are too few samples."""
+        try:
+            return self._spectrum.result().smoothed()
+        except DataError:
+            return None
+
+
+class AxisMeasurement:
+    """All that is measured of one axis. The curves may need a second pass."""
+
+    def __init__(self, curves: AxisCurves, samples: AxisSamples) -> None:
+        self.curves, self.samples = curves, samples
+
+    @property
+    def unit(self) -> str:
+        """Unit of the axis."""
+        return self.curves.first.unit
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add the samples of a batch in the first pass."""
+        spikes = find_spikes(signal)
+        clean = repaired(signal, spikes)
+        feed(self.curves.first, clean, continues)
+        self.samples.add(clean, continues, count=len(spikes), largest=spikes.largest)
+
+    def pair(self, efficiency: float) -> Pair:
+        """The curves, the screen and the spectrum."""
+        return pair_of(self.curves, self.samples.screen(), self.samples.spectrum(), efficiency)
+
+
+def pair_of(curves: AxisCurves, screen: Screen, spectrum: PowerSpectrum | None, efficiency: float) -> Pair:
+    """The results of one axis."""
+
+    def other() -> WaveletVariance:
+        return curves.first.result(robust=True, efficiency=other_efficiency(efficiency))
+
+    return Pair(curves.classical(), curves.robust(), screen=screen, spectrum=spectrum, other=other)
+
+
+Measured = Signal | WaveletVariance | Pair | AxisMeasurement
 
 
 def measured_axis(
@@ -49,14 +132,13 @@ def measured_axis(
 ) -> tuple[WaveletVariance, Verdict | None, PowerSpectrum | None]:
     """Return the wavelet variance of an axis to fit, the test for outliers, and the spectrum.
 
-    With robust="auto", the robust curve is used if bursts (knocks, motion) raise the classical one. Isolated wrong
-    samples are replaced first if the samples are in memory. In a stream they are only counted; if they raise the
-    classical curve, the robust one is used. A classical curve carries the covariance that heavy tails add. A robust
-    curve is compared with one of another efficiency, except in a stream.
+    Isolated wrong samples are replaced before anything is measured. With robust="auto", the robust curve is used if
+    bursts (knocks, motion) raise the classical one. A classical curve carries the covariance that heavy tails add. A
+    robust curve is compared with one of another efficiency.
 
     Parameters
     ----------
-    item : Signal, Pair or WaveletVariance
+    item : Signal, AxisMeasurement, Pair or WaveletVariance
     options : CalibrationOptions
     comparisons : int
         Number of axes that are tested together.
@@ -81,26 +163,213 @@ def measured_axis(
                 advice="Pass the signal instead, or {--robust=auto}.",
             )
         return item, None, None
-    signal = None
     if isinstance(item, Signal):
-        spikes = find_spikes(item)
-        signal = repaired(item, spikes)
-        item = _curves(signal, options.efficiency, screened(signal, len(spikes), spikes.largest))
-    classical, robust, screen, spectrum = item
+        axis = item.axis or "signal"
+        item = _measure(Batches(Imu({axis: item})), (axis,), options)[axis]
+    if isinstance(item, AxisMeasurement):
+        item = item.pair(options.efficiency)
     # With a screen, heavy tails raise no alarm, so that a smaller excess counts.
-    tolerance = TOLERANCE if screen is None else MATERIAL
-    verdict = contamination((classical, robust), comparisons=comparisons, tolerance=tolerance, screen=screen)
+    tolerance = TOLERANCE if item.screen is None else MATERIAL
+    verdict = contamination(
+        (item.classical, item.robust), comparisons=comparisons, tolerance=tolerance, screen=item.screen
+    )
     wanted = verdict.contaminated and line_in(options.general) is None if options.robust == "auto" else options.robust
     if wanted:
-        if signal is not None:
-            other = signal_wavelet_variance(signal, robust=True, efficiency=other_efficiency(options.efficiency))
-            verdict = replace(verdict, dependence=dependence(robust, other, verdict))
-        return robust, verdict, spectrum
-    fitted = replace(classical, excess=None if screen is None else screen.tails.excess(classical))
-    return fitted, verdict, spectrum
+        if item.other is not None:
+            verdict = replace(verdict, dependence=dependence(item.robust, item.other(), verdict))
+        return item.robust, verdict, item.spectrum
+    excess = None if item.screen is None else item.screen.tails.excess(item.classical)
+    return replace(item.classical, excess=excess), verdict, item.spectrum
 
 
-def _curves(signal: Signal, efficiency: float, screen: Screen) -> Pair:
-    """Both curves of a signal, and its spectrum."""
-    robust = signal_wavelet_variance(signal, robust=True, efficiency=efficiency)
-    return Pair(signal_wavelet_variance(signal), robust, screen, measured_spectrum(signal))
+class RecordingMeasurement(NamedTuple):
+    """The measurements of the axes of a recording, and its inspection."""
+
+    axes: Mapping[str, AxisMeasurement | Pair]
+    inspection: Inspection
+
+
+def measured_recording(
+    recording: Imu | Stream,
+    axes: Sequence[str],
+    options: CalibrationOptions,
+    *,
+    threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> RecordingMeasurement:
+    """Measure some axes of a recording and inspect all axes, in the same passes.
+
+    Parameters
+    ----------
+    recording : Imu or Stream
+    axes : sequence of str
+        Axes that are calibrated.
+    options : CalibrationOptions
+    threads : int, optional
+        Number of axes that are measured at the same time.
+    scheduler, workers : optional
+        Processes that read a stream, as in `calibrate`. One of them inspects while the others measure.
+    progress : callable, optional
+        Called with a description after each chunk.
+    """
+    if isinstance(recording, Stream) and (scheduler is not None or workers is not None):
+        return _spread(recording, axes, options, scheduler=scheduler, workers=workers, progress=progress)
+    batches = _reported(recording, progress)
+    inspector = FirstPass(batches)
+    measured = _measure(batches, axes, options, threads=threads, inspector=inspector)
+    return RecordingMeasurement(measured, _inspected(batches, inspector, _curves(measured), threads))
+
+
+def curves_and_inspection(
+    stream: Stream,
+    axes: Sequence[str],
+    *,
+    robust: bool,
+    efficiency: float,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[dict[str, WaveletVariance], Inspection]:
+    """Measure the wavelet variance of some axes of a recording as it is, and inspect all axes, in the same passes.
+
+    Parameters
+    ----------
+    stream, axes, scheduler, workers, progress
+        As in `measured_recording`.
+    robust, efficiency
+        As in `wavelet_variance`.
+    """
+    remote = scheduler is not None or workers is not None
+    exact = part_levels(len(axes)) if remote else None
+    curves = curves_of(stream, axes, exact=exact, robust=robust, efficiency=efficiency)
+    if remote:
+        with connected(scheduler, workers) as client:
+            future = client.submit(_inspection, stream, (), pure=False, retries=2)
+            spread(stream, curves, scheduler=client, done=_both(stream, progress))
+            inspection = _result(future)[0]
+    else:
+        batches = _reported(stream, progress)
+        inspector = FirstPass(batches)
+        _first_pass(batches, curves, inspector)
+        inspection = _inspected(batches, inspector, curves)
+    results = in_threads(lambda _, one: one.robust() if robust else one.classical(), curves)
+    return results, inspection
+
+
+def _measure(
+    batches: Batches,
+    axes: Sequence[str],
+    options: CalibrationOptions,
+    threads: int | None = None,
+    inspector: FirstPass | None = None,
+) -> dict[str, AxisMeasurement]:
+    """The first pass over a recording, and the second one if nothing else needs it."""
+    recording = batches.recording
+    curves = curves_of(recording, axes, efficiency=options.efficiency, change=without_spikes)
+    made = {
+        axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis)) for axis, one in curves.items()
+    }
+    _first_pass(batches, made, inspector, threads)
+    if inspector is None:
+        _second_pass(batches, curves, threads)
+    return made
+
+
+def _curves(measured: Mapping[str, AxisMeasurement]) -> dict[str, AxisCurves]:
+    return {axis: one.curves for axis, one in measured.items()}
+
+
+def _first_pass(
+    batches: Batches,
+    measured: Mapping[str, Measurement],
+    inspector: FirstPass | None,
+    threads: int | None = None,
+) -> None:
+    for batch in batches:
+        if inspector is not None:
+            inspector.update(batch)
+        add_batch(batch, measured, threads)
+
+
+def _second_pass(
+    batches: Batches,
+    curves: Mapping[str, AxisCurves],
+    threads: int | None = None,
+    also: Callable[[Batch], None] | None = None,
+) -> None:
+    """Complete the curves that need a second pass, in one with the inspection."""
+    again = {axis: one for axis, one in curves.items() if one.begin_again()}
+    for batch in batches if again or also else ():
+        if also is not None:
+            also(batch)
+        if again:
+            add_batch(batch, again, threads)
+
+
+def _inspected(
+    batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None
+) -> Inspection:
+    statistics = inspector.second_pass()
+    _second_pass(batches, curves, threads, statistics.update)
+    return statistics.result()
+
+
+def _reported(recording: Imu | Chunked, progress: Callable[[str], None] | None) -> Batches:
+    """The batches of a recording; reading of a file is reported after each chunk."""
+    if progress is None or isinstance(recording, Imu):
+        return Batches(recording)
+
+    def done(samples: int) -> None:
+        length = duration_text(samples / recording.rate)
+        if not batches.samples:
+            progress(f"first pass: {length}")
+        else:
+            progress(f"second pass: {length} of {duration_text(batches.samples / recording.rate)}")
+
+    batches = Batches(recording, done)
+    return batches
+
+
+def _both(stream: Stream, progress: Callable[[str], None] | None) -> Callable[[int], None] | None:
+    """A function that reports the samples which workers have read in both passes."""
+    return None if progress is None else lambda n: progress(f"both passes: {duration_text(n / stream.rate)}")
+
+
+def _spread(
+    stream: Stream, axes: Sequence[str], options: CalibrationOptions, *, scheduler: str | Client | None,
+    workers: int | None, progress: Callable[[str], None] | None,
+) -> RecordingMeasurement:  # fmt: skip
+    """Measure and inspect with the workers of a cluster, or with local processes."""
+    curves = curves_of(stream, axes, exact=part_levels(len(axes)), efficiency=options.efficiency, change=without_spikes)
+    with connected(scheduler, workers) as client:
+        future = client.submit(_inspection, stream, tuple(axes), pure=False, retries=2)
+        spread(stream, curves, scheduler=client, done=_both(stream, progress))
+        inspection, screens, spectra = _result(future)
+    pairs = {axis: pair_of(one, screens[axis], spectra[axis], options.efficiency) for axis, one in curves.items()}
+    return RecordingMeasurement(pairs, inspection)
+
+
+Inspected = tuple[Inspection, dict[str, Screen], dict[str, PowerSpectrum | None]]
+
+
+def _inspection(stream: Stream, axes: tuple[str, ...]) -> Inspected | GmwmError:
+    """Inspect in a worker, and screen axes. An error is returned, because Dask would repeat work that raises."""
+    try:
+        batches = Batches(stream)
+        inspector = FirstPass(batches)
+        made = {axis: AxisSamples(stream.rate, unit_of(stream, axis), axis) for axis in axes}
+        _first_pass(batches, made, inspector)
+        inspection = _inspected(batches, inspector, {})
+        return inspection, {a: one.screen() for a, one in made.items()}, {a: one.spectrum() for a, one in made.items()}
+    except GmwmError as error:
+        return error
+
+
+def _result(future: object) -> Inspected:
+    """The result of `_inspection`; an error of the file is raised."""
+    found: Inspected | GmwmError = future.result()  # type: ignore[attr-defined]
+    if isinstance(found, GmwmError):
+        raise found
+    return found

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 Chunked = Annotated[
     Literal["auto", "yes", "no"],
     typer.Option(
-        help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. Chunks are read "
-        "twice; temperatures are not read.",
+        help="Read the recording in chunks, in bounded memory. auto: only files of 300 MB or more. The result is the "
+        "same; temperatures are not read.",
         rich_help_panel=INPUT,
     ),
 ]
@@ -112,17 +112,17 @@ def stream_curves(
     workers: int | None = None,
 ) -> dict[str, WaveletVariance]:
     """Compute the curves of axes of a recording in chunks. The remarks of its inspection become warnings."""
-    from gmwm.calibration.stream_measurement import measured_and_inspected
+    from gmwm.calibration.measurement import curves_and_inspection
     from gmwm.cli.output import progress, tell
 
     with progress("reading") as advance:
-        measured = measured_and_inspected(
-            stream, axes, pairs=False, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
+        curves, inspection = curves_and_inspection(
+            stream, axes, robust=robust, efficiency=efficiency, scheduler=scheduler, workers=workers,
             progress=lambda text: advance(text, 0),
         )  # fmt: skip
-    for remark in measured.inspection.remarks:
+    for remark in inspection.remarks:
         tell(remark)
-    return {axis: found[0] for axis, found in measured.curves.items()}
+    return curves
 
 
 def signals_or_curves(

@@ -100,7 +100,7 @@ def watch(
         )
         lines = Lines(view.noting(take), view.breathe)
         source = growing_stream(lines, name, reading, patience=min(seconds, 5.0))
-        measured = accumulators(chosen_names(source.axes, axis), source.rate)
+        measured = accumulators(source, chosen_names(source.axes, axis))
         failure = _fed(source, measured, view)
     remarks = [Remark.of("watch-ended", str(name), reason=take.trouble)] if take.trouble else []
     if lines.rest:
@@ -118,11 +118,11 @@ def watch(
 
 def _fed(source: Stream, measured: Mapping[str, WaveletAccumulator], view: _View) -> GmwmError | None:
     """Feed the accumulators until the source ends. Returns the error that ended it, if there is a result."""
-    from gmwm.streaming.passes import feed
+    from gmwm.streaming.passes import feed_chunks
 
     with view.shown(measured):
         try:
-            feed(source, measured)
+            feed_chunks(source, measured)
         except KeyboardInterrupt:
             pass  # While Polars reads, its own handler of Ctrl-C raises this: a normal end.
         except GmwmError as error:

@@ -10,16 +10,16 @@ import numpy as np
 
 from gmwm._arrays import Vector
 from gmwm._threads import in_threads
-from gmwm.axis_names import axis_quantity
+from gmwm.batches import Batch, Batches
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
 from gmwm.inspection.findings import MOVED, of_gravity, of_motion, of_rounding, of_steps, of_time, of_trends, of_units
 from gmwm.inspection.knocks import knocks_of, steps_of
-from gmwm.inspection.resolution import Sample, before_rounding, lsb, step_of
+from gmwm.inspection.resolution import Sample, before_rounding, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.trends import trend_of
-from gmwm.readers.streams import Chunk, Stream
+from gmwm.readers.streams import Stream
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
@@ -43,8 +43,8 @@ def inspect(recording: Imu | Stream) -> Inspection:
     Parameters
     ----------
     recording : Imu or Stream
-        A recording in memory, or one in chunks, which is read twice in bounded memory. The temperature of a stream is
-        not checked.
+        A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 4.2
+        million samples. The temperature of a stream is not checked.
 
     Returns
     -------
@@ -68,29 +68,16 @@ def inspect(recording: Imu | Stream) -> Inspection:
     >>> found.axes["gyro_x"].lsb, found.knocks[0].time
     (0.001, 30.0)
     """
-    if isinstance(recording, Stream):
-        first_pass = FirstPass(recording)
-        for chunk in recording:
-            first_pass.update(chunk)
-        statistics = first_pass.second_pass()
-        for chunk in recording:
-            statistics.update(chunk)
-        return statistics.result()
-    if not isinstance(recording, Imu):
+    if not isinstance(recording, Imu | Stream):
         raise _not_a_recording(recording)
-    first = recording[recording.axes[0]]
-    base = recording.time_base or TimeBase(recording.rate, start=first.start)
-    statistics = RecordingStatistics(
-        source=recording.source,
-        remarks=recording.remarks,
-        base=base,
-        extent=Extent.of(first, base.left),
-        units={axis: recording[axis].unit for axis in recording},
-        resolutions={axis: lsb(recording[axis].values) for axis in recording},
-        values=lambda axis, first, last: recording[axis].values[first:last],
-    )
-    statistics.update(Chunk({axis: recording[axis].values for axis in recording}, 0, 0, 0.0))
-    return statistics.result(recording.temperature)
+    batches = Batches(recording)
+    first_pass = FirstPass(batches)
+    for batch in batches:
+        first_pass.update(batch)
+    statistics = first_pass.second_pass()
+    for batch in batches:
+        statistics.update(batch)
+    return statistics.result()
 
 
 def _not_a_recording(given: object) -> OptionError:
@@ -107,58 +94,48 @@ def _not_a_recording(given: object) -> OptionError:
 
 
 class FirstPass:
-    """The first of two passes over a stream: finds the segments and the quantization step of each axis.
+    """The first of two passes over a recording: finds the segments and the quantization step of each axis.
 
     Parameters
     ----------
-    stream : Stream
-        The recording; its chunks are passed to `update` in order.
+    batches : Batches
+        The batches of the recording, which are passed to `update` in order.
     """
 
-    def __init__(self, stream: Stream) -> None:
-        self._stream = stream
-        self._samples = {axis: Sample() for axis in stream.axes}
-        self._firsts: list[int] = []
+    def __init__(self, batches: Batches) -> None:
+        self._batches = batches
+        self._samples = {axis: Sample() for axis in batches.recording.axes}
+        self._segments: list[tuple[int, int]] = []
         self._starts: list[float] = []
-        self._stop = 0
 
-    def update(self, chunk: Chunk) -> None:
-        """Add the next chunk."""
-        if chunk.segment == len(self._firsts):
-            self._firsts.append(chunk.first)
-            self._starts.append(chunk.start)
-        self._stop = chunk.first + len(chunk)
+    def update(self, batch: Batch) -> None:
+        """Add the next batch."""
+        one = next(iter(batch.signals.values()))
+        segments = [(batch.first + a, batch.first + b) for a, b in one.segments]
+        if batch.continues:
+            self._segments[-1] = (self._segments[-1][0], segments.pop(0)[1])
+        self._segments += segments
+        self._starts += one.starts[batch.continues :]
         for axis, sample in self._samples.items():
-            sample.update(chunk[axis])
+            sample.update(batch.signals[axis].values)
 
     def second_pass(self) -> RecordingStatistics:
-        """Return the statistics, without data; the second pass adds the chunks."""
-        stream, stops = self._stream, [*self._firsts[1:], self._stop]
-        segments = list(zip(self._firsts, stops, strict=True))
-        extent = Extent.at(stream.rate, segments, self._starts, stream.time_base.left)
+        """Return the statistics, without data; the second pass adds the batches."""
+        recording = self._batches.recording
+        base = recording.time_base or TimeBase(recording.rate, start=self._starts[0])
         return RecordingStatistics(
-            source=stream.source,
-            remarks=stream.remarks,
-            base=stream.time_base,
-            extent=extent,
-            units={axis: SI_UNIT[axis_quantity(axis)] for axis in stream.axes},
+            source=recording.source,
+            remarks=recording.remarks,
+            base=base,
+            extent=Extent.of(recording.rate, self._segments, self._starts, base.left),
             resolutions={axis: step_of(sample.values()) for axis, sample in self._samples.items()},
-            values=self._values,
+            values=self._batches.values,
+            temperature=recording.temperature if isinstance(recording, Imu) else None,
         )
-
-    def _values(self, axis: str, first: int, last: int) -> Vector:
-        """Read a range of samples again; needed only around a lasting change of the mean."""
-        parts = []
-        for chunk in self._stream:
-            if chunk.first >= last:
-                break
-            if chunk.first + len(chunk) > first:
-                parts.append(chunk[axis][max(first - chunk.first, 0) : last - chunk.first])
-        return np.concatenate(parts)
 
 
 class RecordingStatistics:
-    """Statistics of all axes of a recording, from its chunks in order.
+    """Statistics of all axes of a recording, from its batches in order.
 
     Parameters
     ----------
@@ -170,35 +147,30 @@ class RecordingStatistics:
         Jitter, gaps and duplicates of the time stamps.
     extent : Extent
         Segments and their times.
-    units : mapping of axis to str
-        Unit of each axis.
     resolutions : mapping of axis to float or None
         Quantization step of each axis; None if none is visible.
     values : callable
         Function `values(axis, first, last)` that returns a range of samples.
+    temperature : (N,) array or None
+        Temperature (°C).
     """
 
     def __init__(
-        self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent, units: Mapping[str, str],
-        resolutions: Mapping[str, float | None], values: Values,
+        self, source: str, remarks: Sequence[Remark], base: TimeBase, extent: Extent,
+        resolutions: Mapping[str, float | None], values: Values, temperature: Vector | None,
     ) -> None:  # fmt: skip
         self._source, self._remarks, self._base, self._extent = source, tuple(remarks), base, extent
-        self._units, self._resolutions, self._values = units, resolutions, values
-        self._axes = {axis: AxisStatistics(extent, resolutions[axis] or 0.0) for axis in units}
+        self._resolutions, self._values, self._temperature = resolutions, values, temperature
+        self._units: dict[str, str] = {}
+        self._axes = {axis: AxisStatistics(extent, step or 0.0) for axis, step in resolutions.items()}
 
-    @property
-    def samples(self) -> int:
-        """Number of samples of each axis."""
-        return self._extent.samples
+    def update(self, batch: Batch) -> None:
+        """Add the next samples of all axes."""
+        self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
+        in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
 
-    def update(self, chunk: Chunk) -> None:
-        """Add the next samples of all axes; rows that were appended to the file since the first pass are ignored."""
-        room = self._extent.samples - chunk.first
-        if room > 0:
-            in_threads(lambda axis, one: one.update(chunk[axis][:room]), self._axes)
-
-    def result(self, temperature: Vector | None = None) -> Inspection:
-        """Return the inspection after the last chunk."""
+    def result(self) -> Inspection:
+        """Return the inspection after the last batch."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -244,7 +216,7 @@ class RecordingStatistics:
             knocks=knocks,
             steps=tuple(steps),
             trends=trends,
-            temperature=_range(temperature),
+            temperature=_range(self._temperature),
             remarks=remarks,
         )
 

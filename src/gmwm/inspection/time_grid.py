@@ -9,7 +9,6 @@ from itertools import pairwise
 from numpy.typing import ArrayLike
 
 from gmwm._arrays import Vector
-from gmwm.signals import Signal
 from gmwm.time_base import begins_of, times_of
 
 _WINDOWS = 64
@@ -37,12 +36,7 @@ class Extent:
     starts: tuple[float, ...]
 
     @classmethod
-    def of(cls, signal: Signal, left: float = 0.0) -> Extent:
-        """Extent of a signal in memory whose first sample is at the time `left` (s) of the file."""
-        return cls.at(signal.rate, signal.segments, signal.starts, left)
-
-    @classmethod
-    def at(cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float) -> Extent:
+    def of(cls, rate: float, segments: Sequence[Range], clock: Sequence[float], left: float) -> Extent:
         """Extent of segments whose start times are known on any clock; the first sample is at the time `left` (s)."""
         begins = begins_of(rate, segments, clock)
         return cls(rate, tuple(segments), tuple(left + begin for begin in begins))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gmwm._arrays import Vector
+from gmwm.batches import feed
 from gmwm.covariance.tails import TailSums
 from gmwm.outliers.bursts import BurstFinder, Bursts
 from gmwm.outliers.spikes import find_spikes
 from gmwm.signals import Signal
-from gmwm.variance.panels import Panels, panel_length
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,63 +44,39 @@ class Screening:
     ----------
     rate : float
         Sampling rate (Hz).
-    repaired : int
-        Number of isolated wrong samples that were replaced; None if they are still in the data. They are then
-        counted in panels of 131 072 samples or more.
-    largest : float
-        Largest deviation of those that were replaced.
     """
 
-    def __init__(self, rate: float, repaired: int | None = None, largest: float = 0.0) -> None:
-        self._rate, self._repaired = rate, repaired
+    def __init__(self, rate: float) -> None:
         self._bursts, self._tails = BurstFinder(rate), TailSums()
-        self._panels = Panels(panel_length(rate))
-        self._spikes, self._largest = 0, largest
 
     def update(self, values: Vector) -> None:
         """Add the next samples of the segment."""
         self._bursts.update(values)
         self._tails.update(values)
-        if self._repaired is None:
-            for panel in self._panels.cut(values):
-                self._count(panel)
 
     def gap(self) -> None:
         """End the segment: samples are missing before the next ones."""
         self._bursts.gap()
         self._tails.gap()
-        for panel in self._panels.end():
-            self._count(panel)
 
-    def result(self) -> Screen:
-        """The screen of all samples."""
+    def result(self, *, spikes: int = 0, repaired: int = 0, largest: float = 0.0) -> Screen:
+        """The screen of all samples, with the isolated wrong samples that were found beside it."""
         self.gap()
-        return Screen(
-            bursts=self._bursts.result(), spikes=self._spikes, repaired=self._repaired or 0, largest=self._largest,
-            tails=self._tails,
-        )  # fmt: skip
-
-    def _count(self, panel: Vector) -> None:
-        found = find_spikes(Signal(panel, self._rate))
-        self._spikes += len(found)
-        self._largest = max(self._largest, found.largest)
+        bursts = self._bursts.result()
+        return Screen(bursts=bursts, spikes=spikes, repaired=repaired, largest=largest, tails=self._tails)
 
 
-def screened(x: Signal, repaired: int | None = None, largest: float = 0.0) -> Screen:
-    """Screen a signal in memory.
+def screened(x: Signal) -> Screen:
+    """Screen a signal as it is.
 
     Parameters
     ----------
     x : Signal
-    repaired, largest
-        As for `Screening`.
 
     Returns
     -------
     Screen
     """
-    screening = Screening(x.rate, repaired, largest)
-    for segment in x.segment_values():
-        screening.update(segment)
-        screening.gap()
-    return screening.result()
+    screening, spikes = Screening(x.rate), find_spikes(x)
+    feed(screening, x)
+    return screening.result(spikes=len(spikes), largest=spikes.largest)

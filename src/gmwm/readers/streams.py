@@ -149,7 +149,7 @@ class Stream:
             Number of axes to process in parallel; by default the number of processors.
         scheduler, workers, parts : optional
             To read parts of the recording in other processes: a Dask scheduler, or a number of processes to start here,
-            and the number of parts; see `spread_variance`.
+            and the number of parts.
         done : callable, optional
             Called in this thread with the number of samples so far after every piece. A second pass continues the
             count, up to twice the number of samples.
@@ -222,7 +222,7 @@ class Stream:
         OptionError
             If an option has an invalid value.
         """
-        from gmwm.streaming.spectra import stream_psd
+        from gmwm.streaming.passes import stream_psd
 
         return stream_psd(self, length=length, detrend=detrend, confidence=confidence, done=done)
 

@@ -1,5 +1,5 @@
-"""Wavelet variances of all axes of a recording that is read in chunks and may have gaps."""
+"""Wavelet variances and spectra of recordings that are read in batches, in one process or several."""
 
-from gmwm.streaming.passes import measured_pairs, stream_variance
+from gmwm.streaming.passes import AxisCurves, measured_curves, stream_psd, stream_variance
 
-__all__ = ["measured_pairs", "stream_variance"]
+__all__ = ["AxisCurves", "measured_curves", "stream_psd", "stream_variance"]

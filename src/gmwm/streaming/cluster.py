@@ -15,18 +15,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gmwm._threads import INTERRUPT_CHECK
-from gmwm.errors import GmwmError, OptionError
-from gmwm.options import as_confidence
+from gmwm.batches import feed, gathered
+from gmwm.errors import GmwmError
 from gmwm.readers.chunks import RowSummary
 from gmwm.readers.parts import Part, PartReader
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.streams import Stream
-from gmwm.streaming.passes import accumulators, feed
+from gmwm.streaming.passes import AxisCurves, Change
 from gmwm.streaming.scheduling import connected, library
 from gmwm.variance.accumulate import WaveletAccumulator
-from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
 from gmwm.variance.open_segments import exact_levels
-from gmwm.variance.result import WaveletVariance
 from gmwm.variance.second_pass import SecondPass
 
 if TYPE_CHECKING:
@@ -41,55 +39,48 @@ END_BYTES = 16
 """Bytes of a result for each of 2^exact samples: the samples at both ends of a part."""
 PART_BYTES = 4 << 30
 """Default for the largest size of a part (bytes). If a worker is lost, this much must be read again."""
+RETRIES = 2
+"""Number of retries of a part after an error that is not caused by the content of the file."""
 AHEAD = 2
 """Number of parts for each thread that are submitted at once."""
 
 G = TypeVar("G", WaveletAccumulator, SecondPass)
 
 
-def spread_variance(
+def part_levels(axes: int) -> int:
+    """Number of exact levels by default: what a worker returns for a part contains the samples at its ends."""
+    return exact_levels(axes, PART_MEMORY, END_BYTES)
+
+
+def spread(
     stream: Stream,
+    curves: Mapping[str, AxisCurves],
     *,
     scheduler: str | Client | None = None,
     workers: int | None = None,
     parts: int | None = None,
-    levels: int | None = None,
-    exact: int | None = None,
-    robust: bool = False,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    confidence: float = 0.95,
     done: Callable[[int], None] | None = None,
-    retries: int = 2,
-) -> dict[str, WaveletVariance]:
-    """Compute the wavelet variance of each axis of one long recording in several processes or machines.
+) -> None:
+    """Read a recording as often as its curves need, in several processes or machines.
 
-    The result is the same as in one process.
-
-    Each worker reads its parts of the file directly. The size of its result does not grow with their length. If a
-    worker is lost, others read its part again.
+    The result is the same as in one process. Each worker reads its parts of the file directly. The size of its result
+    does not grow with their length. If a worker is lost, others read its part again.
 
     Parameters
     ----------
     stream : Stream
-        The result of `gmwm.stream`. The workers must be able to read its file under the same path.
+        The recording. The workers must be able to read its file under the same path.
+    curves : mapping of axis to AxisCurves
+        Empty curves, which have all samples afterwards.
     scheduler : str, distributed.Client or None
         Address of a Dask scheduler, or a client of one; None to start worker processes on this machine.
     workers : int, optional
         Number of processes to start if no scheduler is given.
     parts : int, optional
         Number of parts of the recording; by default four for each thread of the workers.
-    levels, exact, robust, efficiency, passes, confidence
-        As for `Stream.wavelet_variance`.
     done : callable, optional
         Function that is called in the calling thread with the number of samples so far, after each part. In a second
         pass the count continues, up to twice the number of samples.
-    retries : int
-        Number of retries of a part after an error that is not caused by the content of the file.
-
-    Returns
-    -------
-    dict of axis name to WaveletVariance
 
     Raises
     ------
@@ -101,73 +92,20 @@ def spread_variance(
         If Dask is not installed.
     GmwmError
         If workers die repeatedly on the same part, or the connection to the scheduler is lost.
-
-    Examples
-    --------
-    >>> import gmwm
-    >>> def main() -> None:  # worker processes import the script that runs
-    ...     curves = spread_variance(gmwm.stream("a_month.parquet"), workers=8)
-    ...     curves = spread_variance(gmwm.stream("/shared/a_month.parquet"), scheduler="tcp://10.0.0.5:8786")
     """
-    as_confidence(confidence)
-    require_robust(robust, efficiency)
-    if robust:
-        pairs = spread_pairs(
-            stream, scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
-            efficiency=efficiency, passes=passes, confidence=confidence, done=done, retries=retries,
-        )  # fmt: skip
-        return {axis: pair[1] for axis, pair in pairs.items()}
-    exact = exact_levels(len(stream.axes), PART_MEMORY, END_BYTES) if exact is None else exact
-    empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
     with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
-        first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
-    _tell(stream, crew.summary)
-    return {axis: one.result(confidence) for axis, one in first.items()}
-
-
-def spread_pairs(
-    stream: Stream,
-    *,
-    scheduler: str | Client | None = None,
-    workers: int | None = None,
-    parts: int | None = None,
-    levels: int | None = None,
-    exact: int | None = None,
-    efficiency: float = EFFICIENCY,
-    passes: int = 2,
-    confidence: float = 0.95,
-    done: Callable[[int], None] | None = None,
-    retries: int = 2,
-) -> dict[str, tuple[WaveletVariance, WaveletVariance]]:
-    """Compute classical and robust wavelet variances of one long recording in several processes or machines.
-
-    Parameters and errors are those of `spread_variance`.
-    """
-    as_confidence(confidence)
-    biweight(efficiency)
-    if passes not in (1, 2):
-        raise OptionError(argument="passes", expected="2 or 1", got=passes)
-    exact = exact_levels(len(stream.axes), PART_MEMORY, END_BYTES) if exact is None else exact
-    empty = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
-    with connected(scheduler, workers) as client:
-        crew = _Crew(client, stream, parts=parts, done=done, retries=retries)
-        first = crew.measure({axis: partial(_beginning, one) for axis, one in empty.items()})
-        classical = {axis: one.result(confidence) for axis, one in first.items()}
-        if passes == 1:
-            found = {axis: one.result(confidence, robust=True, efficiency=efficiency) for axis, one in first.items()}
-        else:
-            second = crew.measure({axis: one.second_pass(efficiency).part for axis, one in first.items()})
-            found = {axis: one.result(confidence) for axis, one in second.items()}
-    _tell(stream, crew.summary)
-    return {axis: (classical[axis], found[axis]) for axis in stream.axes}
-
-
-def _tell(stream: Stream, summary: RowSummary) -> None:
-    """Raise the errors and give the warnings that concern the recording as a whole."""
-    remarks = summary.remarks(stream._found)
-    stream._ended(summary.time_base(stream._found))
-    warn(of_file(remarks, stream.source), stacklevel=3)
+        crew = _Crew(client, stream, {axis: one.change for axis, one in curves.items()}, parts=parts, done=done)
+        first = crew.measure({axis: partial(_beginning, one.first) for axis, one in curves.items()})
+        for axis, one in curves.items():
+            one.first = first[axis]
+        # A part that is the whole recording may need no second pass.
+        again = {axis: one for axis, one in curves.items() if one.begin_again()}
+        second = crew.measure({axis: one.second.part for axis, one in again.items() if one.second is not None})
+        for axis, one in again.items():
+            one.second = second[axis]
+    remarks = crew.summary.remarks(stream._found)
+    stream._ended(crew.summary.time_base(stream._found))
+    warn(of_file(remarks, stream.source), stacklevel=5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +133,7 @@ class _Begin(Generic[G]):
     """
 
     axes: Mapping[str, Callable[[int], G]]
+    changes: Mapping[str, Change | None]
 
 
 def _beginning(one: WaveletAccumulator, start: int) -> WaveletAccumulator:
@@ -214,7 +153,10 @@ def _measure(part: Part, begin: _Begin[G]) -> _Measured[G] | GmwmError:
     reader = PartReader(part)
     axes = {axis: made(part.first) for axis, made in begin.axes.items()}
     try:
-        feed(reader, axes)
+        for batch in gathered(reader, tuple(axes), part.found.rate):
+            for axis, one in axes.items():
+                signal, change = batch.signals[axis], begin.changes[axis]
+                feed(one, signal if change is None else change(signal), batch.continues)
     except GmwmError as error:
         return error
     return _Measured(axes, reader.summary)
@@ -226,9 +168,10 @@ class _Crew:
     summary: RowSummary
 
     def __init__(
-        self, client: Any, stream: Stream, parts: int | None, done: Callable[[int], None] | None, retries: int
-    ) -> None:
-        self._client, self._done, self._retries, self._samples = client, done, retries, 0
+        self, client: Any, stream: Stream, changes: Mapping[str, Change | None], *, parts: int | None,
+        done: Callable[[int], None] | None,
+    ) -> None:  # fmt: skip
+        self._client, self._done, self._changes, self._samples = client, done, changes, 0
         self._source, self._dask, self._distributed = stream.source, import_module("dask"), library()
         if parts is None:
             path = None if stream._origin is None else stream._origin.path
@@ -242,6 +185,8 @@ class _Crew:
         `axes` has, for each axis, a function that creates an accumulator from the number of the first sample. Parts
         number their samples by the rows of the file. If rows are lost, the recording is measured again as one part.
         """
+        if not axes:
+            return {}
         found = self._measured(axes)
         if found is None:
             self._parts, self._samples = self._whole, 0
@@ -257,7 +202,7 @@ class _Crew:
         found: dict[int, _Measured[G] | GmwmError] = {}
         joined: _Measured[G] | None = None
         asked = merged = 0
-        begin = self._held(_Begin(axes))
+        begin = self._held(_Begin(axes, self._changes))
         try:
             while joined is None or merged < len(self._parts):
                 while asked < min(len(self._parts), merged + AHEAD * self._threads()):
@@ -289,10 +234,10 @@ class _Crew:
         """
         packed = zlib.compress(pickle.dumps(begin), 1)
         with self._dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-            return self._client.submit(_unpacked, packed, pure=False, retries=self._retries)
+            return self._client.submit(_unpacked, packed, pure=False, retries=RETRIES)
 
     def _ask(self, k: int, begin: Any, arrived: queue.SimpleQueue[int]) -> Any:
-        future = self._client.submit(_measure, self._parts[k], begin, pure=False, retries=self._retries)
+        future = self._client.submit(_measure, self._parts[k], begin, pure=False, retries=RETRIES)
         future.add_done_callback(lambda _: arrived.put(k))
         return future
 

@@ -1,53 +1,99 @@
-"""Wavelet variances of a stream in one or two passes: threads process the axes while the next chunk is read."""
+"""Wavelet variances and spectra of recordings of any length, in one or two passes over their batches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from gmwm._arrays import Vector
-from gmwm._threads import INTERRUPT_CHECK, in_threads, processors
+from gmwm._threads import in_threads
 from gmwm.axis_names import axis_quantity
+from gmwm.batches import Accumulator, Batch, Batches, Chunked, Chunklike, feed
 from gmwm.errors import DataError, OptionError
 from gmwm.options import as_confidence
-from gmwm.readers.chunks import Chunk
 from gmwm.readers.streams import Stream
+from gmwm.signals import Imu, Signal
+from gmwm.spectrum import PowerSpectra, SpectrumAccumulator
+from gmwm.spectrum.welch import Detrend
 from gmwm.units import SI_UNIT
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.axes_result import WaveletVariances
 from gmwm.variance.biweight import EFFICIENCY, biweight, require_robust
-from gmwm.variance.open_segments import SegmentedAccumulator, exact_levels
+from gmwm.variance.open_segments import exact_levels
 from gmwm.variance.result import WaveletVariance
+from gmwm.variance.second_pass import SecondPass
 
 if TYPE_CHECKING:
     from distributed import Client
 
+Change = Callable[[Signal], Signal]
+"""What is done to the samples of an axis before they are measured."""
 
-class Source(Protocol):
-    """A Stream, or another object with the same attributes that yields chunks."""
 
-    @property
-    def source(self) -> str:
-        """Name of the file or other source, for messages."""
-        ...
+class Measurement(Protocol):
+    """What is measured of one axis, batch by batch."""
 
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Names of the axes to measure; chunks can have further axes."""
-        ...
+    def update(self, signal: Signal, continues: bool, /) -> None:
+        """Add the samples of a batch, which may continue the last segment of the batch before."""
 
-    @property
-    def rate(self) -> float:
-        """Samples per second (Hz)."""
-        ...
 
-    def __iter__(self) -> Iterator[Chunk]: ...
+class AxisCurves:
+    """The classical and the robust wavelet variance of one axis, in one or two passes over its samples.
+
+    Parameters
+    ----------
+    first : WaveletAccumulator
+        Empty, or of all samples.
+    source : str
+        Name of the recording, for messages.
+    efficiency : float
+        Efficiency of the robust estimate.
+    passes : 2 or 1
+        Whether a second pass may be used.
+    change : callable, optional
+        Applied to the samples of each batch, in both passes.
+    """
+
+    def __init__(
+        self, first: WaveletAccumulator, source: str, *, efficiency: float = EFFICIENCY, passes: int = 2,
+        change: Change | None = None,
+    ) -> None:  # fmt: skip
+        self.first, self.second, self.change = first, None, change
+        self._source, self._efficiency, self._passes = source, efficiency, passes
+
+    first: WaveletAccumulator
+    second: SecondPass | None
+    change: Change | None
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add the samples of a batch in the current pass."""
+        clean = signal if self.change is None else self.change(signal)
+        feed(self.first if self.second is None else self.second, clean, continues)
+
+    def begin_again(self) -> bool:
+        """After the first pass: whether a second one is needed. `update` then belongs to it."""
+        if self.first.robust and self._passes == 2 and not self.first.holds_all:
+            self.second = self.first.second_pass(self._efficiency)
+        return self.second is not None
+
+    def classical(self, confidence: float = 0.95) -> WaveletVariance:
+        """The classical wavelet variance."""
+        return self.first.result(confidence)
+
+    def robust(self, confidence: float = 0.95) -> WaveletVariance:
+        """The robust wavelet variance."""
+        if self.second is None:
+            return self.first.result(confidence, robust=True, efficiency=self._efficiency)
+        try:
+            return self.second.result(confidence)
+        except DataError as error:
+            raise DataError(
+                f"{self._source} has changed between its two readings: {error.reason}",
+                advice="Read a copy that no program writes to, or read it only once with {--passes=1}.",
+            ) from error
 
 
 def stream_variance(
-    stream: Source,
+    stream: Stream,
     *,
     levels: int | None = None,
     exact: int | None = None,
@@ -64,145 +110,136 @@ def stream_variance(
     """Wavelet variance of each axis of a recording of any length: see `Stream.wavelet_variance`."""
     as_confidence(confidence)
     require_robust(robust, efficiency)
-    if scheduler is not None or workers is not None:
-        from gmwm.streaming.cluster import spread_variance
-
-        return WaveletVariances(
-            curves=spread_variance(
-                whole(stream), scheduler=scheduler, workers=workers, parts=parts, levels=levels, exact=exact,
-                robust=robust, efficiency=efficiency, passes=passes, confidence=confidence, done=done,
-            )
-        )  # fmt: skip
-    if robust:
-        pairs = measured_pairs(
-            stream, levels=levels, exact=exact, efficiency=efficiency, passes=passes, confidence=confidence,
-            threads=threads, done=done,
-        )  # fmt: skip
-        return WaveletVariances(curves={axis: pair[1] for axis, pair in pairs.items()})
-    measured = accumulators(stream.axes, stream.rate, levels=levels, exact=exact)
-    _pass(stream, measured, threads, done)
-    return WaveletVariances(curves=in_threads(lambda _, one: one.result(confidence), measured, threads=threads))
+    measured = measured_curves(
+        stream, stream.axes, levels=levels, exact=exact, robust=robust, efficiency=efficiency, passes=passes,
+        threads=threads, scheduler=scheduler, workers=workers, parts=parts, done=done,
+    )  # fmt: skip
+    return WaveletVariances(
+        curves=in_threads(
+            lambda _, one: one.robust(confidence) if robust else one.classical(confidence), measured, threads=threads
+        )
+    )
 
 
-def measured_pairs(
-    stream: Source,
+def measured_curves(
+    stream: Stream,
+    axes: Sequence[str],
     *,
     levels: int | None = None,
     exact: int | None = None,
+    robust: bool = True,
     efficiency: float = EFFICIENCY,
     passes: int = 2,
-    confidence: float = 0.95,
     threads: int | None = None,
+    scheduler: str | Client | None = None,
+    workers: int | None = None,
+    parts: int | None = None,
     done: Callable[[int], None] | None = None,
-) -> dict[str, tuple[WaveletVariance, WaveletVariance]]:
-    """The classical and the robust wavelet variance of each axis of a recording of any length, from the same reading.
+) -> dict[str, AxisCurves]:
+    """Read a recording as often as its wavelet variances need: robust and classical ones, or classical ones.
 
-    Parameters and errors are those of `stream_variance`.
+    Parameters and errors are those of `Stream.wavelet_variance`.
     """
-    as_confidence(confidence)
     biweight(efficiency)
     if passes not in (1, 2):
         raise OptionError(argument="passes", expected="2 or 1", got=passes)
-    first = accumulators(stream.axes, stream.rate, levels=levels, exact=exact, robust=True)
-    samples = _pass(stream, first, threads, done)
-    classical = in_threads(lambda _, one: one.result(confidence), first, threads=threads)
-    if passes == 1 or all(one.holds_all for one in first.values()):
-        robust = in_threads(
-            lambda _, one: one.result(confidence, robust=True, efficiency=efficiency), first, threads=threads
-        )
-    else:
-        second = in_threads(lambda _, one: one.second_pass(efficiency), first, threads=threads)
-        _pass(stream, second, threads, done, again=samples)
-        try:
-            robust = in_threads(lambda _, one: one.result(confidence), second, threads=threads)
-        except DataError as error:
-            raise DataError(
-                f"{stream.source} has changed between its two readings: {error}",
-                advice="Read a copy that no program writes to, or read it only once with {--passes=1}.",
-            ) from error
-    return {axis: (classical[axis], robust[axis]) for axis in stream.axes}
+    remote = scheduler is not None or workers is not None
+    if remote:
+        from gmwm.streaming.cluster import part_levels, spread
+
+        exact = part_levels(len(axes)) if exact is None else exact
+    curves = curves_of(stream, axes, levels=levels, exact=exact, robust=robust, efficiency=efficiency, passes=passes)
+    if remote:
+        spread(stream, curves, scheduler=scheduler, workers=workers, parts=parts, done=done)
+        return curves
+    before = 0
+    batches = Batches(stream, None if done is None else lambda samples: done(before + samples))
+    add(batches, curves, threads)
+    before = batches.samples
+    if again := {axis: one for axis, one in curves.items() if one.begin_again()}:
+        add(batches, again, threads)
+    return curves
 
 
-def _pass(
-    stream: Source,
-    measured: Mapping[str, SegmentedAccumulator],
-    threads: int | None,
-    done: Callable[[int], None] | None,
-    again: int | None = None,
-) -> int:
-    """Add all chunks to the accumulators of all axes; return the number of samples.
-
-    In a second pass, `again` is the number of samples of the first pass, and the pass ends there.
-    """
-    pool = ThreadPoolExecutor(max(1, min(len(measured), threads or processors())))
-    running: list[Future[None]] = []
-    samples = segment = 0
-    try:
-        for chunk in stream:
-            # The threads processed the previous chunk while this one was read.
-            _await(running)
-            if done is not None and samples:
-                done(samples + (again or 0))
-            after_gap = chunk.segment != segment
-            kept = chunk if again is None else _until(chunk, again)
-            running = [pool.submit(_take, one, kept[axis], after_gap) for axis, one in measured.items()]
-            samples, segment = kept.first + len(kept), kept.segment
-            if again is not None and samples >= again:
-                break  # samples appended after the first pass are ignored
-        _await(running)
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-    if done is not None:
-        done(samples + (again or 0))
-    return samples
-
-
-def _until(chunk: Chunk, end: int) -> Chunk:
-    """The samples of a chunk before sample number `end`."""
-    if chunk.first + len(chunk) <= end:
-        return chunk
-    return replace(chunk, values={axis: v[: end - chunk.first] for axis, v in chunk.values.items()})
-
-
-def whole(source: Source) -> Stream:
-    """Require a `Stream`, which can be divided into parts."""
-    if not isinstance(source, Stream):
-        raise OptionError(argument="source", expected="a stream from gmwm.stream", got=source)
-    return source
+def curves_of(
+    recording: Imu | Chunked, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
+    robust: bool = True, efficiency: float = EFFICIENCY, passes: int = 2, change: Change | None = None,
+) -> dict[str, AxisCurves]:  # fmt: skip
+    """Empty curves of some axes; by default with as many exact levels as memory allows."""
+    made = accumulators(recording, axes, levels=levels, exact=exact, robust=robust)
+    return {
+        axis: AxisCurves(one, recording.source, efficiency=efficiency, passes=passes, change=change)
+        for axis, one in made.items()
+    }
 
 
 def accumulators(
-    axes: Sequence[str], rate: float, *, levels: int | None = None, exact: int | None = None, robust: bool = False
-) -> dict[str, WaveletAccumulator]:
-    """Create an accumulator for each axis, in its SI unit; by default as exact as memory allows."""
+    recording: Imu | Chunked, axes: Sequence[str], *, levels: int | None = None, exact: int | None = None,
+    robust: bool = False,
+) -> dict[str, WaveletAccumulator]:  # fmt: skip
+    """An empty accumulator for each axis."""
     count = exact_levels(len(axes)) if exact is None else exact
     return {
         axis: WaveletAccumulator(
-            rate, levels=levels, exact=count, unit=SI_UNIT[axis_quantity(axis)], axis=axis, robust=robust
+            recording.rate, levels=levels, exact=count, unit=unit_of(recording, axis), axis=axis, robust=robust
         )
         for axis in axes
     }
 
 
-def feed(chunks: Iterable[Chunk], measured: Mapping[str, SegmentedAccumulator]) -> None:
-    """Add chunks to the accumulators of some axes, without threads."""
+def unit_of(recording: Imu | Chunked, axis: str) -> str:
+    """The unit of an axis; chunks are in SI units."""
+    return recording[axis].unit if isinstance(recording, Imu) else SI_UNIT[axis_quantity(axis)]
+
+
+def add(batches: Batches, measured: Mapping[str, AxisCurves], threads: int | None = None) -> None:
+    """Add all batches to the curves of some axes."""
+    for batch in batches:
+        add_batch(batch, measured, threads)
+
+
+def add_batch(batch: Batch, measured: Mapping[str, Measurement], threads: int | None = None) -> None:
+    """Add a batch to the measurements of some axes, one thread for each axis."""
+    in_threads(lambda axis, one: one.update(batch.signals[axis], batch.continues), measured, threads=threads)
+
+
+def feed_chunks(chunks: Iterable[Chunklike], measured: Mapping[str, Accumulator]) -> None:
+    """Add chunks to the accumulators of some axes as they arrive."""
     segment = 0
     for chunk in chunks:
         for axis, one in measured.items():
-            _take(one, chunk[axis], chunk.segment != segment)
+            if chunk.segment != segment:
+                one.gap()
+            one.update(chunk.values[axis])
         segment = chunk.segment
 
 
-def _take(one: SegmentedAccumulator, values: Vector, after_gap: bool) -> None:
-    if after_gap:
-        one.gap()
-    one.update(values)
+def stream_psd(
+    stream: Chunked,
+    *,
+    length: int | None = None,
+    detrend: Detrend = "constant",
+    confidence: float = 0.95,
+    done: Callable[[int], None] | None = None,
+) -> PowerSpectra:
+    """Power spectral density of each axis of a recording of any length: see `Stream.psd`."""
+    as_confidence(confidence)
+    measured = {
+        axis: SpectrumAccumulator(
+            stream.rate, length=length, detrend=detrend, unit=SI_UNIT[axis_quantity(axis)], axis=axis
+        )
+        for axis in stream.axes
+    }
+    for batch in Batches(stream, done):
+        add_batch(batch, {axis: _Fed(one) for axis, one in measured.items()})
+    return PowerSpectra(spectra=in_threads(lambda _, one: one.result(confidence), measured))
 
 
-def _await(running: Sequence[Future[None]]) -> None:
-    """Wait until all are done, and raise their errors; Ctrl-C interrupts the wait."""
-    pending: set[Future[None]] = set(running)
-    while pending:
-        _, pending = wait(pending, timeout=INTERRUPT_CHECK)
-    for future in running:
-        future.result()
+class _Fed(NamedTuple):
+    """The measurement of an accumulator."""
+
+    one: Accumulator
+
+    def update(self, signal: Signal, continues: bool) -> None:
+        """Add the samples of a batch."""
+        feed(self.one, signal, continues)

@@ -1,0 +1,263 @@
+"""Batches: the consecutive samples of a recording that are processed together, from memory or from a file in chunks.
+
+A batch has `BATCH` samples, counted from the first sample; the last one has fewer, and a shorter recording is one
+batch. What is computed from batches is therefore the same for a recording in memory and in chunks of any size, to the
+last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from gmwm._arrays import Vector
+from gmwm.axis_names import axis_quantity
+from gmwm.remarks import Remark
+from gmwm.signals import Imu, Signal
+from gmwm.time_base import TimeBase
+from gmwm.units import SI_UNIT
+
+BATCH = 1 << 22
+"""Number of samples in a batch: 11.7 h at 100 Hz, 70 min at 1 kHz, 200 MB for six axes. A choice; it is the number of
+samples of six axes whose wavelet variance is exact at all levels (`exact_levels`)."""
+
+
+class Chunklike(Protocol):
+    """Samples of the axes of a recording that follow each other without a gap: `gmwm.readers.Chunk`."""
+
+    @property
+    def values(self) -> Mapping[str, Vector]:
+        """The samples by axis, in the SI unit."""
+
+    @property
+    def first(self) -> int:
+        """Number of the first sample in the recording."""
+
+    @property
+    def segment(self) -> int:
+        """Number of the segment."""
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample (s)."""
+
+    def __len__(self) -> int: ...
+
+
+class Chunked(Protocol):
+    """A recording that is iterated over in chunks, as `gmwm.readers.Stream`."""
+
+    @property
+    def source(self) -> str:
+        """Name of the file or other source, for messages."""
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz)."""
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """How the file was understood."""
+
+    @property
+    def time_base(self) -> TimeBase:
+        """Properties of the time stamps; after an iteration, of all of them."""
+
+    def __iter__(self) -> Iterator[Chunklike]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Consecutive samples of all axes of a recording, with the gaps between them.
+
+    Attributes
+    ----------
+    signals : mapping of axis to Signal
+    first : int
+        Number of the first sample in the recording, from 0.
+    continues : bool
+        Whether no sample is missing between this batch and the one before.
+    """
+
+    signals: Mapping[str, Signal]
+    first: int = 0
+    continues: bool = False
+
+    def __len__(self) -> int:
+        return len(next(iter(self.signals.values())))
+
+    @property
+    def stop(self) -> int:
+        """Number of the sample after the last one."""
+        return self.first + len(self)
+
+    def until(self, stop: int) -> Batch:
+        """The samples before sample number `stop`."""
+        if self.stop <= stop:
+            return self
+        return Batch(
+            {axis: cut(x, 0, stop - self.first) for axis, x in self.signals.items()}, self.first, self.continues
+        )
+
+
+class Accumulator(Protocol):
+    """A computation on consecutive samples, such as `WaveletAccumulator`."""
+
+    def update(self, values: Vector, /) -> None:
+        """Add the next samples."""
+
+    def gap(self) -> None:
+        """Mark that samples are missing."""
+
+
+def feed(one: Accumulator, signal: Signal, continues: bool = False) -> None:
+    """Add the samples of a signal to an accumulator, segment by segment."""
+    for k, values in enumerate(signal.segment_values()):
+        if k or not continues:
+            one.gap()
+        one.update(values)
+
+
+class Batches:
+    """The batches of a recording, to iterate over several times.
+
+    A recording that is one batch is read only once. Samples that were added to the file after the first iteration are
+    left out.
+
+    Parameters
+    ----------
+    recording : Imu or Chunked
+        A recording in memory or in chunks.
+    done : callable, optional
+        Called with the number of samples so far, after each chunk.
+    """
+
+    def __init__(self, recording: Imu | Chunked, done: Callable[[int], None] | None = None) -> None:
+        self.recording, self._done = recording, done
+        self._only: Batch | None = None
+        self._samples: int | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples, after the first iteration."""
+        return self._samples or 0
+
+    def __iter__(self) -> Iterator[Batch]:
+        if self._only is not None:
+            if self._done is not None:
+                self._done(self._only.stop)
+            yield self._only
+            return
+        count, batch = 0, None
+        for batch in batches(self.recording, self._done):
+            if self._samples is not None and batch.stop >= self._samples:
+                yield batch.until(self._samples)
+                return
+            count += 1
+            yield batch
+        if self._samples is None and batch is not None:
+            self._samples = batch.stop
+            self._only = batch if count == 1 else None
+
+    def values(self, axis: str, first: int, last: int) -> Vector:
+        """Samples number `first` … `last` − 1 of an axis."""
+        parts = []
+        for batch in self:
+            if batch.first >= last:
+                break
+            if batch.stop > first:
+                parts.append(batch.signals[axis].values[max(first - batch.first, 0) : last - batch.first])
+        return np.concatenate(parts)
+
+
+def batches(recording: Imu | Chunked, done: Callable[[int], None] | None = None) -> Iterator[Batch]:
+    """Iterate over the batches of a recording: see `Batches`."""
+    if not isinstance(recording, Imu):
+        yield from gathered(recording, recording.axes, recording.rate, done)
+        return
+    if len(recording) <= BATCH:
+        yield Batch(recording.signals)
+    else:
+        begins = {first for first, _ in recording.segments}
+        for first in range(0, len(recording), BATCH):
+            part = {axis: cut(x, first, first + BATCH) for axis, x in recording.signals.items()}
+            yield Batch(part, first, first not in begins)
+    if done is not None:
+        done(len(recording))
+
+
+def gathered(
+    chunks: Iterable[Chunklike], axes: Sequence[str], rate: float, done: Callable[[int], None] | None = None
+) -> Iterator[Batch]:
+    """Gather chunks of any size into batches."""
+    batch = _Gathered(axes, rate)
+    for chunk in chunks:
+        yield from batch.add(chunk)
+        if done is not None:
+            done(chunk.first + len(chunk))
+    yield from batch.end()
+
+
+class _Gathered:
+    """The chunks of a batch that is not complete yet."""
+
+    def __init__(self, axes: Sequence[str], rate: float) -> None:
+        self._axes, self._rate = tuple(axes), rate
+        self._segment = -1  # of the sample before
+        self._values: dict[str, list[Vector]] = {axis: [] for axis in self._axes}
+        self._begins: list[tuple[int, float]] = []  # place in the batch and time of the first sample of each segment
+        self._first = self._size = 0
+        self._continues = False
+
+    def add(self, chunk: Chunklike) -> Iterator[Batch]:
+        """Add a chunk, and return the batches that are complete."""
+        taken = 0
+        while taken < len(chunk):
+            part = slice(taken, min(len(chunk), taken + BATCH - self._size))
+            if not self._size:
+                self._first, self._continues = chunk.first + taken, chunk.segment == self._segment
+            if not self._size or chunk.segment != self._segment:
+                self._begins.append((self._size, chunk.start + taken / self._rate))
+            for axis in self._axes:
+                self._values[axis].append(chunk.values[axis][part])
+            self._size, self._segment, taken = self._size + part.stop - taken, chunk.segment, part.stop
+            if self._size == BATCH:
+                yield from self.end()
+
+    def end(self) -> Iterator[Batch]:
+        """Return the samples so far."""
+        if not self._size:
+            return
+        ends = [*(place for place, _ in self._begins), self._size]
+        segments, starts = list(pairwise(ends)), [start for _, start in self._begins]
+        values = {axis: one[0] if len(one) == 1 else np.concatenate(one) for axis, one in self._values.items()}
+        signals = {
+            axis: Signal(
+                values[axis], self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
+            )
+            for axis in self._axes
+        }
+        self._values = {axis: [] for axis in self._axes}
+        self._begins, self._size = [], 0
+        yield Batch(signals, self._first, self._continues)
+
+
+def cut(signal: Signal, first: int, last: int) -> Signal:
+    """The samples number `first` … `last` − 1 of a signal."""
+    last = min(last, len(signal))
+    segments, starts = [], []
+    for (begin, end), start in zip(signal.segments, signal.starts, strict=True):
+        if begin < last and end > first:
+            segments.append((max(begin, first) - first, min(end, last) - first))
+            starts.append(start + max(first - begin, 0) / signal.rate)
+    return Signal(
+        signal.values[first:last], signal.rate, unit=signal.unit, axis=signal.axis, segments=segments, starts=starts
+    )
