@@ -138,6 +138,8 @@ def test_without_a_spectrum_an_autoregression_is_fitted():
     # A Gauss-Markov process describes a part of it; N is the density of both.
     sheet = datasheet(found.ranking.recommended.fit, 0.95)
     assert sheet["N"].value * np.sqrt(RATE) == pytest.approx(1.0, rel=0.06)
+    # The shape is that of a part of the noise only: white and quantization noise may be beside it.
+    assert found.tried[-1] == f"{SLOW} + AR(2)"
 
 
 @pytest.mark.slow

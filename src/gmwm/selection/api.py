@@ -23,9 +23,9 @@ from gmwm.processes.model import Model, as_model
 from gmwm.processes.validation import as_seed
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.comparison import difference_error
-from gmwm.selection.equivalence import NEVER, SURELY, as_good
+from gmwm.selection.equivalence import SURELY, as_good
 from gmwm.selection.options import DRAWS, RankingOptions, Weights
-from gmwm.selection.ranking import REJECTED, SAME, Candidate, Ranking
+from gmwm.selection.ranking import SAME, Candidate, Ranking
 from gmwm.selection.structure import freedom, nested, shown_by, structure_of, within, without_values
 from gmwm.signals import Signal
 from gmwm.variance.result import WaveletVariance
@@ -34,6 +34,10 @@ CLEAR = 4.0
 """Standard errors of the difference of two criteria above which the larger one is not equivalent. The error assumes
 Gaussian levels, and the coarse ones are not: with 2, the true WN + RW is excluded in 10 % of recordings, with 4 in none
 of 40 (docs/validation/selection.md)."""
+REJECTED = 0.005
+"""p-value of the goodness-of-fit test below which a model is not equivalent to a best one whose p-value is more than
+ten times as large: five true models of a thousand have it (tests/selection/test_equivalence.py)."""
+BETTER = 10.0
 
 Data = WaveletVariance | Signal | ArrayLike
 AnyModel = Model | Process | str
@@ -419,13 +423,14 @@ def _complexity(candidate: Candidate) -> int:
     )  # fmt: skip
 
 
-def _surely_wrong(candidate: Candidate, best: Candidate) -> bool:
-    """Whether the goodness-of-fit test rejects a candidate, but not the best one.
+def _rejected(candidate: Candidate, best: Candidate) -> bool:
+    """Whether the goodness-of-fit test rejects a candidate, and the best one fits much better.
 
-    With the weights of a candidate that is far below the data at long scales, its rivals can be as far from the data.
+    The criteria alone do not show this: with the weights of a candidate that is far below the data at long scales, its
+    rivals can be as far from the data.
     """
-    least, most = candidate.pvalue, best.pvalue
-    return least is not None and most is not None and least < NEVER and most >= REJECTED
+    own, other = candidate.pvalue, best.pvalue
+    return own is not None and other is not None and own < REJECTED and other > BETTER * own
 
 
 def _equivalent(
@@ -441,7 +446,7 @@ def _equivalent(
             continue
         if level[candidate.structure] != level[best.structure]:
             difference = candidate.wic.value - best.wic.value
-            if difference > SURELY or _surely_wrong(candidate, best):
+            if difference > SURELY or _rejected(candidate, best):
                 continue
             # A simpler model does not override a clear difference of the criteria.
             if difference > CLEAR * difference_error(candidate.fit, best.fit, explored[0].matrix, explored[0].wavelet):

@@ -136,7 +136,9 @@ def search(
     base, required = _required(general, wv, spectrum, lines, options=options, check=check)
     if not required:
         return within_family(SLOW, wv, options, check=check)
-    return within_family(BESIDE, base, options, required=required, check=check, tried=(SLOW,))
+    # A shape that was fitted to the curve does not contain the white and quantization noise.
+    beside = SLOW if spectrum is None else BESIDE
+    return within_family(beside, base, options, required=required, check=check, tried=(SLOW,))
 
 
 def _accepted(ranking: Ranking) -> bool:
