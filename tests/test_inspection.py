@@ -11,8 +11,8 @@ import pytest
 import gmwm
 from gmwm.errors import OptionError
 from gmwm.inspection import inspect
-from gmwm.inspection.resolution import lsb
 from gmwm.remarks import Severity
+from gmwm.resolution import lsb
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
 from tests.helpers import codes, only, raises

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gmwm.inspection import inspect
-from gmwm.inspection.resolution import before_rounding, lsb
 from gmwm.remarks import Severity
+from gmwm.resolution import before_rounding, lsb
 from gmwm.signals import Imu, Signal
 from tests.helpers import only
 

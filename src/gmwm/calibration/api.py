@@ -28,22 +28,28 @@ from gmwm.estimation.estimator import as_fit
 from gmwm.estimation.result import Fit
 from gmwm.estimation.reweighting import settle
 from gmwm.inference.goodness import GoodnessOfFit, usable_levels
-from gmwm.inference.model_error import relative_misfit
+from gmwm.inference.model_error import nearly_fitted, relative_misfit
 from gmwm.inference.planning import SEEN, relative_errors
 from gmwm.inspection import Inspection
 from gmwm.options import as_whole_number
 from gmwm.processes.model import Model, ModelLike
 from gmwm.processes.validation import as_seed
+from gmwm.processes.walk import RW
 from gmwm.readers.streams import Stream
+from gmwm.regression.against import AUTO, Against, Asked
+from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.remarks import Remark
 from gmwm.selection.search import Searched, search, within_family
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum
 from gmwm.units import SI_UNIT, find_unit
+from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.result import WaveletVariance
 
 STAGES = ("measured", "model chosen", "fitted", "judged")
 """The steps of one axis, as `progress` reports them."""
+WALK = "K"
+"""Symbol of the rate random walk in a datasheet."""
 LONGER = 10
 """Doublings of the recording length that `needed` tries: a factor of 1024 (tests/calibration/test_calibrate.py)."""
 
@@ -65,6 +71,7 @@ def calibrate(
     efficiency: float = 0.6,
     draws: int = 1000,
     rng: int | np.random.Generator = 0,
+    against: Against = AUTO,
     axes: str | Sequence[str] | None = None,
     threads: int | None = None,
     scheduler: str | Client | None = None,
@@ -99,6 +106,10 @@ def calibrate(
         Confidence level of the intervals, and of the set of models that `select` considers equivalent.
     efficiency : float
         Efficiency of the robust wavelet variance under Gaussian noise, relative to the classical one.
+    against : "auto", "none", str, (N,) array, or mapping of name to array
+        Conditions whose effect is removed before the noise is measured. "auto": the temperature of the recording, for
+        each axis that follows it at the 5 % level. Text names the temperature or time with options, for example
+        "temperature:2,lag", "time:3" or "warmup"; a mapping has further covariates. See docs/howto/temperature.md.
     axes : str or sequence of str, optional
         The axes to calibrate, or "gyro" or "accel" for all axes of a sensor; all axes by default.
     threads : int, optional
@@ -144,6 +155,7 @@ def calibrate(
         efficiency=efficiency,
         draws=draws,
         seed=as_seed(rng),
+        against=against,
         axes=axes,
     )
     return calibrate_recording(data, options, threads=threads, scheduler=scheduler, workers=workers, progress=progress)
@@ -163,14 +175,17 @@ def calibrate_recording(
         as_whole_number(threads, "threads", 1)
     chosen = _chosen(data, options.wanted)
     steps = _Progress(len(chosen) * len(STAGES), progress)
-    items, inspection = _inspected(
+    items, inspection, conditions = _inspected(
         data, chosen, options=options, threads=threads, scheduler=scheduler, workers=workers, steps=steps
     )
     remarks = () if inspection is None else tuple(_handled(remark, options) for remark in inspection.remarks)
 
     def work(axis: str, item: Measured) -> AxisCalibration | GmwmError:
         try:
-            return _Axis(name=axis, item=item, options=options, together=len(items), steps=steps).calibrated()
+            return _Axis(
+                name=axis, item=item, raw=chosen[axis], options=options, together=len(items), steps=steps,
+                conditions=conditions[axis],
+            ).calibrated()  # fmt: skip
         except OptionError:
             raise
         except GmwmError as error:
@@ -217,8 +232,9 @@ def _inspected(
     scheduler: str | Client | None,
     workers: int | None,
     steps: _Progress,
-) -> tuple[dict[str, Measured], Inspection | None]:
-    """The measured data of each axis, and the inspection of a recording."""
+) -> tuple[dict[str, Measured], Inspection | None, dict[str, Conditions]]:
+    """The measured data of each axis, the inspection of a recording, and the conditions of each axis."""
+    asked = options.conditions
     if not isinstance(data, Stream) and (scheduler is not None or workers is not None):
         name = "workers" if scheduler is None else "scheduler"
         raise OptionError(
@@ -227,12 +243,31 @@ def _inspected(
             advice="Pass a stream: `calibrate(gmwm.stream(path), …)`.",
         )
     if isinstance(data, Imu | Stream):
-        found = measured_recording(
-            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=steps.read
+        conditions = Conditions.of_recording(data, asked, threads=threads)
+        measured = measured_recording(
+            data, tuple(chosen), options, threads=threads, scheduler=scheduler, workers=workers, progress=steps.read,
+            conditions=conditions,
+        )  # fmt: skip
+        return dict(measured.axes), measured.inspection, dict.fromkeys(chosen, conditions)
+    items, found = {}, {}
+    for axis, item in chosen.items():
+        if item is not None:
+            found[axis] = _conditions_of(axis, item, asked)
+            items[axis] = found[axis].without(axis, item) if isinstance(item, Signal) else item
+    return items, None, found
+
+
+def _conditions_of(axis: str, item: Measured, asked: Asked) -> Conditions:
+    """The conditions of one axis without a recording."""
+    if isinstance(item, Signal):
+        return Conditions.of({axis: item}, asked, None)
+    if asked.terms:
+        raise OptionError(
+            f"against needs the samples; {axis} is a {type(item).__name__}",
+            argument="against",
+            advice="Pass signals, or leave {--against} out.",
         )
-        return dict(found.axes), found.inspection
-    items = {axis: item for axis, item in chosen.items() if item is not None}
-    return items, None
+    return NOTHING
 
 
 def _chosen(data: object, wanted: tuple[str, ...] | None) -> dict[str, Measured | None]:
@@ -324,14 +359,19 @@ class _Axis:
 
     name: str
     item: Measured
+    raw: Measured | None
     options: CalibrationOptions
     together: int
     steps: _Progress
+    conditions: Conditions
 
     def calibrated(self) -> AxisCalibration:
         """Calibrate the axis, and report each stage."""
         options, stages = self.options, iter(STAGES)
         wv, verdict, spectrum = measured_axis(self.item, options, comparisons=self.together)
+        applied = self.conditions.applied(self.name)
+        if applied is not None:
+            wv = applied.corrected(wv)
         if not np.any(wv.variance > 0):
             raise DataError("the signal is constant", advice="Check whether the axis is connected.")
         _require_scales(wv)
@@ -357,9 +397,24 @@ class _Axis:
             misfit=relative_misfit(fit),
             model_error=found.error,
             tried=found.tried,
+            regression=self.conditions.found.get(self.name),
+            left_in=None if applied is None else self._left_in(fit),
         )
         self.steps.step(self.name, next(stages))
         return axis
+
+    def _left_in(self, fit: Fit) -> float | None:
+        """K (SI) of the model with a random walk if the effect of the conditions were left in; None if unknown."""
+        if not isinstance(self.raw, Signal):
+            return None
+        walks = any(process.name == RW.name for process in fit.model.processes)
+        model = fit.model if walks else Model((*fit.model.processes, RW()))
+        try:
+            left = nearly_fitted(model, signal_wavelet_variance(self.raw), self.options.weighting)
+            entry = datasheet(left, self.options.confidence).get(WALK)
+        except GmwmError:
+            return None
+        return None if entry is None else entry.value
 
     def _searched(self, wv: WaveletVariance, spectrum: PowerSpectrum | None) -> Searched:
         """The search for a model, or the choice within the sum that the user gave."""

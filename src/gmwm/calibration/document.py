@@ -26,6 +26,7 @@ from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.inference.model_error import RelativeMisfit
 from gmwm.outliers import Verdict
+from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.spectrum import PowerSpectrum
 
@@ -41,6 +42,7 @@ _PARTS: Mapping[str, type | UnionType] = {
 _AXIS_PARTS: Mapping[str, type | UnionType] = {
     "fit": Mapping, "confidence_intervals": Mapping, "goodness_of_fit": Mapping | NoneType, "datasheet": Mapping,
     "contamination": Mapping | NoneType, "needed": Mapping, "ranking": Mapping,
+    "regression": Mapping | NoneType, "left_in": float | NoneType,
     "spectrum": Mapping | NoneType, "misfit": Mapping | NoneType, "model_error": float, "tried": list,
 }  # fmt: skip
 """Parts of a document and of its axes, and what each must be."""
@@ -81,6 +83,8 @@ def _of_axis(found: AxisCalibration) -> dict[str, Any]:
         "misfit": None if found.misfit is None else found.misfit.to_dict(),
         "model_error": found.model_error,
         "tried": list(found.tried),
+        "regression": None if found.regression is None else found.regression.to_dict(),
+        "left_in": found.left_in,
     }
 
 
@@ -126,6 +130,7 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
     content = axes[axis]
     _require_parts(content, _AXIS_PARTS, axis)
     test, verdict = content["goodness_of_fit"], content["contamination"]
+    removed = content["regression"]
     spectrum, misfit = content["spectrum"], content["misfit"]
     fit = _read(f"{axis}.fit", lambda: Fit.from_dict(content["fit"]))
     return AxisCalibration(
@@ -140,6 +145,8 @@ def _axis(axis: str, axes: Mapping[str, Any]) -> AxisCalibration:
         misfit=None if misfit is None else _read(f"{axis}.misfit", lambda: RelativeMisfit.from_dict(misfit)),
         model_error=content["model_error"],
         tried=tuple(content["tried"]),
+        regression=None if removed is None else _read(f"{axis}.regression", lambda: Regression.from_dict(removed)),
+        left_in=content["left_in"],
     )
 
 

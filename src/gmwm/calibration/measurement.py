@@ -27,6 +27,7 @@ from gmwm.outliers import (
     repaired,
 )
 from gmwm.readers.streams import Stream
+from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.signals import Imu, Signal
 from gmwm.spectrum import PowerSpectrum, SpectrumAccumulator
 from gmwm.streaming.cluster import part_levels, spread
@@ -198,6 +199,7 @@ def measured_recording(
     scheduler: str | Client | None = None,
     workers: int | None = None,
     progress: Callable[[str], None] | None = None,
+    conditions: Conditions = NOTHING,
 ) -> RecordingMeasurement:
     """Measure some axes of a recording and inspect all axes, in the same passes.
 
@@ -213,13 +215,17 @@ def measured_recording(
         Processes that read a stream, as in `calibrate`. One of them inspects while the others measure.
     progress : callable, optional
         Called with a description after each chunk.
+    conditions : Conditions
+        What is removed from the samples before they are measured. The inspection sees them as they are, except for the
+        test for trends.
     """
     if isinstance(recording, Stream) and (scheduler is not None or workers is not None):
         return _spread(recording, axes, options, scheduler=scheduler, workers=workers, progress=progress)
     batches = _reported(recording, progress)
     inspector = FirstPass(batches)
-    measured = _measure(batches, axes, options, threads=threads, inspector=inspector)
-    return RecordingMeasurement(measured, _inspected(batches, inspector, _curves(measured), threads))
+    measured = _measure(batches, axes, options, threads=threads, inspector=inspector, conditions=conditions)
+    inspection = _inspected(batches, inspector, _curves(measured), threads, conditions=conditions)
+    return RecordingMeasurement(measured, inspection)
 
 
 def curves_and_inspection(
@@ -264,6 +270,7 @@ def _measure(
     options: CalibrationOptions,
     threads: int | None = None,
     inspector: FirstPass | None = None,
+    conditions: Conditions = NOTHING,
 ) -> dict[str, AxisMeasurement]:
     """The first pass over a recording, and the second one if nothing else needs it."""
     recording = batches.recording
@@ -271,9 +278,9 @@ def _measure(
     made = {
         axis: AxisMeasurement(one, AxisSamples(recording.rate, one.first.unit, axis)) for axis, one in curves.items()
     }
-    _first_pass(batches, made, inspector, threads)
+    _first_pass(batches, made, inspector, threads, conditions=conditions)
     if inspector is None:
-        _second_pass(batches, curves, threads)
+        _second_pass(batches, curves, threads, conditions=conditions)
     return made
 
 
@@ -286,11 +293,13 @@ def _first_pass(
     measured: Mapping[str, Measurement],
     inspector: FirstPass | None,
     threads: int | None = None,
+    *,
+    conditions: Conditions = NOTHING,
 ) -> None:
     for batch in batches:
         if inspector is not None:
             inspector.update(batch)
-        add_batch(batch, measured, threads)
+        add_batch(conditions.batch(batch), measured, threads)
 
 
 def _second_pass(
@@ -298,6 +307,8 @@ def _second_pass(
     curves: Mapping[str, AxisCurves],
     threads: int | None = None,
     also: Callable[[Batch], None] | None = None,
+    *,
+    conditions: Conditions = NOTHING,
 ) -> None:
     """Complete the curves that need a second pass, in one with the inspection."""
     again = {axis: one for axis, one in curves.items() if one.begin_again()}
@@ -305,15 +316,16 @@ def _second_pass(
         if also is not None:
             also(batch)
         if again:
-            add_batch(batch, again, threads)
+            add_batch(conditions.batch(batch), again, threads)
 
 
 def _inspected(
-    batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None
-) -> Inspection:
+    batches: Batches, inspector: FirstPass, curves: Mapping[str, AxisCurves], threads: int | None = None, *,
+    conditions: Conditions = NOTHING,
+) -> Inspection:  # fmt: skip
     statistics = inspector.second_pass()
-    _second_pass(batches, curves, threads, statistics.update)
-    return statistics.result()
+    _second_pass(batches, curves, threads, statistics.update, conditions=conditions)
+    return statistics.result(conditions)
 
 
 def _reported(recording: Imu | Chunked, progress: Callable[[str], None] | None) -> Batches:

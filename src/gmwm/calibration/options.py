@@ -9,13 +9,14 @@ from typing import Any, Literal
 from gmwm.calibration.schema import AGAIN
 from gmwm.errors import ModelError, OptionError, ReadError
 from gmwm.processes.model import Model, ModelLike, as_model
+from gmwm.regression.against import AUTO, Against, Asked
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.search import SLOW
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 SEARCHED = "auto"
 """The default: a search that the data drive, see `gmwm.selection.search`."""
-_SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed")
+_SAVED = ("within", "robust", "weighting", "criterion", "confidence", "efficiency", "draws", "seed", "against")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +39,8 @@ class CalibrationOptions:
         Efficiency of the robust wavelet variance under Gaussian noise.
     draws, seed : int
         Number of the simulated records, and seed of their draws.
+    against : "auto", "none", str, or mapping of name to array
+        Conditions whose effect is removed; saved as text, without arrays.
     axes : tuple of str or None
         The axes or sensors to calibrate; None for all. It is not saved, because a calibration lists its axes.
 
@@ -60,6 +63,7 @@ class CalibrationOptions:
     efficiency: float = EFFICIENCY
     draws: int = 1000
     seed: int = 0
+    against: Against = AUTO
     axes: str | Sequence[str] | None = None
 
     def __post_init__(self) -> None:
@@ -69,6 +73,7 @@ class CalibrationOptions:
         biweight(self.efficiency)
         if not self.searched:
             object.__setattr__(self, "within", as_model(self.within, "within"))
+        _ = self.conditions  # validates the text and the arrays
         object.__setattr__(self, "axes", _checked_axes(self.axes))
 
     @property
@@ -90,13 +95,21 @@ class CalibrationOptions:
         )  # fmt: skip
 
     @property
+    def conditions(self) -> Asked:
+        """The conditions whose effect is removed."""
+        return Asked.of(self.against)
+
+    @property
     def wanted(self) -> tuple[str, ...] | None:
         """The axes or sensors to calibrate; None for all."""
         return _checked_axes(self.axes)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the options as numbers and strings, as they are saved in calibration.json."""
-        return {name: getattr(self, name) for name in _SAVED} | {"within": str(self.within)}
+        return {name: getattr(self, name) for name in _SAVED} | {
+            "within": str(self.within),
+            "against": str(self.conditions),
+        }
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> CalibrationOptions:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from gmwm._text import rounded
+from gmwm.inspection.findings import in_datasheet_units, removed
 from gmwm.remarks import Remark
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration
 
 _LINE = "linear-trend"
-_RAMP = "R"
-"""Symbol of the rate ramp in a datasheet."""
+_WALK, _RAMP = "K", "R"
+"""Symbols of the rate random walk and the rate ramp in a datasheet."""
 
 
 def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) -> Iterator[Remark]:
@@ -29,6 +31,9 @@ def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) 
     """
     for remark in remarks:
         found = axes.get(remark.subject)
+        if remark.code == "conditions-removed" and found is not None and found.regression is not None:
+            yield removed(remark.subject, found.regression, _left_in(found))
+            continue
         affected = remark.facts.get("numbers")
         if found is None or not isinstance(affected, tuple):
             yield remark
@@ -40,3 +45,15 @@ def as_concerns(remarks: Sequence[Remark], axes: Mapping[str, AxisCalibration]) 
         numbers = tuple(symbol for symbol in sheet if symbol in affected)
         facts = {**remark.facts, "numbers": numbers or ("the terms at long scales",)}
         yield Remark.of(remark.code, remark.subject, **facts)
+
+
+def _left_in(found: AxisCalibration) -> str:
+    """What K would be if the effect of the conditions were left in; "" if it would not be larger."""
+    entry, value = found.datasheet.get(_WALK), found.left_in
+    if not value:
+        return ""
+    if entry is not None and entry.value and not entry.upper_only:
+        ratio = value / entry.value
+        return f"K would be {rounded(ratio)} times as large" if ratio > 1 else ""
+    shown = in_datasheet_units(value, -0.5, found.fit.wavelet_variance.unit)
+    return f"K would be {rounded(shown.value)} {shown.unit}"

@@ -21,6 +21,7 @@ from gmwm.inference.goodness import GoodnessOfFit
 from gmwm.inference.intervals import Interval
 from gmwm.inference.model_error import RelativeMisfit
 from gmwm.outliers import Verdict
+from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.selection import Ranking
 from gmwm.spectrum import PowerSpectrum
@@ -64,6 +65,10 @@ class AxisCalibration:
     spectrum : PowerSpectrum or None
         Power spectral density, averaged over 1/24 octave away from lines, with the lines and bumps; None if the data
         were a wavelet variance, or if the recording has fewer than 64 samples without a gap.
+    regression : Regression or None
+        Regression on the temperature or on other conditions, also if the axis does not follow them.
+    left_in : float or None
+        K (SI) if the effect of the conditions were not removed; None if nothing is removed, or without an estimate.
     """
 
     fit: Fit
@@ -77,6 +82,8 @@ class AxisCalibration:
     model_error: float = 0.0
     tried: tuple[str, ...] = ()
     spectrum: PowerSpectrum | None = None
+    regression: Regression | None = None
+    left_in: float | None = None
 
     @property
     def remarks(self) -> tuple[Remark, ...]:

@@ -13,9 +13,10 @@ from gmwm.calibration.options import SEARCHED, CalibrationOptions
 from gmwm.calibration.summary_text import summary
 from gmwm.cli.command import command
 from gmwm.cli.export import KalibrFile, kalibr_file
-from gmwm.cli.measuring import Chunked, Scheduler, Workers, opened
+from gmwm.cli.measuring import Chunked, Scheduler, Workers, memory_for, opened
 from gmwm.cli.options import (
     RESULT,
+    AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
@@ -30,6 +31,7 @@ from gmwm.cli.output import NewFile, Outcome, file_names, made_directory, progre
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.regression.against import AUTO
 from gmwm.remarks import Dialect
 from gmwm.variance.biweight import EFFICIENCY
 
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "gmwm calibrate static.csv --output results",
     "gmwm calibrate log.txt --rate 100 --units gyro=deg/s,accel=g --output results",
+    "gmwm calibrate static.csv --against temperature:2,lag --output results",
     "gmwm calibrate static.csv --axis gyro --within '2*GM + WN + RW' --robust yes",
 )
 
@@ -61,6 +64,7 @@ def calibrate(
     reading: ReadOptions,
     axis: Axes = None,
     within: Searched = SEARCHED,
+    against: AgainstOption = AUTO,
     robust: Outliers = "auto",
     efficiency: Efficiency = None,
     weighting: ChoiceWeighting = "optimal",
@@ -103,8 +107,11 @@ def calibrate(
     asked = CalibrationOptions(
         within=parse_searched(within), robust=ROBUST[robust], weighting=weighting, criterion=criterion,
         confidence=confidence, efficiency=EFFICIENCY if efficiency is None else efficiency, seed=seed,
+        against=against,
     )  # fmt: skip
-    recording = opened(file, reading, chunked, spread=scheduler is not None or workers is not None)
+    recording = opened(
+        file, reading, chunked, spread=scheduler is not None or workers is not None, whole=memory_for(against)
+    )
     asked = replace(asked, axes=chosen_names(recording.axes, axis))
     if output is not None:
         made_directory(output)

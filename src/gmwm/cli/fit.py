@@ -11,9 +11,10 @@ import typer
 from gmwm.cli.command import command
 from gmwm.cli.likelihood_output import LIKELIHOOD, Judged, judged, likelihood_fits, likelihoods_text, require_states
 from gmwm.cli.likelihood_output import as_dict as likelihood_as_dict
-from gmwm.cli.measuring import Chunked, needs_memory, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, memory_for, needs_memory, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
+    AgainstOption,
     Datasheet,
     Efficiency,
     Filter,
@@ -37,6 +38,7 @@ from gmwm.cli.output import (
 from gmwm.cli.read_options import Axes, File, chosen_axes
 from gmwm.options import ReadOptions
 from gmwm.processes import ordered_classes, registry
+from gmwm.regression.against import NONE
 from gmwm.remarks import Dialect, Remark, texts
 
 if TYPE_CHECKING:
@@ -73,6 +75,7 @@ def fit(
         ),
     ],
     axis: Axes = None,
+    against: AgainstOption = NONE,
     weighting: Annotated[
         Literal["diagonal", "optimal", "identity"] | None,
         typer.Option(
@@ -165,10 +168,11 @@ def fit(
     if likelihood:
         require_states(parsed, argument="likelihood")
     how = _interval_method(confidence, bootstrap_draws, seed)
-    recording = opened(file, reading, chunked, whole=LIKELIHOOD[0] if likelihood else needs_memory(filter, transform))
+    whole = LIKELIHOOD[0] if likelihood else needs_memory(filter, transform)
+    recording = opened(file, reading, chunked, whole=memory_for(against, whole))
     if output is not None:
         made_directory(output)
-    signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
+    signals = signals_or_curves(recording, axis, robust=robust, efficiency=strength, against=against)
     fits = fit_axes(
         dict.fromkeys(recording.axes, parsed), signals, weighting=weighting, robust=robust,
         efficiency=strength, certify=certify, filter=filter, transform=transform,

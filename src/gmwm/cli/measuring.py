@@ -11,6 +11,7 @@ import typer
 from gmwm.cli.read_options import INPUT, chosen_axes, chosen_names, load
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.regression.against import AUTO, NONE
 
 if TYPE_CHECKING:
     from gmwm.readers.streams import Stream
@@ -125,10 +126,24 @@ def stream_curves(
     return curves
 
 
+def memory_for(against: str, other: str = "") -> str:
+    """The option that needs the whole recording in memory, --against or another one; "" if there is none.
+
+    Raises
+    ------
+    OptionError
+        If both are given.
+    """
+    if other and against != NONE:
+        reason = f"--against and {other} cannot be combined"
+        raise OptionError(reason, argument="against", got=against, advice="Leave one of them out.")
+    return other if against in (AUTO, NONE) else f"--against {against}"
+
+
 def signals_or_curves(
-    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float
+    recording: Imu | Stream, wanted: Sequence[str] | None, *, robust: bool, efficiency: float, against: str = NONE
 ) -> Mapping[str, Signal | WaveletVariance]:
-    """The signals that --axis selects, or their curves if the recording is in chunks.
+    """The signals that --axis selects, or their curves if the recording is in chunks or --against is given.
 
     The remarks of the inspection become warnings.
     """
@@ -136,6 +151,9 @@ def signals_or_curves(
     from gmwm.signals import Imu
 
     if isinstance(recording, Imu):
-        tell_inspection(recording)
-        return chosen_axes(recording, wanted)
+        conditions = tell_inspection(recording, against)
+        signals = chosen_axes(recording, wanted)
+        if against == NONE:
+            return signals
+        return {axis: conditions.curve(axis, signals[axis], robust, efficiency) for axis in signals}
     return stream_curves(recording, chosen_names(recording.axes, wanted), robust=robust, efficiency=efficiency)

@@ -9,6 +9,7 @@ import typer
 from gmwm.cli.option_names import checked, prefixed
 from gmwm.errors import OptionError
 from gmwm.options import as_confidence
+from gmwm.regression.against import Asked
 from gmwm.variance.biweight import EFFICIENCY, biweight
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ Robust = Annotated[
 ]
 
 
+checked_against = checked(Asked.of)
 Efficiency = Annotated[
     float | None,
     typer.Option(
@@ -89,6 +91,18 @@ Searched = Annotated[
         help="Largest model; all models that are part of it are compared. auto: search for the model with the "
         "wavelet variance and the spectrum.",
         metavar="MODEL",
+        rich_help_panel="Estimation",
+    ),
+]
+AgainstOption = Annotated[
+    str,
+    typer.Option(
+        "--against",
+        callback=checked_against,
+        help="Remove the effect of conditions from each axis before its noise is measured. auto: the temperature of "
+        "the recording, for axes that follow it (5 % level); none; or covariates, joined by +: temperature, time, "
+        "warmup, with options such as temperature:2,lag (degree, rate of change), temperature:knots=2, time:3.",
+        metavar="COVARIATES",
         rich_help_panel="Estimation",
     ),
 ]

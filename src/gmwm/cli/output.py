@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from gmwm._files import write_text, written_together
 from gmwm.errors import FitWarning, GmwmError, GmwmWarning, OptionError
+from gmwm.regression.against import NONE
 from gmwm.remarks import Dialect, Remark, Severity, brief
 from gmwm.remarks.rendering import MOST
 
 if TYPE_CHECKING:
+    from gmwm.regression.conditions import Conditions
     from gmwm.signals import Imu
 
 
@@ -292,14 +294,24 @@ def tell(remark: Remark) -> None:
     warnings.warn(GmwmWarning(remark), stacklevel=2)
 
 
-def tell_inspection(imu: Imu) -> None:
-    """Inspect a recording, and add the remarks about motion, knocks and the like to the warnings of the command."""
-    from gmwm.inspection import inspect
+def tell_inspection(imu: Imu, against: str = NONE) -> Conditions:
+    """Inspect a recording, and add the remarks about motion, knocks and the like to the warnings of the command.
+
+    Returns
+    -------
+    Conditions
+        The regressions of the axes that `against` asks for.
+    """
+    from gmwm.inspection.api import inspected
+    from gmwm.regression.against import Asked
+    from gmwm.regression.conditions import Conditions
 
     with progress("inspecting"):
-        inspection = inspect(imu)
+        conditions = Conditions.of_recording(imu, Asked.of(against))
+        inspection = inspected(imu, conditions)
     for remark in inspection.remarks:
         tell(remark)
+    return conditions
 
 
 def one_line(text: str) -> str:

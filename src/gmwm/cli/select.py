@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from gmwm.cli.command import command
-from gmwm.cli.measuring import Chunked, opened, signals_or_curves
+from gmwm.cli.measuring import Chunked, memory_for, opened, signals_or_curves
 from gmwm.cli.options import (
     RESULT,
+    AgainstOption,
     ChoiceWeighting,
     Confidence,
     CriterionName,
@@ -26,6 +27,7 @@ from gmwm.cli.output import NewFile, Outcome, file_names, json_text, made_direct
 from gmwm.cli.read_options import Axes, File, chosen_names
 from gmwm.errors import OptionError
 from gmwm.options import ReadOptions
+from gmwm.regression.against import NONE
 from gmwm.selection.options import RankingOptions
 from gmwm.selection.search import SLOW
 
@@ -47,6 +49,7 @@ def select(
     file: File,
     reading: ReadOptions,
     axis: Axes = None,
+    against: AgainstOption = NONE,
     within: Within = SLOW,
     robust: Robust = False,
     efficiency: Efficiency = None,
@@ -80,7 +83,7 @@ def select(
     """
     largest, strength = parse_within(within), chosen_efficiency(robust, efficiency)
     asked = RankingOptions(weighting=weighting, criterion=criterion, confidence=confidence, seed=seed)
-    recording = opened(file, reading, chunked)
+    recording = opened(file, reading, chunked, whole=memory_for(against))
     names = chosen_names(recording.axes, axis)
     if plot is not None and len(names) > 1:
         raise OptionError(
@@ -91,7 +94,7 @@ def select(
         )
     if output is not None:
         made_directory(output)
-    measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength)
+    measured = signals_or_curves(recording, axis, robust=robust, efficiency=strength, against=against)
     rankings = _ranked(largest, measured, options=asked, robust=robust, efficiency=strength)
     axes = {name: ranking.to_dict() for name, ranking in rankings.items()}
     content = {"file": str(file), "within": within, "axes": axes}

@@ -49,17 +49,28 @@ def drawn(observed: Vector, freedom: Vector, curve: Vector) -> Vector:
     return np.asarray((freedom * observed + PRIOR * curve) / (freedom + PRIOR))
 
 
-def mixture(variance: Vector, freedom: Vector, design: Design) -> tuple[Vector, Model]:
+def mixture(variance: Vector, freedom: Vector, design: Design, *, within: float = np.inf) -> tuple[Vector, Model]:
     """The smooth curve (J,) of positive variances (J,) with degrees of freedom (J,), and the mixture as a model.
 
-    The mixture has only processes whose covariance is known.
+    The mixture has only processes whose covariance is known. With `within`, it has no drift, and no process with a
+    correlation time (s) above `within`, apart from random walks and flicker noise.
     """
     processes, shapes = _candidates(tuple(design.levels.tolist()), design.longest, design.rate, design.filter)
-    known = [k for k, process in enumerate(processes) if process.has("generalised_covariance")]
+    known = [
+        k
+        for k, process in enumerate(processes)
+        if process.has("generalised_covariance") and (within == np.inf or _short(process, design.rate, within))
+    ]
     curve, weights = _likeliest(variance, freedom, shapes[known])
     chosen = [(processes[k], float(weight)) for k, weight in zip(known, weights, strict=True) if weight > 0]
     parts = [p.with_values(**{p.scale_parameter().name: p.value_from(weight)}) for p, weight in chosen]
     return curve, Model(tuple(parts))
+
+
+def _short(process: Process, rate: float, within: float) -> bool:
+    """Whether a process has mean zero, and a correlation time of at most `within` (s) or none."""
+    time = process.correlation_time(rate)
+    return not np.any(process.mean(np.arange(2))) and (time is None or time <= within or time == np.inf)
 
 
 def _likeliest(observed: Vector, freedom: Vector, shapes: Matrix) -> tuple[Vector, Vector]:

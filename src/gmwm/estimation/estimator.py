@@ -20,6 +20,8 @@ from gmwm.filters import find_filter
 from gmwm.processes.base import Process
 from gmwm.processes.equivalence import likeness
 from gmwm.processes.model import Model, as_model
+from gmwm.regression.against import Against, Asked
+from gmwm.regression.api import regressed_variance
 from gmwm.remarks import Quantity, Remark
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
@@ -41,6 +43,7 @@ def fit(
     efficiency: float = 0.6,
     certify: bool = True,
     start: Sampled | None = None,
+    against: Against = None,
 ) -> Fit:
     """Fit a sum of noise processes to a signal or to its wavelet variance.
 
@@ -86,6 +89,11 @@ def fit(
         Start from the best of random draws as in the paper, for example ``Sampled(draws=20_000, rng=1)``. For
         comparison only. With `certify`, the fit also has the lower bound, which shows what the draws missed.
 
+    against : str, (N,) array, Signal, or mapping of name to these, optional
+        Conditions whose effect is removed from the signal before the fit, for example
+        ``{"temperature:2,lag": imu.temperature}`` or "time:3"; see docs/howto/temperature.md. Intervals and tests
+        account for what the regression removes from the noise; `fit.regression` has its coefficients.
+
     Returns
     -------
     Fit
@@ -128,7 +136,7 @@ def fit(
             got=start,
             advice="Write starting values into the model, for example `GM(beta=0.1)`.",
         )
-    wv = measured(data, rate, robust, efficiency)
+    wv = measured(data, rate, robust, efficiency, against=against)
     first = None if start is None else _draws(start, wv, data)
     chosen = usual_weighting(wanted) if weighting is None else weighting
     found = _fitted(wanted, wv, chosen, certify=certify, first=first)
@@ -171,10 +179,17 @@ def _fitted(
 
 
 def measured(
-    data: WaveletVariance | Signal | ArrayLike, rate: float | None, robust: bool, efficiency: float
+    data: WaveletVariance | Signal | ArrayLike,
+    rate: float | None,
+    robust: bool,
+    efficiency: float,
+    against: Against = None,
 ) -> WaveletVariance:
     """The wavelet variance to fit: of a signal, or `data` itself after a check that no option contradicts it."""
-    if isinstance(data, WaveletVariance):
+    asked = Asked.of(against)
+    if asked.terms:
+        wv = regressed_variance(data, rate, asked, robust=robust, efficiency=efficiency)
+    elif isinstance(data, WaveletVariance):
         if rate is not None and rate != data.rate:
             raise OptionError(
                 argument="rate",

@@ -15,6 +15,7 @@ from gmwm.estimation.inference_methods import InferenceMethods
 from gmwm.estimation.starts import Start
 from gmwm.processes.kalman_methods import KalmanMethods
 from gmwm.processes.model import Model
+from gmwm.regression.result import Regression
 from gmwm.remarks import Remark
 from gmwm.variance.result import WaveletVariance
 
@@ -141,6 +142,12 @@ class Fit(InferenceMethods, KalmanMethods):
             for parameter in process.nonlinear_parameters()
             if not process.is_fixed(parameter.name)
         )
+
+    @property
+    def regression(self) -> Regression | None:
+        """The effect of the temperature or of other conditions that was removed from the data; None for none."""
+        found: Regression | None = self.wavelet_variance.regression
+        return found
 
     def units(self) -> dict[str, str]:
         """Unit of every parameter, by name."""

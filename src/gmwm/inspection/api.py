@@ -13,14 +13,26 @@ from gmwm._threads import in_threads
 from gmwm.batches import Batch, Batches
 from gmwm.errors import OptionError
 from gmwm.inspection.axis_statistics import AxisStatistics
-from gmwm.inspection.findings import MOVED, of_gravity, of_motion, of_rounding, of_steps, of_time, of_trends, of_units
+from gmwm.inspection.findings import (
+    MOVED,
+    of_conditions,
+    of_gravity,
+    of_motion,
+    of_rounding,
+    of_steps,
+    of_time,
+    of_trends,
+    of_units,
+)
 from gmwm.inspection.knocks import knocks_of, steps_of
-from gmwm.inspection.resolution import Sample, before_rounding, step_of
 from gmwm.inspection.result import AxisInspection, Inspection
 from gmwm.inspection.time_grid import Extent
 from gmwm.inspection.trends import trend_of
 from gmwm.readers.streams import Stream
+from gmwm.regression.against import AUTO, Against, Asked
+from gmwm.regression.conditions import NOTHING, Conditions
 from gmwm.remarks import Remark
+from gmwm.resolution import Sample, before_rounding, step_of
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
@@ -37,7 +49,7 @@ Values = Callable[[str, int, int], Vector]
 """Function of axis, first and last index that returns the samples of a half-open range."""
 
 
-def inspect(recording: Imu | Stream) -> Inspection:
+def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     """Check a recording of a sensor at rest: time base, units, quantization, motion, knocks, jumps and warm-up.
 
     Parameters
@@ -45,6 +57,9 @@ def inspect(recording: Imu | Stream) -> Inspection:
     recording : Imu or Stream
         A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 4.2
         million samples. The temperature of a stream is not checked.
+    against : "auto", "none", str or mapping
+        Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.
+        The test for trends then sees the axes without their effect.
 
     Returns
     -------
@@ -70,6 +85,11 @@ def inspect(recording: Imu | Stream) -> Inspection:
     """
     if not isinstance(recording, Imu | Stream):
         raise _not_a_recording(recording)
+    return inspected(recording, Conditions.of_recording(recording, Asked.of(against)))
+
+
+def inspected(recording: Imu | Stream, conditions: Conditions) -> Inspection:
+    """Inspect a recording whose axes are regressed on conditions."""
     batches = Batches(recording)
     first_pass = FirstPass(batches)
     for batch in batches:
@@ -77,7 +97,7 @@ def inspect(recording: Imu | Stream) -> Inspection:
     statistics = first_pass.second_pass()
     for batch in batches:
         statistics.update(batch)
-    return statistics.result()
+    return statistics.result(conditions)
 
 
 def _not_a_recording(given: object) -> OptionError:
@@ -169,8 +189,8 @@ class RecordingStatistics:
         self._units = {axis: signal.unit for axis, signal in batch.signals.items()}
         in_threads(lambda axis, one: one.update(batch.signals[axis].values), self._axes)
 
-    def result(self) -> Inspection:
-        """Return the inspection after the last batch."""
+    def result(self, conditions: Conditions = NOTHING) -> Inspection:
+        """Return the inspection after the last batch, with trends of the axes without the effect of conditions."""
         extent, statistics = self._extent, self._axes
         axes = {axis: self._axis(axis, one) for axis, one in statistics.items()}
         gravity, tilt, tilt_noise = _gravity(statistics, axes, extent.samples)
@@ -186,7 +206,7 @@ class RecordingStatistics:
             ),
             key=lambda step: (step.time, step.axis),
         )  # fmt: skip
-        sought = (trend_of(axis, one.means(), extent) for axis, one in statistics.items())
+        sought = (trend_of(axis, _noise(axis, one, conditions), extent) for axis, one in statistics.items())
         trends = tuple(found for found in sought if found is not None)
         restless = {axis: found for axis, one in statistics.items() if (found := _restless(one, extent)) is not None}
         turned = tilt is not None and tilt > max(_TURN, _UNEXPLAINED * tilt_noise)
@@ -199,6 +219,7 @@ class RecordingStatistics:
             *of_gravity(gravity),
             *of_rounding(axes, extent.rate),
             *of_units(self._densities()),
+            *of_conditions(conditions.found, conditions.unknown),
             *self._remarks,
         )
         segments = len(extent.segments)
@@ -217,6 +238,7 @@ class RecordingStatistics:
             steps=tuple(steps),
             trends=trends,
             temperature=_range(self._temperature),
+            regressions=dict(conditions.found),
             remarks=remarks,
         )
 
@@ -243,6 +265,17 @@ class RecordingStatistics:
             if self._units[axis] == SI_UNIT["gyro"] and np.any(some):
                 found[axis] = float(np.sqrt(np.median(one.steps.means[some]) / 2 / self._extent.rate))
         return found
+
+
+def _noise(axis: str, one: AxisStatistics, conditions: Conditions) -> list[tuple[int, Vector]]:
+    """Block means of an axis without the effect of the conditions."""
+    if conditions.applied(axis) is None:
+        return one.means()
+    length = one.length
+    return [
+        (first, means - conditions.effect(axis, range(first + length // 2, first + length * means.size, length)))
+        for first, means in one.means()
+    ]
 
 
 def _gravity(

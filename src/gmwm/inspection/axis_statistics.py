@@ -50,6 +50,11 @@ class AxisStatistics:
             part, values = values[:rest], values[rest:]
             self._gather(part, part.size == rest)
 
+    @property
+    def length(self) -> int:
+        """Number of samples of the blocks of `levels` and `means`."""
+        return self._length
+
     def outliers(self) -> Outliers:
         """Indices and sizes of all outliers so far."""
         index, size = zip(*self._outliers, strict=True)

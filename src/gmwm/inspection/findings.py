@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from gmwm._text import counted, duration_text, rounded
+from gmwm.regression.result import per
 from gmwm.remarks import Fact, Quantity, Remark
 from gmwm.time_base import TimeBase
 from gmwm.units import STANDARD_GRAVITY, datasheet_units, noise_unit
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from gmwm.inspection.result import AxisInspection
     from gmwm.inspection.time_grid import Extent
     from gmwm.inspection.trends import Trend
+    from gmwm.regression.result import Regression
 
 MOVED = 1.0
 """Turn of gravity (degrees) that means motion: an accelerometer bias of 17 mg has the same effect."""
@@ -120,6 +123,61 @@ def of_trends(trends: tuple[Trend, ...], units: Mapping[str, str], extent: Exten
             yield Remark.of("linear-trend", found.axis, **facts)
         else:
             yield Remark.of("trend", found.axis, **facts)
+
+
+def of_conditions(found: Mapping[str, Regression], unknown: str) -> Iterator[Remark]:
+    """Remarks on the axes that follow the temperature or other conditions, and on those that do not.
+
+    Parameters
+    ----------
+    found : mapping of axis to Regression
+    unknown : str
+        Why the temperature cannot be used; "" if it can.
+    """
+    if unknown:
+        yield Remark.of("temperature-unknown", reason=unknown)
+    for axis, one in found.items():
+        if one.applied:
+            yield removed(axis, one)
+        else:
+            yield Remark.of("conditions-without-effect", axis, against=covariates_text(one), pvalue=one.pvalue)
+
+
+def removed(axis: str, found: Regression, left_in: str = "") -> Remark:
+    """The remark on an effect that is removed.
+
+    Parameters
+    ----------
+    axis : str
+    found : Regression
+    left_in : str
+        What the effect would change; by default the Allan deviation three octaves below the longest averaging time.
+    """
+    level = max(found.share.size - 3, 1)
+    times = 1 / math.sqrt(max(1 - float(found.share[level - 1]), 1e-4))
+    time = duration_text(2.0 ** (level - 1) / found.rate)
+    return Remark.of(
+        "conditions-removed", axis, against=covariates_text(found), effect=effect_text(found), pvalue=found.pvalue,
+        left_in=left_in or f"the Allan deviation at {time} would be {rounded(times)} times as large",
+    )  # fmt: skip
+
+
+def covariates_text(found: Regression) -> str:
+    """The covariates of a regression in words."""
+    words = {"temperature": "the temperature", "time": "a trend in time", "warmup": "a warm-up"}
+    return " and ".join(words.get(term.name, term.name) for term in found.terms)
+
+
+def effect_text(found: Regression) -> str:
+    """The first coefficient with its standard error, in the unit of a datasheet: "0.0123 ± 0.0009 (deg/s)/°C"."""
+    column = found.columns[0]
+    one = found[column.name]
+    value, error = (in_datasheet_units(number, 0.0, found.unit) for number in (one.value, one.error))
+    unit = per(value.unit, column.power)
+    digits = max(1, min(6, 1 + math.floor(math.log10(abs(one.value) / one.error) + 1))) if one.value else 2
+    text = f"{value.value:.{digits}g} ± {error.value:.2g} {unit}".rstrip()
+    more = len(found.columns) - 1
+    return text if not more else f"{text} and {counted(more, 'further coefficient')}"
 
 
 def in_datasheet_units(value: float, time_power: float, unit: str) -> Quantity:

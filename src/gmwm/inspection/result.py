@@ -10,6 +10,7 @@ from gmwm._template import render
 from gmwm._text import Summarised, counted, duration_text, moment
 from gmwm.inspection.knocks import Knock, Step
 from gmwm.inspection.trends import Trend
+from gmwm.regression.result import Regression
 from gmwm.remarks import Dialect, Remark, Severity, with_groups
 from gmwm.remarks.rendering import MOST
 from gmwm.time_base import TimeBase
@@ -76,6 +77,8 @@ class Inspection(Summarised):
         Axes whose mean follows a smooth course, such as a warm-up.
     temperature : (lowest, highest) or None
         Range of the temperature (°C); None if it was not recorded.
+    regressions : mapping of axis to Regression
+        Regressions on the temperature or on other conditions, also of axes that do not follow it.
     remarks : tuple of Remark
         What affects a calibration, and how the recording was read.
     """
@@ -94,11 +97,13 @@ class Inspection(Summarised):
     steps: tuple[Step, ...]
     trends: tuple[Trend, ...]
     temperature: tuple[float, float] | None
+    regressions: dict[str, Regression]
     remarks: tuple[Remark, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """Return all fields as dicts, lists, numbers and strings, ready for JSON."""
-        content = {name: _plain(value) for name, value in asdict(replace(self, remarks=())).items()}
+        content = {name: _plain(value) for name, value in asdict(replace(self, remarks=(), regressions={})).items()}
+        content["regressions"] = {axis: found.to_dict() for axis, found in self.regressions.items()}
         return content | {"remarks": [remark.to_dict() for remark in self.remarks]}
 
     def summary(self, *, every: bool = False) -> str:

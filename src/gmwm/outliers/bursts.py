@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gmwm import _core
 from gmwm._arrays import Vector, as_rate, as_vector, freeze
-from gmwm.inspection.resolution import Sample, step_of
+from gmwm.resolution import Sample, step_of
 from gmwm.signals import Signal
 from gmwm.variance.panels import Panels, panel_length
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from gmwm._arrays import Vector, freeze
 from gmwm.errors import DataError, OptionError
-from gmwm.inspection.resolution import lsb
 from gmwm.outliers.bursts import NEIGHBOURHOOD
+from gmwm.resolution import lsb
 from gmwm.signals import Signal
 
 APART = 1.5

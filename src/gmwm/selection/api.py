@@ -21,6 +21,7 @@ from gmwm.inference.simulated_curves import simulated_variances
 from gmwm.processes.base import Process
 from gmwm.processes.model import Model, as_model
 from gmwm.processes.validation import as_seed
+from gmwm.regression.against import Against
 from gmwm.selection.candidate_fits import Explored, Progress, explore
 from gmwm.selection.comparison import difference_error
 from gmwm.selection.equivalence import SURELY, as_good
@@ -55,6 +56,7 @@ def select(
     rng: int | np.random.Generator = 0,
     robust: bool = False,
     efficiency: float = 0.6,
+    against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
     """Select a model: rank every model within a general one, and recommend the simplest that is as good as the best.
@@ -88,8 +90,8 @@ def select(
         Number of simulated records for the uncertainty of the criterion and for the bootstrap.
     rng : int or numpy.random.Generator
         Source of the draws; the same integer gives the same result.
-    robust, efficiency : bool, float
-        As for `fit`.
+    robust, efficiency, against
+        As for `fit`. All models are compared with the same regression.
     progress : callable, optional
         Called with the number of candidates done and the number of all candidates.
 
@@ -123,7 +125,7 @@ def select(
         weighting=weighting, criterion=criterion, confidence=confidence, draws=draws, seed=as_seed(rng)
     )  # fmt: skip
     return select_within(
-        general, data, options, rate=rate, robust=robust, efficiency=efficiency, progress=progress
+        general, data, options, rate=rate, robust=robust, efficiency=efficiency, against=against, progress=progress
     )  # fmt: skip
 
 
@@ -136,11 +138,12 @@ def select_within(
     rate: float | None = None,
     robust: bool = False,
     efficiency: float = 0.6,
+    against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
     """The ranking of every model within a general one, by checked options; all contain the `required` terms."""
     optional = without_values(as_model(general))
-    recordings = _recordings(data, rate, robust, efficiency)
+    recordings = _recordings(data, rate, robust, efficiency, against=against)
     models = nested(optional)
     if required:
         models = [*(Model((*model.processes, *required)) for model in models), Model(tuple(required))]
@@ -167,6 +170,7 @@ def rank(
     rng: int | np.random.Generator = 0,
     robust: bool = False,
     efficiency: float = 0.6,
+    against: Against = None,
     progress: Progress | None = None,
 ) -> Ranking:
     """Rank given models by the criterion of `select`.
@@ -177,7 +181,7 @@ def rank(
     ----------
     models : list of Model, Process or str
         The candidates.
-    data, rate, weighting, criterion, confidence, draws, rng, robust, efficiency, progress
+    data, rate, weighting, criterion, confidence, draws, rng, robust, efficiency, against, progress
         As for `select`.
 
     Returns
@@ -207,7 +211,7 @@ def rank(
             advice="To rank all models within one, use `gmwm.select`.",
         )  # fmt: skip
     wanted = [without_values(as_model(model)) for model in models]
-    recordings = _recordings(data, rate, robust, efficiency)
+    recordings = _recordings(data, rate, robust, efficiency, against=against)
     for model in wanted:
         if freedom(model) > len(recordings[0]):
             raise ModelError(
@@ -248,7 +252,9 @@ def _join(one: Process, other: Process) -> type[Process] | None:
     return type(one).joined(type(other))
 
 
-def _recordings(data: object, rate: float | None, robust: bool, efficiency: float) -> list[WaveletVariance]:
+def _recordings(
+    data: object, rate: float | None, robust: bool, efficiency: float, against: Against
+) -> list[WaveletVariance]:
     """The wavelet variances of one or several recordings, at their common levels."""
     several = isinstance(data, (list, tuple)) and all(
         isinstance(x, (WaveletVariance, Signal, np.ndarray)) for x in data
@@ -256,7 +262,7 @@ def _recordings(data: object, rate: float | None, robust: bool, efficiency: floa
     items = list(data) if several and isinstance(data, (list, tuple)) else [data]
     if not items:
         raise DataError(argument="data", expected="a recording or a list of recordings", got=data)
-    curves = [measured(item, rate, robust, efficiency) for item in items]  # type: ignore[arg-type]
+    curves = [measured(item, rate, robust, efficiency, against=against) for item in items]  # type: ignore[arg-type]
     first = curves[0]
     for other in curves[1:]:
         for name in ("rate", "unit", "filter", "transform", "robust"):

@@ -67,6 +67,8 @@ class WaveletVariance(Summarised):
         was estimated before: Cov(ν̂_j², ν̂_k²) = V_jk + E_jk ν_j² ν_k². Tests and intervals use it.
     model_error : float
         Relative error τ of the model at each level, which adds τ² to the diagonal of E, also for weights and selection.
+    regression : gmwm.regression.Regression or None
+        The effect of the temperature or of other conditions that was removed from the signal.
 
     Examples
     --------
@@ -98,6 +100,7 @@ class WaveletVariance(Summarised):
     strides: tuple[int, ...] = ()
     excess: Matrix | None = None
     model_error: float = 0.0
+    regression: Any = None
 
     def __post_init__(self) -> None:
         for name in ("levels", "variance", "lower", "upper", "counts"):
@@ -267,12 +270,15 @@ class WaveletVariance(Summarised):
             "slope": self.slope,
             "excess": None if self.excess is None else self.excess.tolist(),
             "model_error": self.model_error,
+            "regression": None if self.regression is None else self.regression.to_dict(),
             "diagnostics": dict(self.diagnostics),
         }
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> WaveletVariance:
         """The result whose `to_dict` gave `values`."""
+        from gmwm.regression.result import Regression
+
         derived = ("scales", "tau")
         fields = {name: value for name, value in values.items() if name not in derived}
         for name, kind in (("levels", np.int64), ("counts", np.int64)):
@@ -281,6 +287,8 @@ class WaveletVariance(Summarised):
             fields[name] = np.asarray(fields[name], dtype=np.float64)
         if fields.get("excess") is not None:
             fields["excess"] = np.asarray(fields["excess"], dtype=np.float64)
+        if fields.get("regression") is not None:
+            fields["regression"] = Regression.from_dict(fields["regression"])
         for name in ("segments", "strides"):
             fields[name] = tuple(int(number) for number in fields.get(name, ()))
         return cls(**fields)

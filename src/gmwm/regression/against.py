@@ -1,0 +1,192 @@
+"""What an axis is regressed on: the option `against`, as text or with arrays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Vector, as_vector
+from gmwm.errors import OptionError
+from gmwm.signals import Signal
+
+AUTO, NONE = "auto", "none"
+TIME, WARM_UP, TEMPERATURE = "time", "warmup", "temperature"
+MOST_DEGREES = 5
+"""Highest degree of a polynomial, as in the drivers that compensate temperature."""
+MOST_KNOTS = 10
+_EXPECTED = "text such as 'temperature:2,lag', 'time:3' or 'warmup', an array, or a mapping of names to arrays"
+_UNITS = {TEMPERATURE: "°C", TIME: "h"}
+
+Against = str | ArrayLike | Signal | Mapping[str, ArrayLike | Signal] | None
+"""What `against` can be; see `gmwm.fit`."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One covariate of a regression, and the form of its effect.
+
+    Attributes
+    ----------
+    name : str
+        Name of the covariate; "time" and "warmup" are computed from the clock.
+    degree : int
+        Degree of the polynomial; 1 is a straight line.
+    lag : bool
+        Whether the rate of change is a column too, for a sensor that follows the covariate later.
+    knots : int
+        Number of inner knots of a natural cubic spline; 0 for a polynomial.
+    exact : bool
+        Whether the covariate is known without error at every sample, so that all scales are used.
+    """
+
+    name: str
+    degree: int = 1
+    lag: bool = False
+    knots: int = 0
+    exact: bool = False
+
+    def __str__(self) -> str:
+        options = [str(self.degree)] if self.degree > 1 else []
+        options += [f"knots={self.knots}"] if self.knots else []
+        options += [word for word, on in (("lag", self.lag), ("exact", self.exact)) if on]
+        return self.name + (":" + ",".join(options) if options else "")
+
+    @property
+    def unit(self) -> str:
+        """Unit of the covariate; "" if it is unknown."""
+        return _UNITS.get(self.name, "")
+
+    @property
+    def measured(self) -> bool:
+        """Whether its values come with the recording, and not from the clock."""
+        return self.name not in (TIME, WARM_UP)
+
+    @classmethod
+    def parse(cls, text: str) -> Term:
+        """Read a term such as ``temperature:2,lag``.
+
+        Raises
+        ------
+        OptionError
+            If it is not a name with known options.
+
+        Examples
+        --------
+        >>> Term.parse("temperature:2,lag")
+        Term(name='temperature', degree=2, lag=True, knots=0, exact=False)
+        """
+        name, _, rest = text.strip().partition(":")
+        if not re.fullmatch(r"[A-Za-z_]\w*", name) or name in (AUTO, NONE):
+            raise OptionError(argument="against", expected=_EXPECTED, got=text)
+        degree, knots, words = 1, 0, set()
+        for word in filter(None, (part.strip() for part in rest.split(","))):
+            if word.isdigit() and 1 <= int(word) <= MOST_DEGREES:
+                degree = int(word)
+            elif (found := re.fullmatch(r"knots=(\d+)", word)) and 1 <= int(found[1]) <= MOST_KNOTS:
+                knots = int(found[1])
+            elif word in ("lag", "exact"):
+                words.add(word)
+            else:
+                raise OptionError(
+                    argument="against",
+                    expected=f"a degree from 1 to {MOST_DEGREES}, knots=1 to {MOST_KNOTS}, lag or exact after {name!r}",
+                    got=word,
+                )
+        if (name == WARM_UP and rest) or (name == TIME and words) or (knots and degree > 1):
+            raise OptionError(
+                f"against: {text!r} has options that do not apply",
+                argument="against",
+                got=text,
+                advice="Write `warmup` alone, `time` with a degree or knots, and either a degree or knots.",
+            )
+        return cls(name, degree=degree, lag="lag" in words, knots=knots, exact="exact" in words)
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The terms of a regression, and the arrays that the user passed.
+
+    Attributes
+    ----------
+    terms : tuple of Term
+    arrays : mapping of name to (N,) array
+        Covariates that do not come with the recording.
+    automatic : bool
+        Whether the temperature of the recording is tested, and used only if the axis follows it.
+    """
+
+    terms: tuple[Term, ...] = ()
+    arrays: Mapping[str, Vector] | None = None
+    automatic: bool = False
+
+    def __str__(self) -> str:
+        return AUTO if self.automatic else " + ".join(map(str, self.terms)) or NONE
+
+    @classmethod
+    def of(cls, against: Against | Asked) -> Asked:
+        """Check and convert the option `against`.
+
+        Raises
+        ------
+        OptionError, DataError
+            If it is none of what `Against` allows.
+        """
+        if isinstance(against, Asked):
+            return against
+        if against is None:
+            return cls()
+        if isinstance(against, str):
+            text = against.strip()
+            if text == AUTO:
+                return cls(automatic=True)
+            if text == NONE:
+                return cls()
+            return cls(_distinct(Term.parse(part) for part in text.split("+")))
+        given = against if isinstance(against, Mapping) else {"covariate": against}
+        if not given:
+            raise OptionError(argument="against", expected=_EXPECTED, got="an empty mapping")
+        arrays, terms = {}, []
+        for text, values in given.items():
+            term = Term.parse(str(text))
+            if not term.measured:
+                raise OptionError(
+                    f"against: {term.name} is computed from the clock, and needs no array",
+                    argument="against",
+                    got=text,
+                    advice="Give the array another name.",
+                )
+            terms.append(term)
+            arrays[term.name] = values.values if isinstance(values, Signal) else as_vector(values, term.name)
+        return cls(_distinct(terms), arrays)
+
+
+def _distinct(terms: Iterable[Term]) -> tuple[Term, ...]:
+    found = tuple(terms)
+    names = [term.name for term in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise OptionError(argument="against", expected="each covariate once", got=twice)
+    if TIME in names and WARM_UP in names and next(t for t in found if t.name == TIME).degree > 1:
+        raise OptionError(
+            "against: a curved trend in time and a warm-up describe the same course",
+            argument="against",
+            got=" + ".join(map(str, found)),
+            advice="Use one of them.",
+        )
+    return found
+
+
+def is_given(asked: Asked) -> bool:
+    """Whether a regression was asked for, or is tested automatically."""
+    return asked.automatic or bool(asked.terms)
+
+
+def finite_or_none(values: Vector | None) -> Vector | None:
+    """A covariate, or None if it has missing values or does not change."""
+    if values is None or not np.all(np.isfinite(values)) or not np.ptp(values) > 0:
+        return None
+    return values

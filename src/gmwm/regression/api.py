@@ -1,0 +1,220 @@
+"""Regress an axis on the temperature, on time or on other conditions of the recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Matrix, Vector, as_rate, as_vector
+from gmwm.errors import DataError, OptionError
+from gmwm.regression.against import WARM_UP, Asked
+from gmwm.regression.covariates import Covariates
+from gmwm.regression.levelwise import COLLINEAR, Levelwise, Weighted
+from gmwm.regression.noise import Noise
+from gmwm.regression.result import Regression
+from gmwm.signals import Signal
+from gmwm.variance.api import signal_wavelet_variance
+from gmwm.variance.biweight import EFFICIENCY
+from gmwm.variance.result import WaveletVariance
+
+FOLLOWS = 0.05
+"""Level of the F test from which an axis follows the temperature."""
+FURTHER = 0.01
+"""Level of the t test from which a further column is used by the automatic choice."""
+_ROUNDS = 4
+"""Rounds of noise, weights and coefficients: the third changes a standard error by less than 1 % (tests/regression)."""
+_TIMES = 24
+_LEAST_KEPT = 0.1
+
+
+def regress(signal: Signal, covariates: Covariates, *, automatic: bool = False) -> Regression:
+    """Regress an axis on covariates.
+
+    Each wavelet level is weighted by the variance of the noise, which is estimated from the residuals together with the
+    coefficients. Standard errors account for this noise, so that two independent random walks do not follow each other.
+
+    Parameters
+    ----------
+    signal : Signal
+    covariates : Covariates
+        Prepared for a signal of the same clock.
+    automatic : bool
+        Test whether the axis follows the temperature. If it does, its square, its rate of change and its cube are added
+        if they are significant at the 1 % level; otherwise the regression is not applied.
+
+    Raises
+    ------
+    DataError
+        If the columns are collinear, or the signal is constant.
+    """
+    means = covariates.clock.means(signal.values, clipped=True)
+    found = regress_means(means, covariates, axis=signal.axis, unit=signal.unit)
+    if not automatic:
+        return found
+    if found.pvalue >= FOLLOWS:
+        return replace(found, applied=False)
+    return _extended(found, means, covariates)
+
+
+def _extended(found: Regression, means: Vector, covariates: Covariates) -> Regression:
+    """The regression with the further columns of the temperature that are significant."""
+    for change in ({"degree": 2}, {"lag": True}, {"degree": 3}):
+        term = found.terms[0]
+        if change.get("degree") == 3 and term.degree != 2:
+            continue
+        larger = covariates.having((replace(term, **change),))
+        try:
+            wider = regress_means(means, larger, axis=found.axis, unit=found.unit)
+        except DataError:
+            continue
+        new = "temperature lag" if "lag" in change else f"temperature^{change['degree']}"
+        if wider[new].pvalue < FURTHER:
+            found = wider
+    return found
+
+
+def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit: str = "") -> Regression:
+    """Regress block means (n,) of an axis on covariates; see `regress`."""
+    clock = covariates.clock
+    present = clock.present()
+    solved = _solved(means, covariates, present, clock.whole())
+    weighted, noise, design = solved.weighted, solved.noise, solved.weighted.design
+    beta, lags = weighted.estimate(means), noise.covariances(len(means))
+    parts = [weighted.covariances(own) for own in lags]
+    covariance = noise.average(parts)
+    inverse = np.linalg.pinv(covariance, hermitian=True)
+    freedoms = [noise.freedom_of([own[:, k, k] for own in parts]) for k in range(beta.size)]
+    freedom = noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts])
+    statistic = float(beta @ inverse @ beta) / beta.size
+    residuals = means - weighted.design.columns @ beta
+    raw, left = design.variances(means), design.variances(residuals)
+    counts = clock.counts()[present]
+    inside = clock.length.bit_length() - 1
+    tau, tau_error = solved.tau, None
+    if tau is not None:
+        k = [column.name for column in covariates.basis.columns].index(WARM_UP)
+        tau_error = tau * float(np.sqrt(covariance[k + 1, k + 1]) / abs(beta[k])) if beta[k] else None
+    return Regression(
+        axis=axis, unit=unit, basis=covariates.basis, estimates=tuple(beta.tolist()), covariance=covariance,
+        freedoms=tuple(freedoms), statistic=statistic, freedom=freedom,
+        pvalue=_f_tail(statistic, beta.size, freedom), ranges=dict(covariates.ranges),
+        mean=float(np.average(residuals[present], weights=counts)), tau=tau, tau_error=tau_error,
+        block=covariates.block / clock.rate, rate=clock.rate, kept=np.concatenate([np.ones(inside), solved.kept]),
+        share=np.concatenate([np.zeros(inside), np.clip(1 - left / raw, 0.0, 1.0)]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Weights and noise that agree with each other."""
+
+    weighted: Weighted
+    noise: Noise
+    kept: Vector
+    tau: float | None
+
+
+def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: np.ndarray) -> _Solved:
+    """Iterate noise, weights and coefficients, from the raw series."""
+    warm = any(term.name == WARM_UP for term in covariates.basis.terms)
+    times = covariates.clock.times[present]
+    tau = (times[-1] - times[0]) / 3 if warm else None
+    design = Levelwise(covariates.matrix(tau), present, whole)
+    known = np.arange(design.levels) >= covariates.unknown_levels
+    scales = 2.0 ** np.arange(1, design.levels + 1)
+    freedom = np.maximum(design.counts / scales, 1.0)
+    kept, variances = np.ones(design.levels), design.variances(means)
+    for _ in range(_ROUNDS):
+        if not np.all(variances > 0):
+            raise DataError("the signal is constant at some scale, so that it cannot be regressed", argument="against")
+        noise = Noise.of(variances / kept, freedom * kept, len(means))
+        weights = np.where(known, 1 / (scales * noise.curve), 0.0)
+        if warm:
+            tau = _time_constant(means, covariates, design, weights)
+            design = Levelwise(covariates.matrix(tau), present, whole)
+        weighted = design.under(weights)
+        if weighted.condition > COLLINEAR:
+            names = ", ".join(column.name for column in covariates.basis.columns)
+            raise DataError(
+                f"the columns {names} describe nearly the same course in this recording, so that their effects cannot "
+                "be separated",
+                argument="against",
+                advice="Use fewer of them.",
+            )
+        beta = weighted.estimate(means)
+        spread = weighted.spread(noise.average(noise.covariances(len(means))))
+        kept = np.clip(1 - weighted.removed(spread) / noise.curve, _LEAST_KEPT, 1.0)
+        variances = design.variances(means - design.columns @ beta)
+    return _Solved(weighted, noise, kept, tau)
+
+
+def _time_constant(means: Vector, covariates: Covariates, design: Levelwise, weights: Vector) -> float:
+    """The time constant (s) of the warm-up with the least weighted squares, from a grid and a finer one around it."""
+    times = covariates.clock.times[design.present]
+    span, step = float(times[-1] - times[0]), covariates.clock.length / covariates.clock.rate
+    # The other columns and the decay alone; the derivative by the time constant is not part of the profile.
+    first = [column.name for column in covariates.basis.columns].index(f"{WARM_UP} tau")
+
+    def gain(tau: float) -> float:
+        columns: Matrix = np.delete(covariates.matrix(tau), first, axis=1)
+        under = Levelwise(columns, design.present, design.whole).under(weights)
+        beta = under.estimate(means)
+        return float(beta @ under.information @ beta)
+
+    grid = np.geomspace(4 * step, 1.5 * span, _TIMES)
+    best = int(np.argmax([gain(tau) for tau in grid]))
+    ratio = grid[1] / grid[0]
+    finer = grid[best] * np.geomspace(1 / ratio, ratio, 13)
+    return float(finer[int(np.argmax([gain(tau) for tau in finer]))])
+
+
+def regressed_variance(
+    data: WaveletVariance | Signal | ArrayLike,
+    rate: float | None,
+    asked: Asked,
+    *,
+    robust: bool = False,
+    efficiency: float = EFFICIENCY,
+) -> WaveletVariance:
+    """Estimate the wavelet variance of a signal without the effect of covariates; it carries the regression.
+
+    Raises
+    ------
+    OptionError, DataError
+        If a covariate cannot be used, or if `data` is a wavelet variance, which has no samples.
+    """
+    if isinstance(data, WaveletVariance):
+        raise OptionError(
+            "against needs the samples; got a WaveletVariance",
+            argument="against",
+            advice="Pass the signal, or leave {--against} out.",
+        )
+    if not isinstance(data, Signal):
+        data = Signal(as_vector(data, "data"), as_rate(rate))
+    if rate is not None and rate != data.rate:
+        raise OptionError(argument="rate", expected=f"{data.rate:g}, the sampling rate of the signal (Hz)", got=rate)
+    covariates = Covariates.of(asked.terms, dict(asked.arrays or {}), data)
+    found = regress(data, covariates)
+    rest = without(data, found, covariates)
+    return found.corrected(signal_wavelet_variance(rest, robust=robust, efficiency=efficiency))
+
+
+def _f_tail(statistic: float, size: int, freedom: float) -> float:
+    from scipy.special import fdtrc
+
+    return float(fdtrc(size, freedom, statistic))
+
+
+def effect_of(found: Regression, covariates: Covariates, first: int, last: int) -> Vector:
+    """The effect of the covariates at the samples of a half-open range."""
+    return covariates.having(found.terms).effect(np.array(found.estimates), found.tau, first, last)
+
+
+def without(signal: Signal, found: Regression, covariates: Covariates, first: int = 0) -> Signal:
+    """A part of the recording from sample `first` on without the effect of the covariates; its mean stays."""
+    values = signal.values - effect_of(found, covariates, first, first + len(signal))
+    return Signal(
+        values, signal.rate, unit=signal.unit, axis=signal.axis, segments=signal.segments, starts=signal.starts
+    )

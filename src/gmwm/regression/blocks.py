@@ -1,0 +1,169 @@
+"""Block means of a recording on its clock, so that a regression on slow covariates costs the same at any length."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.time_base import begins_of
+
+BLOCKS = 4096
+"""Number of blocks that a recording has at least, if it has as many samples: standard errors then differ by less than
+0.1 % from those with all samples (docs/validation/regression.md)."""
+MOST = 1 << 17
+"""Largest number of blocks, gaps included, so that a recording with long gaps does not need more memory."""
+CLIPPED = 8.0
+"""Distance from the median of its block, in standard deviations, beyond which a sample is clipped: a knock or a wrong
+sample then moves a block mean by little. Gaussian noise reaches it once in 10¹⁵ samples."""
+_SLAB = 1 << 20
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """Equal blocks on the clock of a recording.
+
+    Attributes
+    ----------
+    length : int
+        Samples of a block, a power of two.
+    rate : float
+        Sampling rate (Hz).
+    segments : tuple of (first, last)
+        Index ranges without a gap.
+    offsets : tuple of int
+        Place of the first sample of each segment on the clock, in samples from the first sample of the recording.
+    """
+
+    length: int
+    rate: float
+    segments: tuple[tuple[int, int], ...]
+    offsets: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls, rate: float, segments: tuple[tuple[int, int], ...], starts: tuple[float, ...], length: int | None = None
+    ) -> Clock:
+        """The clock of a recording with at least `BLOCKS` blocks, or with blocks of a given length."""
+        begins = begins_of(rate, segments, starts)
+        offsets, end = [], 0
+        for begin, (first, last) in zip(begins, segments, strict=True):
+            offsets.append(max(round(begin * rate), end))
+            end = offsets[-1] + last - first
+        samples = segments[-1][1]
+        usual = 1 << max(int(max(samples // BLOCKS, end // MOST)).bit_length() - 1, 0)
+        return cls(usual if length is None else length, rate, tuple(segments), tuple(offsets))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks from the first sample to the last one, gaps included."""
+        first, last = self.segments[-1]
+        return -(-(self.offsets[-1] + last - first) // self.length)
+
+    @property
+    def times(self) -> Vector:
+        """Times of the centres of the blocks (s) after the first sample."""
+        return np.asarray(((np.arange(self.blocks) + 0.5) * self.length - 0.5) / self.rate, dtype=np.float64)
+
+    def places(self) -> list[tuple[int, int, int]]:
+        """First sample, last sample and place on the clock of the pieces to read, each within one segment."""
+        pieces = []
+        for (first, last), offset in zip(self.segments, self.offsets, strict=True):
+            begin = first
+            while begin < last:
+                # Each piece ends with a block.
+                stop = min(begin + _SLAB - (offset + begin - first) % self.length, last)
+                pieces.append((begin, stop, offset + begin - first))
+                begin = stop
+        return pieces
+
+    def counts(self) -> NDArray[np.int64]:
+        """Number of samples of each block."""
+        found = np.zeros(self.blocks, dtype=np.int64)
+        for (first, last), offset in zip(self.segments, self.offsets, strict=True):
+            edges = np.arange(offset // self.length, (offset + last - first - 1) // self.length + 1)
+            low = np.maximum(edges * self.length, offset)
+            found[edges] += np.minimum((edges + 1) * self.length, offset + last - first) - low
+        return found
+
+    def present(self) -> NDArray[np.bool_]:
+        """Blocks with at least half of their samples."""
+        return np.asarray(self.counts() * 2 >= self.length)
+
+    def whole(self) -> NDArray[np.bool_]:
+        """Blocks whose samples are all there."""
+        return np.asarray(self.counts() == self.length)
+
+    def means(self, values: Vector, *, clipped: bool = False) -> Vector:
+        """Means of the samples of each block; 0 for an empty block.
+
+        With `clipped`, samples far from the median of their block are clipped, see `CLIPPED`.
+        """
+        spread = self._usual_spread(values) if clipped and self.length > 1 else 0.0
+        sums = np.zeros(self.blocks)
+        for first, last, place in self.places():
+            part, at = values[first:last], place // self.length
+            head = min((-place) % self.length, part.size)
+            whole = (part.size - head) // self.length
+            edge = head + whole * self.length
+            rows = part[head:edge].reshape(-1, self.length)
+            begin = at + (head > 0)
+            sums[begin : begin + whole] += np.sum(_clipped(rows, spread) if spread else rows, axis=1)
+            for rest, k in ((part[:head], at), (part[edge:], begin + whole)):
+                if rest.size:
+                    sums[k] += np.sum(_clipped(rest[None, :], spread) if spread else rest)
+        counts = self.counts()
+        return np.divide(sums, counts, out=np.zeros(sums.size), where=counts > 0)
+
+    def _usual_spread(self, values: Vector) -> float:
+        """Standard deviation of a sample in its block: the median over the blocks of one piece in eight."""
+        found = []
+        for first, last, place in self.places()[::8]:
+            part = values[first + min((-place) % self.length, last - first) : last]
+            rows = part[: part.size - part.size % self.length].reshape(-1, self.length)
+            found.append(np.std(rows, axis=1))
+        every = np.concatenate(found) if found else np.empty(0)
+        return float(np.median(every)) if every.size else 0.0
+
+    def interpolated(self, means: Vector, first: int, last: int) -> Vector:
+        """Values at the samples of a half-open range, linear between the centres of blocks with samples."""
+        at, curve = self._lines(means)
+        out = np.empty(last - first)
+        for (begin, end), offset in zip(self.segments, self.offsets, strict=True):
+            low, high = max(begin, first), min(end, last)
+            if low < high:
+                places = np.arange(offset + low - begin, offset + high - begin, dtype=np.float64)
+                out[low - first : high - first] = np.interp(places, at, curve)
+        return out
+
+    def onto(self, means: Vector, finer: Clock) -> Vector:
+        """Values at the blocks of a clock with blocks of at most this length, linear in between."""
+        return np.asarray(np.interp((np.arange(finer.blocks) + 0.5) * finer.length - 0.5, *self._lines(means)))
+
+    def _lines(self, means: Vector) -> tuple[Vector, Vector]:
+        """Places on the clock and values of a piecewise linear curve through the means of the blocks with samples."""
+        known = np.flatnonzero(self.counts() > 0)
+        at = np.asarray((known + 0.5) * self.length - 0.5, dtype=np.float64)
+        curve = means[known]
+        if known.size > 1 and self.length > 1:
+            # The lines go on to the first and to the last sample.
+            rise = (curve[[1, -1]] - curve[[0, -2]]) / (at[[1, -1]] - at[[0, -2]]) * self.length
+            curve = np.concatenate([[curve[0] - rise[0]], curve, [curve[-1] + rise[1]]])
+            at = np.concatenate([[at[0] - self.length], at, [at[-1] + self.length]])
+        return at, curve
+
+
+def _clipped(rows: Matrix, spread: float) -> Matrix:
+    """Blocks of samples, clipped around their medians where a sample is far from them."""
+    far = np.flatnonzero(np.ptp(rows, axis=1) > CLIPPED * spread)
+    if not far.size:
+        return rows
+    out = rows.copy()
+    middle = np.median(rows[far], axis=1, keepdims=True)
+    # 1.4826 times the median distance is the standard deviation of Gaussian noise.
+    own = 1.4826 * np.median(np.abs(rows[far] - middle), axis=1, keepdims=True)
+    reach = CLIPPED * np.maximum(own, spread)
+    out[far] = np.clip(rows[far], middle - reach, middle + reach)
+    return out

@@ -1,0 +1,248 @@
+"""Covariates of a recording: block means, the scales at which they are known, and the columns of a regression."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector, freeze
+from gmwm.errors import DataError, OptionError
+from gmwm.regression.against import TEMPERATURE, TIME, WARM_UP, Term
+from gmwm.regression.blocks import Clock
+from gmwm.regression.columns import HOUR, Basis
+from gmwm.resolution import lsb
+from gmwm.signals import Signal
+from gmwm.time_base import times_of
+from gmwm.variance.api import signal_wavelet_variance
+
+KNOWN = 10.0
+"""Ratio of the wavelet variance of a covariate and that of its reading error from which a scale is used: a coefficient
+is then too small by at most a tenth at this scale, and by less than 1 % together with the larger ones
+(docs/validation/regression.md)."""
+STEPS = 48.0
+"""Wavelet variance of steps q as q²/48: a uniform error of variance q²/12 that changes slowly has a wavelet variance of
+a quarter of it at most."""
+WINDOWS = 256
+"""Number of windows of the recording in which a quantized covariate must move up and down to count as dithered."""
+FEWEST_BLOCKS = 32
+"""Fewest blocks of a regression: five scales."""
+FEWEST_KNOWN = 8
+"""Fewest blocks of the length from which a covariate is known: two scales are then used."""
+
+
+@dataclass(frozen=True, eq=False)
+class Covariates:
+    """The covariates of a regression on the blocks of a recording.
+
+    Attributes
+    ----------
+    basis : Basis
+    clock : Clock
+    means : mapping of name to (n,) array
+        Block means of the measured covariates, interpolated where a block is empty.
+    exact : mapping of name to (N,) array
+        Samples of the covariates that are known exactly.
+    ranges : mapping of name to (lowest, highest)
+        Of the block means; of time in hours.
+    lowest : int
+        Lowest wavelet level of the recording at which all covariates are known.
+    block : int
+        Length (samples) of the blocks whose means give the covariates.
+    """
+
+    basis: Basis
+    clock: Clock
+    means: Mapping[str, Vector]
+    exact: Mapping[str, Vector]
+    ranges: Mapping[str, tuple[float, float]]
+    lowest: int
+    block: int
+
+    @classmethod
+    def of(cls, terms: Sequence[Term], arrays: Mapping[str, Vector], signal: Signal) -> Covariates:
+        """Prepare the covariates of a recording with the clock of a signal.
+
+        Raises
+        ------
+        DataError
+            If a covariate is missing, constant, of another length, or not known well enough at any scale.
+        """
+        usual = 1 if any(term.exact for term in terms) else None
+        clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
+        block, lowest, known = clock.length, 1, dict(arrays)
+        for term in terms:
+            if term.measured:
+                values = _checked(term, known, signal)
+                if not term.exact:
+                    known[term.name], level, stepped = as_known(term.name, values, signal)
+                    # Means of blocks have a smaller reading error; a curve through steps has the same one.
+                    least = 1 << max(level - (4 if stepped else 1), 0)
+                    if stepped or least > clock.length:
+                        lowest = max(lowest, level if stepped else level + 1)
+                    block = max(block, least)
+        coarse = replace(clock, length=block)
+        means = {t.name: coarse.onto(coarse.means(known[t.name]), clock) for t in terms if t.measured}
+        return cls.on(clock, terms, means, known, lowest=lowest, block=block)
+
+    @classmethod
+    def on(
+        cls,
+        clock: Clock,
+        terms: Sequence[Term],
+        means: Mapping[str, Vector],
+        arrays: Mapping[str, Vector],
+        *,
+        lowest: int,
+        block: int,
+    ) -> Covariates:
+        """Prepare covariates from their values at the blocks; see the attributes for `lowest` and `block`."""
+        present = clock.present()
+        if np.count_nonzero(present) < FEWEST_BLOCKS:
+            raise DataError(
+                f"a regression needs at least {FEWEST_BLOCKS} blocks of {clock.length / clock.rate:g} s; the recording "
+                f"has {int(np.count_nonzero(present))}",
+                argument="against",
+                advice="Record for longer, or use {--against=none}.",
+            )
+        at = clock.times
+        references, ranges = {}, {}
+        for term in terms:
+            own = means.get(term.name, at / HOUR if term.name == TIME else at)
+            low, high = float(np.min(own[present])), float(np.max(own[present]))
+            # Three digits of the range, so that the reference can be written down.
+            digits = 2 - int(np.floor(np.log10(high - low))) if high > low else 3
+            references[term.name] = 0.0 if term.name == WARM_UP else round(float(np.mean(own[present])), digits)
+            ranges[term.name] = (low, high)
+        exact = {term.name: arrays[term.name] for term in terms if term.exact}
+        bare = cls(
+            basis=Basis((), references, {}), clock=clock, means={name: freeze(own) for name, own in means.items()},
+            exact=exact, ranges=ranges, lowest=lowest, block=block,
+        )  # fmt: skip
+        return bare.having(tuple(terms))
+
+    @property
+    def unknown_levels(self) -> int:
+        """Number of levels of the block means at which the covariates are not known."""
+        return max(self.lowest - self.clock.length.bit_length(), 0)
+
+    def having(self, terms: tuple[Term, ...]) -> Covariates:
+        """The same covariates with other forms of their effects."""
+        knots = {
+            term.name: tuple(np.linspace(*self.ranges[term.name], term.knots + 2).tolist())
+            for term in terms
+            if term.knots
+        }
+        return replace(self, basis=Basis(terms, self.basis.references, knots))
+
+    def matrix(self, tau: float | None = None) -> Matrix:
+        """The columns (n, p) at the blocks; a warm-up has the time constant `tau` (s)."""
+        return self.basis.matrix(self.means, self.clock.times, tau)
+
+    def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
+        """The effect X β at the samples of a half-open range."""
+        if not self.exact:
+            return self.clock.interpolated(self.matrix(tau) @ coefficients, first, last)
+        clock = self.clock
+        starts = [place / clock.rate for place in clock.offsets]
+        times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
+        values = {
+            name: self.exact[name][first:last] if name in self.exact else clock.interpolated(own, first, last)
+            for name, own in self.means.items()
+        }
+        return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
+
+
+def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector:
+    values = arrays.get(term.name)
+    if values is None:
+        known = ", ".join([*arrays, TIME, WARM_UP])
+        raise OptionError(
+            f"against: there is no {term.name!r} beside {signal.axis or 'the signal'}; known are {known}",
+            argument="against",
+            got=term.name,
+            advice="Pass the samples: `against={{{name}: values}}`." if term.name != TEMPERATURE else
+            "Name the column of the temperature with {--columns=temperature:…}, or use {--against=warmup}.",
+            name=repr(term.name),
+        )  # fmt: skip
+    if values.size != len(signal):
+        raise DataError(
+            f"{term.name} has {values.size} values for {len(signal)} samples", argument="against", got=values
+        )
+    bad = int(np.count_nonzero(~np.isfinite(values)))
+    if bad:
+        raise DataError(
+            f"{term.name} has {bad} values that are not finite, the first at index "
+            f"{int(np.argmax(~np.isfinite(values)))}",
+            argument="against",
+            advice="Interpolate them, or leave these times out with {--skip}.",
+        )
+    if not np.ptp(values) > 0:
+        raise DataError(f"{term.name} is constant, so that nothing can follow it", argument="against")
+    return values
+
+
+def as_known(name: str, values: Vector, signal: Signal) -> tuple[Vector, int, bool]:
+    """A covariate without the steps of its quantization, its lowest known level, and whether it has steps.
+
+    Where noise moves a quantized reading up and down, its means are right, and it counts as without steps. Otherwise it
+    is known when it changes: it is then halfway between two steps, and linear in between.
+
+    Raises
+    ------
+    DataError
+        If there is no such level, or too few blocks of its scale in the recording.
+    """
+    step = lsb(values)
+    stepped = step is not None and not _dithered(values)
+    smooth = _between_changes(values) if stepped else values
+    level = known_level(smooth, signal, step if stepped and step is not None else 0.0)
+    if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
+        raise DataError(
+            f"{name} changes by no more than its reading error at the scales of this recording",
+            argument="against",
+            advice="Use {--against=none}, or record over a larger range.",
+        )
+    return smooth, level, stepped
+
+
+def known_level(values: Vector, signal: Signal, step: float) -> int | None:
+    """The lowest level at which the wavelet variance of a covariate is 10 times that of its reading error.
+
+    The error of a reading is white from the time on for which it is held: its wavelet variance falls with the scale
+    until the covariate itself changes. The error of steps q without noise is at most q²/48 at every scale.
+    """
+    curve = signal_wavelet_variance(_beside(signal, values)).variance
+    valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
+    while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
+        valley += 1
+    at = np.arange(curve.size)
+    error = np.maximum(step**2 / STEPS, curve[valley] * 2.0 ** (valley - at))
+    passed = (curve >= KNOWN * error) & (at > valley)
+    return int(np.argmax(passed)) + 1 if np.any(passed) else None
+
+
+def _between_changes(values: Vector) -> Vector:
+    """A quantized series as a piecewise linear curve through the middle of each of its changes."""
+    at = np.flatnonzero(values[1:] != values[:-1])
+    return np.asarray(np.interp(np.arange(values.size), at + 0.5, (values[at] + values[at + 1]) / 2))
+
+
+def _dithered(values: Vector) -> bool:
+    """Whether noise moves a quantized reading up and down nearly everywhere, so that its mean is not quantized."""
+    changes = np.flatnonzero(values[1:] != values[:-1])
+    rises = values[changes + 1] > values[changes]
+    turns = changes[1:][rises[1:] != rises[:-1]]
+    windows = np.unique(turns * WINDOWS // values.size)
+    return windows.size >= 0.9 * WINDOWS
+
+
+def _beside(signal: Signal, values: Vector) -> Signal:
+    """Another series on the clock of a signal."""
+    return Signal(values, signal.rate, segments=signal.segments, starts=signal.starts)
+
+
+def _usual_run(values: Vector) -> float:
+    """Number of samples for which a reading is usually held: samples per change."""
+    return values.size / max(int(np.count_nonzero(values[1:] != values[:-1])), 1)

@@ -1,0 +1,107 @@
+"""The noise of a series from its wavelet variance, without a chosen model: for weights, standard errors and bias.
+
+The slowest levels have few degrees of freedom, and cannot distinguish a random walk from a Gauss-Markov process with a
+correlation time near the length of the record. The noise is therefore an average over mixtures of processes with
+different longest correlation times, weighted by their likelihoods.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gmwm._arrays import Matrix, Vector
+from gmwm.covariance.design import Design
+from gmwm.covariance.mixture import mixture
+from gmwm.processes.base import Process
+
+LONGEST = (0.01, 0.03, 0.12, 0.5)
+"""Longest correlation times of the mixtures, as shares of the record; each mixture also has a random walk."""
+SLOWER = 2.0
+"""Penalty on −2 log L of the mixtures with longer correlation times than the first: what a further parameter gains by
+chance is one to two. Without it, standard errors under a random walk are too small by a quarter (docs/validation/
+regression.md)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture:
+    """The most likely mixture of processes with correlation times up to a limit.
+
+    Attributes
+    ----------
+    processes : tuple of Process
+    parts : (K, J) array
+        Wavelet variance of each process at the levels.
+    weight : float
+        Its share in the average.
+    """
+
+    processes: tuple[Process, ...]
+    parts: Matrix
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """An average of mixtures of processes under a wavelet variance.
+
+    Attributes
+    ----------
+    mixtures : tuple of Mixture
+    curve : (J,) array
+        Wavelet variance ν_j² of the average.
+    freedom : (J,) array
+        Degrees of freedom of the levels it was estimated from.
+    """
+
+    mixtures: tuple[Mixture, ...]
+    curve: Vector
+    freedom: Vector
+
+    @classmethod
+    def of(cls, variance: Vector, freedom: Vector, samples: int) -> Noise:
+        """The noise of a series of `samples` values with a wavelet variance (J,) and degrees of freedom (J,)."""
+        design = Design(np.arange(1, variance.size + 1), samples=samples, rate=1.0)
+        found = [mixture(variance, freedom, design, within=share * samples) for share in LONGEST]
+        # −2 log of the gamma likelihood of the levels.
+        loss = np.array([float(np.sum(freedom * (variance / curve + np.log(curve)))) for curve, _ in found])
+        loss[1:] += SLOWER
+        weights = np.exp(-(loss - loss.min()) / 2)
+        weights /= weights.sum()
+        mixtures = tuple(
+            Mixture(
+                model.processes, np.array([p.wavelet_variance(variance.size, 1.0) for p in model.processes]), float(w)
+            )
+            for (_, model), w in zip(found, weights, strict=True)
+        )
+        return cls(mixtures, sum(w * curve for (curve, _), w in zip(found, weights, strict=True)), freedom)
+
+    def covariances(self, lags: int) -> list[Matrix]:
+        """For each mixture, the generalised covariances of its processes (K, n) at the lags 0 … n − 1."""
+        at = np.arange(lags)
+        return [np.array([p.generalised_covariance(at, 1.0) for p in one.processes]) for one in self.mixtures]
+
+    def average(self, of_mixtures: Sequence[Matrix]) -> Matrix:
+        """The average over the mixtures of sums over the processes, the first dimension of each array."""
+        return np.asarray(sum(m.weight * own.sum(axis=0) for m, own in zip(self.mixtures, of_mixtures, strict=True)))
+
+    def freedom_of(self, shares: Sequence[Vector]) -> float:
+        """Degrees of freedom 2 C²/Var Ĉ of a variance C (Satterthwaite).
+
+        Parameters
+        ----------
+        shares : sequence of (K,) arrays
+            For each mixture, the parts of C that its processes contribute; C is linear in their scales.
+        """
+        totals = np.array([float(np.sum(own)) for own in shares])
+        weights = np.array([one.weight for one in self.mixtures])
+        mean = float(weights @ totals)
+        variance = float(weights @ (totals - mean) ** 2)
+        for one, own in zip(self.mixtures, shares, strict=True):
+            # The scales are a weighted least squares fit to independent levels, each with variance 2 ν⁴/η.
+            rows = one.parts * np.sqrt(self.freedom / 2) / np.sum(one.parts, axis=0)
+            relative = np.linalg.pinv(rows @ rows.T, rcond=1e-10, hermitian=True)
+            variance += one.weight * float(own @ relative @ own)
+        return float(np.clip(2 * mean**2 / variance, 1.0, 1e6)) if variance > 0 else 1e6

@@ -1,0 +1,340 @@
+"""The result of a regression: coefficients with intervals, a joint test, and its effect on the wavelet variance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gmwm._arrays import Matrix, Vector, as_vector, freeze
+from gmwm._text import Summarised, duration_text
+from gmwm.confidence_limits import chi_square_limits
+from gmwm.errors import DataError, OptionError
+from gmwm.regression.against import TEMPERATURE, WARM_UP, Term
+from gmwm.regression.columns import Basis, Column
+from gmwm.variance.result import WaveletVariance
+
+LEFT = 0.5
+"""Share of the noise at a level that the regression must leave; coarser levels are not fitted (docs/validation/
+regression.md)."""
+
+
+class Effect(NamedTuple):
+    """The effect of a covariate at some of its values, with a confidence band.
+
+    Attributes
+    ----------
+    at : (m,) array
+        Values of the covariate.
+    value, lower, upper : (m,) arrays, in the unit of the axis
+        Relative to the effect at the reference; zero there.
+    """
+
+    at: Vector
+    value: Vector
+    lower: Vector
+    upper: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coefficient:
+    """One coefficient of a regression.
+
+    Attributes
+    ----------
+    value, error : float
+        Estimate and standard error, in `unit`.
+    unit : str
+        Unit of the axis per unit of the column; "" if the axis has no unit.
+    freedom : float
+        Degrees of freedom of the standard error.
+    pvalue : float
+        Two-sided p-value of the t test.
+    """
+
+    value: float
+    error: float
+    unit: str
+    freedom: float
+    pvalue: float
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Confidence interval from Student's t distribution."""
+        from scipy.special import stdtrit
+
+        reach = float(stdtrit(self.freedom, (1 + confidence) / 2)) * self.error
+        return self.value - reach, self.value + reach
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Regression(Summarised, Mapping[str, Coefficient]):
+    """The regression of one axis on conditions: a mapping of column to its coefficient.
+
+    Attributes
+    ----------
+    axis, unit : str
+        Name and unit of the axis.
+    basis : Basis
+        The covariates, the values at which their effects are zero, and knots.
+    estimates : tuple of float
+        Coefficients β̂ of the p columns.
+    covariance : (p, p) array
+        Cov β̂.
+    freedoms : tuple of float
+        Degrees of freedom of each standard error.
+    statistic, freedom, pvalue : float
+        Joint test of all coefficients: F with p and `freedom` degrees of freedom.
+    ranges : mapping of covariate to (lowest, highest)
+        Range in the recording; of time in hours.
+    mean : float
+        Mean of the axis at the references.
+    tau, tau_error : float or None
+        Time constant of a warm-up (s) and its standard error.
+    block : float
+        Length of the blocks whose means were used (s): covariates are not known at shorter scales.
+    rate : float
+        Sampling rate (Hz).
+    kept : (J,) array
+        Share of the noise that the regression leaves at each level of the wavelet variance.
+    share : (J,) array
+        Share of the wavelet variance of each level that the covariates explain.
+    applied : bool
+        Whether the effect is removed from the axis.
+    """
+
+    axis: str
+    unit: str
+    basis: Basis
+    estimates: tuple[float, ...]
+    covariance: Matrix
+    freedoms: tuple[float, ...]
+    statistic: float
+    freedom: float
+    pvalue: float
+    ranges: Mapping[str, tuple[float, float]]
+    mean: float
+    tau: float | None = None
+    tau_error: float | None = None
+    block: float
+    rate: float
+    kept: Vector
+    share: Vector
+    applied: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("covariance", "kept", "share"):
+            freeze(getattr(self, name))
+
+    def __getitem__(self, name: str) -> Coefficient:
+        from scipy.special import stdtr
+
+        names = list(self)
+        if name not in names:
+            raise DataError(argument="name", expected=f"one of {', '.join(names)}", got=name)
+        k = names.index(name)
+        value, error, freedom = self.estimates[k], float(np.sqrt(self.covariance[k, k])), self.freedoms[k]
+        pvalue = 2 * float(stdtr(freedom, -abs(value) / error)) if error > 0 else 0.0
+        return Coefficient(
+            value=value, error=error, unit=per(self.unit, self.columns[k].power), freedom=freedom, pvalue=pvalue
+        )
+
+    def __iter__(self) -> Any:
+        return iter(column.name for column in self.columns)
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns, in the order of the coefficients."""
+        return self.basis.columns
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The covariates and the forms of their effects."""
+        return self.basis.terms
+
+    @property
+    def against(self) -> str:
+        """The covariates, as in the option `against`."""
+        return " + ".join(map(str, self.terms))
+
+    @property
+    def references(self) -> Mapping[str, float]:
+        """Values at which the effect of each covariate is zero; of time in hours."""
+        return self.basis.references
+
+    @property
+    def lag(self) -> dict[str, float]:
+        """Time (s) by which the axis follows each covariate that has a lag."""
+        found = {}
+        for term in self.terms:
+            if term.lag and self[term.name].value:
+                found[term.name] = -self[f"{term.name} lag"].value / self[term.name].value
+        return found
+
+    def curve(self, at: ArrayLike, name: str | None = None, *, confidence: float = 0.95) -> Effect:
+        """Compute the effect of a covariate at some of its values, relative to its reference.
+
+        Parameters
+        ----------
+        at : (m,) array
+            Values of the covariate, inside its range in the recording.
+        name : str, optional
+            The covariate; by default the first one.
+        confidence : float
+            Confidence level of the band, at each point.
+
+        Raises
+        ------
+        OptionError
+            If the covariate is unknown, or a value is outside the range of the recording.
+        """
+        from scipy.special import stdtrit
+
+        wanted = self.terms[0].name if name is None else name
+        if wanted not in self.references or wanted == WARM_UP:
+            known = ", ".join(n for n in self.references if n != WARM_UP)
+            raise OptionError(argument="name", expected=f"one of {known or 'none'}", got=wanted)
+        points = as_vector(np.atleast_1d(np.asarray(at, dtype=np.float64)), "at")
+        low, high = self.ranges[wanted]
+        reach = 0.05 * (high - low)
+        if np.any(points < low - reach) or np.any(points > high + reach):
+            raise OptionError(
+                argument="at", expected=f"from {low:.4g} to {high:.4g}, the range of the recording", got=at,
+                advice="Record over a larger range; the curve is not known outside.",
+            )  # fmt: skip
+        rows = self.basis.along(wanted, points)
+        value = rows @ np.array(self.estimates)
+        error = np.sqrt(np.maximum(np.einsum("ma,ab,mb->m", rows, self.covariance, rows), 0.0))
+        width = float(stdtrit(min(self.freedoms), (1 + confidence) / 2)) * error
+        return Effect(points, value, value - width, value + width)
+
+    def polynomial(self, reference: float | None = None) -> Vector:
+        """Coefficients of the bias as a polynomial in temperature − reference, from the constant upwards.
+
+        For drivers that compensate temperature: PX4 writes TC_G0_X0 … X3 with the reference TC_G0_TREF, and ArduPilot
+        INS_TCAL1_GYR1 … GYR3 with 35 °C. The sum of these terms is subtracted from the axis.
+
+        Parameters
+        ----------
+        reference : float, optional
+            In °C; by default the reference of the regression.
+
+        Returns
+        -------
+        (degree + 1,) array, in the unit of the axis per °C^k
+
+        Raises
+        ------
+        OptionError
+            If the regression has no polynomial in the temperature.
+        """
+        term = next((t for t in self.terms if t.name == TEMPERATURE and not t.knots), None)
+        if term is None:
+            raise OptionError(
+                f"the regression of {self.axis or 'the axis'} has no polynomial in the temperature",
+                argument="reference",
+                advice="Use {--against=temperature:3}.",
+            )
+        own = [self.mean] + [self[c.name].value for c in self.columns if c.term == term.name and "lag" not in c.name]
+        at = self.references[TEMPERATURE]
+        shifted = np.polynomial.Polynomial(own)(np.polynomial.Polynomial([(reference or at) - at, 1.0]))
+        found = np.zeros(len(own))
+        found[: shifted.coef.size] = shifted.coef
+        return found
+
+    def corrected(self, wv: WaveletVariance) -> WaveletVariance:
+        """The wavelet variance of the noise from that of the residuals.
+
+        A regression also removes a part of the noise, 1 − `kept`, mostly at the coarsest levels. The variance of a
+        level is divided by the share that is left, and its relative covariance grows accordingly. Levels where less
+        than half is left are dropped.
+        """
+        kept = np.concatenate([self.kept, np.zeros(len(wv))])[: len(wv)]
+        count = int(np.argmax(kept < LEFT)) if np.any(kept < LEFT) else kept.size
+        eta = wv.degrees_of_freedom[:count]
+        kept, excess = kept[:count], None if wv.excess is None else wv.excess[:count, :count]
+        lost = np.diag(2 / eta * (1 / kept - 1))
+        variance = wv.variance[:count] / kept
+        lower, upper = chi_square_limits(variance, np.maximum(eta * kept, 1.0), wv.confidence)
+        robust = {
+            name: list(value)[:count] if isinstance(value, Sequence) and len(value) == len(wv) else value
+            for name, value in wv.diagnostics.get("robust", {}).items()
+        }
+        return replace(
+            wv, levels=wv.levels[:count].copy(), variance=variance, lower=lower, upper=upper,
+            counts=wv.counts[:count].copy(), strides=wv.strides[:count],
+            diagnostics=dict(wv.diagnostics) | ({"robust": robust} if robust else {}),
+            excess=lost if excess is None else excess + lost, regression=self,
+        )  # fmt: skip
+
+    def summary(self) -> str:
+        """The coefficients with 95 % confidence intervals, and the joint test."""
+        lines = [f"{self.axis or 'signal'} against {self.against}" + ("" if self.applied else " (not removed)")]
+        for name, one in self.items():
+            low, high = one.interval()
+            lines.append(f"  {name:<18} {one.value:12.5g} ± {one.error:.2g} {one.unit}  [{low:.5g}, {high:.5g}]")
+        if self.tau is not None:
+            spread = "" if self.tau_error is None else f" ± {duration_text(self.tau_error)}"
+            lines.append(f"  time constant      {duration_text(self.tau)}{spread}")
+        for name, lag in self.lag.items():
+            lines.append(f"  lag behind {name}: {'-' * (lag < 0)}{duration_text(abs(lag))}")
+        at = ", ".join(
+            f"{name} {value:g} {Term(name).unit}".rstrip() for name, value in self.references.items() if name != WARM_UP
+        )
+        lines.append(f"  F({len(self)}, {self.freedom:.0f}) = {self.statistic:.4g}, p = {self.pvalue:.2g}")
+        if at:
+            lines.append(f"  zero at {at}; blocks of {duration_text(self.block)}")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The regression as numbers, lists and strings, ready for JSON."""
+        return {
+            "axis": self.axis, "unit": self.unit, "against": self.against,
+            "coefficients": {
+                name: {
+                    "value": one.value, "standard_error": one.error, "unit": one.unit, "df": one.freedom,
+                    "pvalue": one.pvalue, "interval": list(one.interval()),
+                }
+                for name, one in self.items()
+            },
+            "covariance": self.covariance.tolist(),
+            "statistic": self.statistic, "df": self.freedom, "pvalue": self.pvalue,
+            "references": dict(self.references), "ranges": {name: list(own) for name, own in self.ranges.items()},
+            "knots": {name: list(own) for name, own in self.basis.knots.items()},
+            "mean": self.mean, "tau": self.tau, "tau_error": self.tau_error, "block": self.block, "rate": self.rate,
+            "kept": self.kept.tolist(), "share": self.share.tolist(), "applied": self.applied,
+        }  # fmt: skip
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Regression:
+        """The regression whose `to_dict` gave `content`."""
+        knots = {name: tuple(map(float, values)) for name, values in content["knots"].items()}
+        terms = tuple(map(Term.parse, content["against"].split("+")))
+        own = list(content["coefficients"].values())
+        return cls(
+            axis=content["axis"], unit=content["unit"], basis=Basis(terms, content["references"], knots),
+            estimates=tuple(float(one["value"]) for one in own),
+            covariance=np.array(content["covariance"], dtype=np.float64),
+            freedoms=tuple(float(one["df"]) for one in own),
+            statistic=content["statistic"], freedom=content["df"], pvalue=content["pvalue"],
+            ranges={name: (float(low), float(high)) for name, (low, high) in content["ranges"].items()},
+            mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
+            rate=content["rate"],
+            kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
+            applied=content["applied"],
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        return f"Regression({self.axis or 'signal'} against {self.against}, p = {self.pvalue:.2g})"
+
+
+def per(unit: str, power: str) -> str:
+    """A unit of an axis per unit of a column: "(deg/s)/°C", or "" if one of them is unknown."""
+    if not unit or not power:
+        return unit
+    return f"({unit})/({power})" if "/" in power else f"({unit})/{power}" if "/" in unit else f"{unit}/{power}"
