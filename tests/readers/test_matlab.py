@@ -11,7 +11,7 @@ import scipy.io
 from gmwm.axis_names import AXES
 from gmwm.errors import GmwmError, ReadError
 from gmwm.readers import find_reader, read
-from tests.helpers import only, raises
+from tests.helpers import device, only, raises
 
 VALUES = np.random.default_rng(8).normal(size=(60, 6)) * 0.01 + [0, 0, 0, 0, 0, 9.81]
 TIME = np.arange(60) / 200
@@ -121,3 +121,18 @@ def test_nothing_in_it_and_mislabelled(tmp_path):
     assert len(read(path)) == 20
     with pytest.raises(ReadError, match="not a complete MATLAB file"):
         read(path, format="matlab")
+
+
+@pytest.mark.parametrize("suffix", ["mat", "hdf5"])
+def test_a_recording_of_a_device_is_read_as_its_library_does(suffix):
+    path = device(f"dlaidig_24_disturbed_tapping_A.{suffix}")
+    if suffix == "mat":
+        content = scipy.io.loadmat(path)
+    else:
+        with h5py.File(path) as file:
+            content = {name: np.asarray(file[name]) for name in ("imu_gyr", "imu_acc")}
+    imu = read(path, units=UNITS)
+    assert imu.rate == pytest.approx(2000 / 7)
+    for sensor, table in (("gyro", content["imu_gyr"]), ("accel", content["imu_acc"])):
+        for k, axis in enumerate("xyz"):
+            np.testing.assert_array_equal(imu[f"{sensor}_{axis}"].values, table[:, k])

@@ -7,6 +7,7 @@ which numbers are upper limits.
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -140,11 +141,12 @@ def title_line(exporter: Exporter) -> str:
 
 @dataclass(frozen=True)
 class Noise:
-    """The numbers of a unit under the options of one file."""
+    """The numbers of a unit under the options of one file, and the ROS topic of its recording, "" if unknown."""
 
     gyro: SensorNoise | None
     accel: SensorNoise | None
     options: ExportOptions
+    topic: str = ""
 
     @property
     def sensors(self) -> tuple[SensorNoise, ...]:
@@ -226,7 +228,11 @@ class TwoNumbers(Exporter):
             f"Horizon: {options.horizon:g} s. Terms with a shorter correlation time are part of N, the others of K.",
             *_models(noise), *last,
         ]  # fmt: skip
-        return [*head, *self.usage]
+        return [*head, *self.advice(noise)]
+
+    def advice(self, noise: Noise) -> tuple[str, ...]:
+        """How to use the file."""
+        return self.usage
 
     def _remarks(self, calibration: Calibration, noise: Noise) -> tuple[Remark, ...]:
         return (*cautions(calibration), *remarks_of(noise, calibration.settings.confidence))
@@ -251,7 +257,14 @@ class TwoNumbers(Exporter):
                 f"only {', '.join(calibration)}",
                 advice="Calibrate a recording with axes such as gyro_x and accel_x.",
             ).about(self.name)
-        return Noise(gyro, accel, options)
+        return Noise(gyro, accel, options, topic_of(calibration))
+
+
+def topic_of(calibration: Calibration) -> str:
+    """The ROS topic that was calibrated; "" if the recording is of no topic, or its name is not one of ROS."""
+    topics = {str(remark.facts["topic"]) for remark in calibration.recording_remarks if remark.code == "topic-read"}
+    name = topics.pop() if len(topics) == 1 else ""
+    return name if re.fullmatch(r"/[A-Za-z][A-Za-z0-9_/]*", name) else ""
 
 
 QUANTITIES: tuple[Quantity, Quantity] = ("gyro", "accel")

@@ -39,8 +39,14 @@ class Kalibr(TwoNumbers):
     title = "Kalibr (imu.yaml)"
     extension = ".yaml"
     meaning = CONTINUOUS
-    usage = ("Replace rostopic, which is a placeholder, by the topic of your recordings.",)
+
+    def advice(self, noise: Noise) -> tuple[str, ...]:
+        """What to replace."""
+        if noise.topic:
+            return ("rostopic is the topic that was calibrated.",)
+        return ("Replace rostopic, which is a placeholder, by the topic of your recordings.",)
 
     def body(self, noise: Noise) -> Sequence[str]:
         """Kalibr's keys."""
-        return [*four_numbers(noise), "", "rostopic: /imu0", f"update_rate: {noise.written_rate}  # Hz"]
+        topic = noise.topic or "/imu0"
+        return [*four_numbers(noise), "", f"rostopic: {topic}", f"update_rate: {noise.written_rate}  # Hz"]

@@ -33,7 +33,7 @@ class OpenVins(TwoNumbers):
         """One IMU."""
         lines = ["imu0:", *_matrix("T_i_b", _POSE), *(f"  {line}" for line in four_numbers(noise))]
         lines += [
-            "  rostopic: /imu0",
+            f"  rostopic: {noise.topic or '/imu0'}",
             "  time_offset: 0.0",
             f"  update_rate: {noise.written_rate}  # Hz",
             '  model: "kalibr"',

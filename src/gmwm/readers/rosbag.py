@@ -11,13 +11,16 @@ import re
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gmwm._arrays import Vector
 from gmwm.axis_names import AXES
 from gmwm.errors import ReadError
 from gmwm.readers import bag_mcap, bag_ros1, bag_sqlite
@@ -37,7 +40,11 @@ LOG_TIME = "log_time"
 
 STAMP = "header.stamp"
 
+TEMPERATURE = "(temperature)"
+"""Name of the channel with the temperature of another topic, interpolated to the samples."""
+
 _ELEMENT = re.compile(r"(.*)\[([012])\]")
+_TEMPERATURE_TYPE = "sensor_msgs/msg/Temperature"
 _SENSORS = {"angular_velocity": "gyro", "linear_acceleration": "accel"}
 _PEEK = 64  # first messages by which a sensor that is zero throughout is recognised; noise is never zero in 64 samples
 _YAML_LIMIT = 4 << 20  # bytes: a metadata.yaml lists one line for each file and topic
@@ -47,10 +54,11 @@ _PACKED = (".db3.zstd", ".mcap.zstd")
 
 @dataclass(frozen=True)
 class _Stream:
-    """The topic of a layout, and the type of its messages."""
+    """The topic of a layout, the type of its messages, and the topic of its temperature if there is one."""
 
     topic: Topic
     definition: Definition
+    temperature: Topic | None = None
 
 
 @register
@@ -72,6 +80,7 @@ class RosbagReader(Reader):
         with _opened(path) as storages:
             topics = merged(topic for storage in storages for topic in storage.topics())
             found = [layout for topic in topics if (layout := _layout_or_error(topic, storages, path)) is not None]
+            found = _with_temperatures(found, topics)
         if not found:
             known = ", ".join(f"{t.name} ({t.type}, {t.encoding})" for t in topics) or "none"
             raise ReadError(
@@ -85,12 +94,18 @@ class RosbagReader(Reader):
         """The numbers of a topic, one chunk for each batch of messages."""
         stream: _Stream = layout.state
         names = {k: layout.channels[k].name for k in wanted}
-        decoder = Decoder(stream.definition, [name for name in names.values() if name != LOG_TIME])
+        stamp = next((c.name for c in layout.channels if c.axis == "time"), LOG_TIME)
+        warm = stream.temperature is not None and TEMPERATURE in names.values()
+        fields = dict.fromkeys([*names.values(), stamp] if warm else names.values())
+        decoder = Decoder(stream.definition, [name for name in fields if name not in (LOG_TIME, TEMPERATURE)])
         with _opened(path) as storages:
+            slow = _temperatures(stream.temperature if warm else None, stamp, storages, path)
             for times, messages in _batches(storages, stream.topic):
-                numbers = _decoded(decoder, messages, stream.topic, path)
-                logged = np.array(times, dtype=np.int64)
-                yield {k: logged if name == LOG_TIME else numbers[name] for k, name in names.items()}
+                numbers = dict(_decoded(decoder, messages, stream.topic, path))
+                numbers[LOG_TIME] = np.array(times, dtype=np.int64)
+                if warm:
+                    numbers[TEMPERATURE] = _interpolated(slow, numbers[stamp])
+                yield {k: numbers[name] for k, name in names.items()}
 
 
 def _is_metadata(head: bytes) -> bool:
@@ -206,6 +221,64 @@ def _layout_or_error(topic: Topic, storages: Sequence[Storage], path: Path) -> L
         return _layout(topic, storages, path)
     except ReadError as error:
         return Layout((), topic=topic.name, inertial=topic.type == IMU, unreadable=error)
+
+
+def _with_temperatures(layouts: Sequence[Layout], topics: Sequence[Topic]) -> list[Layout]:
+    """The layouts, those of inertial sensors with the temperature of a topic beside them.
+
+    A temperature belongs to the inertial topic with which its name has the most letters in common.
+    """
+    out = list(layouts)
+    inertial = [k for k, layout in enumerate(out) if layout.inertial and isinstance(layout.state, _Stream)]
+    for topic in topics:
+        if topic.type != _TEMPERATURE_TYPE or topic.count == 0 or not inertial:
+            continue
+        alike = {k: _letters_in_common(topic.name, out[k].topic) for k in inertial}
+        best = [k for k in inertial if alike[k] == max(alike.values())]
+        layout = out[best[0]]
+        own = any("temperature" in (c.axis, recognise(c.name).axis) for c in layout.channels)
+        if len(best) == 1 and not own:
+            remark = Remark.of("temperature-read", topic=topic.name)
+            out[best[0]] = replace(
+                layout,
+                channels=(*layout.channels, Channel(TEMPERATURE, "°C", "temperature")),
+                state=replace(layout.state, temperature=topic),
+                remarks=(*layout.remarks, remark),
+            )
+    return out
+
+
+def _letters_in_common(one: str, other: str) -> int:
+    """Number of letters with which both names begin."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(one, other, strict=False)))
+
+
+def _temperatures(
+    topic: Topic | None, stamp: str, storages: Sequence[Storage], path: Path
+) -> tuple[NDArray[np.int64], Vector]:
+    """Time stamps (ns) and temperatures (°C) of a topic, in the order of time."""
+    kind = None if topic is None else definition(topic)
+    stamps, values = [np.empty(0, dtype=np.int64)], [np.empty(0)]
+    if topic is not None and kind is not None:
+        decoder = Decoder(kind, [STAMP, "temperature"])
+        for times, messages in _batches(storages, topic):
+            numbers = _decoded(decoder, messages, topic, path)
+            # The temperature is placed by the same clock as the samples.
+            stamps.append(numbers[STAMP] if stamp == STAMP else np.array(times, dtype=np.int64))
+            values.append(numbers["temperature"])
+    at, there = np.concatenate(stamps), np.concatenate(values)
+    order = np.argsort(at, kind="stable")
+    order = order[np.isfinite(there[order])]
+    return at[order], there[order]
+
+
+def _interpolated(slow: tuple[NDArray[np.int64], Vector], stamps: NDArray[np.int64]) -> Vector:
+    """The temperature at some time stamps (ns), interpolated linearly; NaN if none was recorded."""
+    at, values = slow
+    if not at.size:
+        return np.full(stamps.size, np.nan)
+    found: Vector = np.interp((stamps - at[0]).astype(np.float64), (at - at[0]).astype(np.float64), values)
+    return found
 
 
 def _layout(topic: Topic, storages: Sequence[Storage], path: Path) -> Layout | None:
