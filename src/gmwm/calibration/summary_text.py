@@ -12,6 +12,7 @@ from gmwm._text import counted, duration_text
 from gmwm.axis_names import by_sensor
 from gmwm.calibration.misfit import is_line
 from gmwm.calibration.tables import SENSORS, WIDTH, bulleted, in_order, key, number, wrapped
+from gmwm.processes.ordered import Ordered
 from gmwm.remarks import Dialect, brief, texts
 
 if TYPE_CHECKING:
@@ -165,5 +166,15 @@ def _legend(calibration: Calibration) -> list[str]:
     return wrapped(
         f"{named}. ±: half the {100 * level:g} % confidence interval. ≤: upper limit at {50 + 50 * level:g} %. "
         "equivalent: number of other models that the data do not distinguish from the best; the simplest one is "
-        f"recommended. p: p-value of the goodness-of-fit test.{lines}"
+        f"recommended. p: p-value of the goodness-of-fit test.{_filtered(calibration)}{lines}"
     )
+
+
+def _filtered(calibration: Calibration) -> str:
+    """What the terms are that the search takes from the spectrum."""
+    names = {
+        process.name.partition("(")[0]
+        for found in calibration.axes.values() for process in found.fit.model.processes
+        if isinstance(process, Ordered) and found.tried
+    }  # fmt: skip
+    return f" {', '.join(sorted(names))}: white noise behind the filter and resonances of the sensor." if names else ""
