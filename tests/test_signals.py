@@ -9,7 +9,7 @@ import pytest
 
 import gmwm
 from gmwm.axis_names import AXES
-from gmwm.errors import DataError, OptionError, UnitError
+from gmwm.errors import DataError, OptionError, ReadError, UnitError
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
 from tests.helpers import raises
@@ -28,10 +28,10 @@ def test_from_arrays_converts_to_si():
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        (({"gyrox": [1.0]}, 1), OptionError, "axis must be one of"),
+        (({"pressure": np.ones(9)}, 1), ReadError, "no column whose name is known as an axis"),
         ((np.ones((6, 100)), 1), DataError, "Pass its transpose"),
         (([1.0, 2.0], 1), DataError, r"got \(2,\)"),
-        (({"gyro_x": [1.0, np.nan]}, 1), DataError, "gyro_x must be finite"),
+        (({"gyro_x": [1.0, np.nan]}, 1), DataError, "gyro_x has 2 samples, but at least 8"),
         (
             ({"gyro_x": [1.0], "gyro_y": [1.0, 2.0]}, 1),
             DataError,

@@ -341,8 +341,8 @@ class Imu:
     @classmethod
     def from_arrays(
         cls,
-        arrays: Mapping[str, ArrayLike] | ArrayLike,
-        rate: float,
+        arrays: Any,
+        rate: float | None = None,
         *,
         units: Mapping[str, str] | None = None,
         axes: Sequence[str] = AXES,
@@ -350,30 +350,50 @@ class Imu:
         segments: Sequence[tuple[int, int]] = (),
         source: str = "",
     ) -> Imu:
-        """Make an Imu from arrays in memory.
+        """Make an Imu from arrays or a table in memory.
 
         Parameters
         ----------
-        arrays : mapping of axis name to (N,) array, or (N, len(axes)) array
-            The samples. The columns of a two-dimensional array are `axes` in their order.
-        rate : float
-            Samples per second (Hz).
+        arrays : mapping of axis name to (N,) array, (N, len(axes)) array, or table
+            The samples. The columns of a two-dimensional array are `axes` in their order. A table is a data frame of
+            pandas or Polars, an Arrow table, an xarray Dataset or DataArray, an array of records, or a mapping with
+            "time" or missing values. Its columns are recognised by their names as in a file. Its time is a column, or
+            the index of pandas or xarray.
+        rate : float, optional
+            Samples per second (Hz). It is needed unless a table has a time.
         units : mapping, optional
-            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; rad/s and m/s² by default.
+            Units of the arrays, such as {"gyro": "deg/s", "accel": "g"}; by default those that the names of a table
+            state, and otherwise rad/s and m/s².
         axes : sequence of str
             Names of the columns of a two-dimensional array.
-        start, segments, source
-            As for `Signal` and `Imu`.
+        start, segments
+            As for `Signal`. A table finds them by its time and its missing values.
+        source : str
+            Name for titles and reports.
 
         Raises
         ------
-        DataError, OptionError, UnitError
+        ReadError, DataError, OptionError, UnitError
             If the arrays cannot be used, an axis is not one of `AXES`, or a unit is unknown.
+
+        Warns
+        -----
+        GmwmWarning
+            As `gmwm.read`, if a table has missing values or a constant axis.
 
         >>> imu = Imu.from_arrays({"gyro_x": [0.0, 180.0]}, rate=100, units={"gyro": "deg/s"})
         >>> imu["gyro_x"].values
         array([0.        , 3.14159265])
+        >>> clock = {"time": np.arange(8) / 50, "gyro_x [deg/s]": np.arange(8.0)}
+        >>> Imu.from_arrays(clock)
+        Imu(gyro_x: 8 samples at 50 Hz, 0.16 s)
         """
+        from gmwm.readers.frames import is_table, read_table
+
+        if is_table(arrays) or (isinstance(arrays, Mapping) and not segments and _is_table_of(arrays)):
+            return read_table(arrays, rate, units, source)
+        if rate is None:
+            raise OptionError(argument="rate", expected="samples per second (Hz), because there is no time", got=rate)
         given = arrays if isinstance(arrays, Mapping) else _columns(arrays, axes)
         unknown = sorted(set(units or {}) - set(SI_UNIT))
         if unknown:
@@ -566,6 +586,17 @@ class Imu:
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
+
+
+def _is_table_of(arrays: Mapping[str, Any]) -> bool:
+    """Whether a mapping is a table: some names are not axes, or values are missing."""
+    if any(name not in AXES for name in arrays):
+        return True
+    for values in arrays.values():
+        array = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+        if np.ma.is_masked(array) or (array.dtype.kind == "f" and not np.isfinite(np.sum(array))):
+            return True
+    return False
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

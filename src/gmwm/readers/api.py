@@ -147,22 +147,44 @@ def read_file(path: str | os.PathLike[str], options: ReadOptions) -> Imu:
     require_time(layout, choice, rate, file)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
     rows = _all_rows(reader, file, layout, choice)
-    usable = usable_samples(rows, layout, choice, path=file)
+    imu = recording_of(rows, layout, choice, options=options, units=units, path=file)
+    warn(imu.remarks, stacklevel=3)
+    imu = replace(imu, source=str(path))
+    if options.ranges is not None:
+        imu = cut(imu, options.start, options.stop, options.skip)
+    return imu.longest() if options.gaps == "longest" else imu
+
+
+def recording_of(
+    rows: Rows, layout: Layout, choice: Choice, *, options: ReadOptions, units: Mapping[str, str], path: Path
+) -> Imu:
+    """The recording in the rows of a table: its clock, its lost samples, its units.
+
+    Parameters
+    ----------
+    rows : mapping of column index to (n,) array
+        All rows of the chosen columns.
+    layout, choice
+        Description of the table, and the columns that are read.
+    options : ReadOptions
+        Rate, factors and increments.
+    units : mapping
+        Declared units.
+    path : Path
+        The file, for messages.
+    """
+    usable = usable_samples(rows, layout, choice, path=path)
     raw = dict(usable.raw)
-    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=rate)
+    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=options.rate)
     time = without_lost(time, usable.sifted)
     raw = usable.present(raw)
     integrals, base_rate = options.integrals, time.base.rate
     scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=raw, rate=base_rate)
     scales = resolve(layout, choice, declared=units, values=raw, rate=base_rate, increments=integrals)
     remarks = (*layout.remarks, *choice.remarks, *usable.remarks, *scale_remarks, *scales.remarks, *time_remarks)
-    remarks = of_file((*remarks, *time.remarks, *about_lost(time.base)), file)
+    remarks = of_file((*remarks, *time.remarks, *about_lost(time.base)), path)
     signals = _signals(usable.axes, raw=raw, scales=scales, time=time)
-    imu = Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=usable.temperature)
-    warn(remarks, stacklevel=3)
-    if options.ranges is not None:
-        imu = cut(imu, options.start, options.stop, options.skip)
-    return imu.longest() if options.gaps == "longest" else imu
+    return Imu(signals, str(path), remarks=remarks, time_base=time.base, temperature=usable.temperature)
 
 
 def one_layout(reader: Reader, path: Path, topic: str | None) -> Layout:
