@@ -374,12 +374,7 @@ class Imu:
         Raises
         ------
         ReadError, DataError, OptionError, UnitError
-            If the arrays cannot be used, an axis is not one of `AXES`, or a unit is unknown.
-
-        Warns
-        -----
-        GmwmWarning
-            As `gmwm.read`, if a table has missing values or a constant axis.
+            If the arrays cannot be used, no axis is known, or a unit is unknown. Warnings are those of `gmwm.read`.
 
         >>> imu = Imu.from_arrays({"gyro_x": [0.0, 180.0]}, rate=100, units={"gyro": "deg/s"})
         >>> imu["gyro_x"].values
@@ -390,7 +385,7 @@ class Imu:
         """
         from gmwm.readers.frames import is_table, read_table
 
-        if is_table(arrays) or (isinstance(arrays, Mapping) and not segments and _is_table_of(arrays)):
+        if is_table(arrays) and not segments:
             return read_table(arrays, rate, units, source)
         if rate is None:
             raise OptionError(argument="rate", expected="samples per second (Hz), because there is no time", got=rate)
@@ -586,17 +581,6 @@ class Imu:
             time_base=base and replace(base, start=start, gaps=(), backward=0, left=base.left + begin),
             temperature=None if self.temperature is None else self.temperature[first:last],
         )
-
-
-def _is_table_of(arrays: Mapping[str, Any]) -> bool:
-    """Whether a mapping is a table: some names are not axes, or values are missing."""
-    if any(name not in AXES for name in arrays):
-        return True
-    for values in arrays.values():
-        array = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
-        if np.ma.is_masked(array) or (array.dtype.kind == "f" and not np.isfinite(np.sum(array))):
-            return True
-    return False
 
 
 def _columns(array: ArrayLike, axes: Sequence[str]) -> dict[str, ArrayLike]:

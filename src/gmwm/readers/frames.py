@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmwm.axis_names import axis_quantity
+from gmwm.axis_names import AXES, axis_quantity
 from gmwm.errors import DataError
 from gmwm.options import ReadOptions
 from gmwm.readers.api import recording_of, require_time
@@ -30,13 +30,23 @@ _NAME = Path("the table")
 
 
 def is_table(data: object) -> bool:
-    """Whether data are a data frame, a table of Arrow, an xarray object or an array of records.
+    """Whether data are a data frame, a table of Arrow, an xarray object, an array of records, or a mapping in which
+    some names are not axes or some values are missing.
 
     >>> is_table(np.zeros((9, 6))), is_table(np.zeros(9, dtype=[("gyro_x", float)]))
     (False, True)
+    >>> is_table({"gyro_x": [0.0]}), is_table({"gyro_x": [0.0], "time": [0.0]}), is_table({"gyro_x": [np.nan]})
+    (False, True, True)
     """
+    if isinstance(data, Mapping) and not hasattr(data, "coords"):
+        return any(name not in AXES or _has_missing(values) for name, values in data.items())
     framed = any(hasattr(type(data), name) for name in ("columns", "column_names", "collect_schema"))
     return framed or hasattr(data, "coords") or getattr(getattr(data, "dtype", None), "names", None) is not None
+
+
+def _has_missing(values: Any) -> bool:
+    array = values if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+    return bool(np.ma.is_masked(array)) or (array.dtype.kind == "f" and not np.isfinite(np.sum(array)))
 
 
 def read_table(data: Any, rate: float | None, units: Mapping[str, str] | None, source: str) -> Imu:
