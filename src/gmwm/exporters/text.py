@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from gmwm.exporters.reduction import Number
+from gmwm.inspection.findings import covariates_text, effect_text
 from gmwm.remarks import Remark, Severity, with_groups
 
 if TYPE_CHECKING:
@@ -22,11 +23,21 @@ _ASCII = {
 
 
 def recording(calibration: Calibration) -> str:
-    """The source, the length, the rate and the digest of the recording, for the head of a file."""
+    """Source, length, rate and digest of the recording, and what was removed from it, for the head of a file."""
     source = f"{calibration.source}, " if calibration.source else ""
     digest = calibration.recording.sha256 if calibration.recording is not None else None
     extent = next(iter(calibration.values())).wavelet_variance.extent
-    return f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}."
+    return f"Recording: {source}{extent}{f', SHA-256 {digest}' if digest else ''}.{_conditions(calibration)}"
+
+
+def _conditions(calibration: Calibration) -> str:
+    """A sentence on the effects that were removed from the axes; "" if nothing was removed."""
+    removed = {
+        axis: found.regression for axis, found in calibration.axes.items()
+        if found.regression is not None and found.regression.applied
+    }  # fmt: skip
+    parts = [f"{covariates_text(one)} from {axis}, {effect_text(one)}" for axis, one in removed.items()]
+    return f" Effects removed before the noise was measured: {'; '.join(parts)}." if parts else ""
 
 
 def cautions(calibration: Calibration) -> list[Remark]:

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from gmwm._arrays import Matrix, Vector, as_rate, as_vector
 from gmwm.errors import DataError, OptionError
 from gmwm.regression.against import WARM_UP, Asked
+from gmwm.regression.columns import HOUR
 from gmwm.regression.covariates import Covariates
 from gmwm.regression.levelwise import COLLINEAR, Levelwise, Weighted
 from gmwm.regression.noise import Noise
-from gmwm.regression.result import Regression
+from gmwm.regression.result import Points, Regression
 from gmwm.signals import Signal
 from gmwm.variance.api import signal_wavelet_variance
 from gmwm.variance.biweight import EFFICIENCY
@@ -25,6 +26,8 @@ FURTHER = 0.01
 """Level of the t test from which a further column is used by the automatic choice."""
 _ROUNDS = 4
 """Rounds of noise, weights and coefficients: the third changes a standard error by less than 1 % (tests/regression)."""
+POINTS = 256
+"""Number of parts of the recording whose means are kept for a plot."""
 _TIMES = 24
 _LEAST_KEPT = 0.1
 
@@ -88,10 +91,13 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
     freedoms = [noise.freedom_of([own[:, k, k] for own in parts]) for k in range(beta.size)]
     freedom = noise.freedom_of([np.einsum("ab,kba->k", inverse, own) for own in parts])
     statistic = float(beta @ inverse @ beta) / beta.size
-    residuals = means - weighted.design.columns @ beta
+    residuals = means - covariates.removed(solved.tau) @ beta
     raw, left = design.variances(means), design.variances(residuals)
     counts = clock.counts()[present]
     inside = clock.length.bit_length() - 1
+    name = covariates.basis.terms[0].name
+    at = covariates.means.get(name, clock.times / HOUR)
+    points = Points(at=_thinned(at[present]), before=_thinned(means[present]), after=_thinned(residuals[present]))
     tau, tau_error = solved.tau, None
     if tau is not None:
         k = [column.name for column in covariates.basis.columns].index(WARM_UP)
@@ -102,7 +108,7 @@ def regress_means(means: Vector, covariates: Covariates, *, axis: str = "", unit
         pvalue=_f_tail(statistic, beta.size, freedom), ranges=dict(covariates.ranges),
         mean=float(np.average(residuals[present], weights=counts)), tau=tau, tau_error=tau_error,
         block=covariates.block / clock.rate, rate=clock.rate, kept=np.concatenate([np.ones(inside), solved.kept]),
-        share=np.concatenate([np.zeros(inside), np.clip(1 - left / raw, 0.0, 1.0)]),
+        points=points, share=np.concatenate([np.zeros(inside), np.clip(1 - left / raw, 0.0, 1.0)]),
     )  # fmt: skip
 
 
@@ -146,7 +152,7 @@ def _solved(means: Vector, covariates: Covariates, present: np.ndarray, whole: n
         beta = weighted.estimate(means)
         spread = weighted.spread(noise.average(noise.covariances(len(means))))
         kept = np.clip(1 - weighted.removed(spread) / noise.curve, _LEAST_KEPT, 1.0)
-        variances = design.variances(means - design.columns @ beta)
+        variances = design.variances(means - covariates.removed(tau) @ beta)
     return _Solved(weighted, noise, kept, tau)
 
 
@@ -199,6 +205,12 @@ def regressed_variance(
     found = regress(data, covariates)
     rest = without(data, found, covariates)
     return found.corrected(signal_wavelet_variance(rest, robust=robust, efficiency=efficiency))
+
+
+def _thinned(values: Vector) -> Vector:
+    """Means of up to `POINTS` consecutive parts of nearly equal length."""
+    edges = np.linspace(0, values.size, min(POINTS, values.size) + 1).astype(np.int64)
+    return np.asarray(np.add.reduceat(values, edges[:-1]) / np.diff(edges))
 
 
 def _f_tail(statistic: float, size: int, freedom: float) -> float:

@@ -21,9 +21,13 @@ KNOWN = 10.0
 """Ratio of the wavelet variance of a covariate and that of its reading error from which a scale is used: a coefficient
 is then too small by at most a tenth at this scale, and by less than 1 % together with the larger ones
 (docs/validation/regression.md)."""
-STEPS = 48.0
-"""Wavelet variance of steps q as q²/48: a uniform error of variance q²/12 that changes slowly has a wavelet variance of
-a quarter of it at most."""
+STEPS = 1 / 12
+"""Error of steps q, in q², that is compared with the wavelet variance of the covariate."""
+LARGE_STEPS = 2.5
+"""Wavelet variance, in q², that a covariate in steps q must reach at some scale. The error of steps follows the
+covariate; with four steps in all, a coefficient is too small by 4 % (docs/validation/regression.md)."""
+RETURNS = 0.3
+"""Largest share of changes back to the value before, up to which a series in steps is smoothed."""
 WINDOWS = 256
 """Number of windows of the recording in which a quantized covariate must move up and down to count as dithered."""
 FEWEST_BLOCKS = 32
@@ -42,6 +46,8 @@ class Covariates:
     clock : Clock
     means : mapping of name to (n,) array
         Block means of the measured covariates, interpolated where a block is empty.
+    smooth : mapping of name to (n,) array
+        The same without quantization steps, for the effect that is removed.
     exact : mapping of name to (N,) array
         Samples of the covariates that are known exactly.
     ranges : mapping of name to (lowest, highest)
@@ -55,6 +61,7 @@ class Covariates:
     basis: Basis
     clock: Clock
     means: Mapping[str, Vector]
+    smooth: Mapping[str, Vector]
     exact: Mapping[str, Vector]
     ranges: Mapping[str, tuple[float, float]]
     lowest: int
@@ -71,20 +78,23 @@ class Covariates:
         """
         usual = 1 if any(term.exact for term in terms) else None
         clock = Clock.of(signal.rate, signal.segments, signal.starts, length=usual)
-        block, lowest, known = clock.length, 1, dict(arrays)
+        block, lowest, known, smooth = clock.length, 1, dict(arrays), dict(arrays)
         for term in terms:
             if term.measured:
                 values = _checked(term, known, signal)
                 if not term.exact:
-                    known[term.name], level, stepped = as_known(term.name, values, signal)
-                    # Means of blocks have a smaller reading error; a curve through steps has the same one.
-                    least = 1 << max(level - (4 if stepped else 1), 0)
-                    if stepped or least > clock.length:
-                        lowest = max(lowest, level if stepped else level + 1)
+                    level, step = as_known(term.name, values, signal)
+                    # Means of blocks have a smaller reading error, but not those of steps.
+                    least = 1 << max(level - (4 if step else 1), 0)
+                    if step or least > clock.length:
+                        lowest = max(lowest, level if step else level + 1)
                     block = max(block, least)
+                    smooth[term.name] = without_steps(values, step) if step else values
         coarse = replace(clock, length=block)
-        means = {t.name: coarse.onto(coarse.means(known[t.name]), clock) for t in terms if t.measured}
-        return cls.on(clock, terms, means, known, lowest=lowest, block=block)
+        names = [term.name for term in terms if term.measured]
+        means = {name: coarse.onto(coarse.means(known[name]), clock) for name in names}
+        made = cls.on(clock, terms, means, known, lowest=lowest, block=block)
+        return replace(made, smooth={name: coarse.onto(coarse.means(smooth[name]), clock) for name in names})
 
     @classmethod
     def on(
@@ -118,7 +128,7 @@ class Covariates:
         exact = {term.name: arrays[term.name] for term in terms if term.exact}
         bare = cls(
             basis=Basis((), references, {}), clock=clock, means={name: freeze(own) for name, own in means.items()},
-            exact=exact, ranges=ranges, lowest=lowest, block=block,
+            smooth=dict(means), exact=exact, ranges=ranges, lowest=lowest, block=block,
         )  # fmt: skip
         return bare.having(tuple(terms))
 
@@ -140,16 +150,20 @@ class Covariates:
         """The columns (n, p) at the blocks; a warm-up has the time constant `tau` (s)."""
         return self.basis.matrix(self.means, self.clock.times, tau)
 
+    def removed(self, tau: float | None = None) -> Matrix:
+        """The columns (n, p) at the blocks without quantization steps, as their effect is removed."""
+        return self.basis.matrix(self.smooth, self.clock.times, tau)
+
     def effect(self, coefficients: Vector, tau: float | None, first: int, last: int) -> Vector:
         """The effect X β at the samples of a half-open range."""
         if not self.exact:
-            return self.clock.interpolated(self.matrix(tau) @ coefficients, first, last)
+            return self.clock.interpolated(self.removed(tau) @ coefficients, first, last)
         clock = self.clock
         starts = [place / clock.rate for place in clock.offsets]
         times = times_of(np.arange(first, last), clock.rate, clock.segments, starts)
         values = {
             name: self.exact[name][first:last] if name in self.exact else clock.interpolated(own, first, last)
-            for name, own in self.means.items()
+            for name, own in self.smooth.items()
         }
         return np.asarray(self.basis.matrix(values, times, tau) @ coefficients)
 
@@ -183,11 +197,10 @@ def _checked(term: Term, arrays: Mapping[str, Vector], signal: Signal) -> Vector
     return values
 
 
-def as_known(name: str, values: Vector, signal: Signal) -> tuple[Vector, int, bool]:
-    """A covariate without the steps of its quantization, its lowest known level, and whether it has steps.
+def as_known(name: str, values: Vector, signal: Signal) -> tuple[int, float]:
+    """The lowest level at which a covariate is known, and its quantization step.
 
-    Where noise moves a quantized reading up and down, its means are right, and it counts as without steps. Otherwise it
-    is known when it changes: it is then halfway between two steps, and linear in between.
+    The step is 0 if noise moves a quantized reading up and down, so that its means are right.
 
     Raises
     ------
@@ -195,38 +208,48 @@ def as_known(name: str, values: Vector, signal: Signal) -> tuple[Vector, int, bo
         If there is no such level, or too few blocks of its scale in the recording.
     """
     step = lsb(values)
-    stepped = step is not None and not _dithered(values)
-    smooth = _between_changes(values) if stepped else values
-    level = known_level(smooth, signal, step if stepped and step is not None else 0.0)
+    step = 0.0 if step is None or _dithered(values) else step
+    level = known_level(values, signal, step)
     if level is None or len(signal) >> (level - 1) < FEWEST_KNOWN:
         raise DataError(
             f"{name} changes by no more than its reading error at the scales of this recording",
             argument="against",
             advice="Use {--against=none}, or record over a larger range.",
         )
-    return smooth, level, stepped
+    return level, step
 
 
 def known_level(values: Vector, signal: Signal, step: float) -> int | None:
     """The lowest level at which the wavelet variance of a covariate is 10 times that of its reading error.
 
     The error of a reading is white from the time on for which it is held: its wavelet variance falls with the scale
-    until the covariate itself changes. The error of steps q without noise is at most q²/48 at every scale.
+    until the covariate itself changes. The error of steps q without noise counts as q²/12 at every scale.
     """
     curve = signal_wavelet_variance(_beside(signal, values)).variance
     valley = 0 if step else min(max(int(np.ceil(np.log2(_usual_run(values)))), 0), curve.size - 1)
     while valley + 1 < curve.size and curve[valley + 1] < curve[valley]:
         valley += 1
+    if np.max(curve) < LARGE_STEPS * step**2:
+        return None
     at = np.arange(curve.size)
-    error = np.maximum(step**2 / STEPS, curve[valley] * 2.0 ** (valley - at))
+    error = np.maximum(STEPS * step**2, curve[valley] * 2.0 ** (valley - at))
     passed = (curve >= KNOWN * error) & (at > valley)
     return int(np.argmax(passed)) + 1 if np.any(passed) else None
 
 
-def _between_changes(values: Vector) -> Vector:
-    """A quantized series as a piecewise linear curve through the middle of each of its changes."""
+def without_steps(values: Vector, step: float) -> Vector:
+    """A quantized series as a smooth curve: halfway between two values when it changes, and within half a step of it.
+
+    A series that moves up and down between two values is returned as it is.
+    """
+    from scipy.interpolate import CubicSpline
+
     at = np.flatnonzero(values[1:] != values[:-1])
-    return np.asarray(np.interp(np.arange(values.size), at + 0.5, (values[at] + values[at + 1]) / 2))
+    middle = (values[at] + values[at + 1]) / 2
+    if at.size < 4 or np.count_nonzero(middle[1:] == middle[:-1]) > RETURNS * at.size:
+        return values
+    places = np.clip(np.arange(values.size, dtype=np.float64), at[0] + 0.5, at[-1] + 0.5)
+    return np.clip(CubicSpline(at + 0.5, middle)(places), values - step / 2, values + step / 2)
 
 
 def _dithered(values: Vector) -> bool:

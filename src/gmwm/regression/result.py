@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,12 @@ from gmwm.errors import DataError, OptionError
 from gmwm.regression.against import TEMPERATURE, WARM_UP, Term
 from gmwm.regression.columns import Basis, Column
 from gmwm.variance.result import WaveletVariance
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as MatplotlibFigure
+
+    from gmwm.plots.view import UnitSystem
 
 LEFT = 0.5
 """Share of the noise at a level that the regression must leave; coarser levels are not fitted (docs/validation/
@@ -37,6 +44,27 @@ class Effect(NamedTuple):
     value: Vector
     lower: Vector
     upper: Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Points:
+    """Means of an axis over its first covariate, for a plot.
+
+    Attributes
+    ----------
+    at : (m,) array
+        Values of the covariate; hours if it is time or a warm-up.
+    before, after : (m,) arrays
+        Means of the recording, and without the effect of all covariates.
+    """
+
+    at: Vector
+    before: Vector
+    after: Vector
+
+    def __post_init__(self) -> None:
+        for name in ("at", "before", "after"):
+            freeze(getattr(self, name))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +129,8 @@ class Regression(Summarised, Mapping[str, Coefficient]):
         Share of the noise that the regression leaves at each level of the wavelet variance.
     share : (J,) array
         Share of the wavelet variance of each level that the covariates explain.
+    points : Points
+        Means of up to 256 parts of the recording.
     applied : bool
         Whether the effect is removed from the axis.
     """
@@ -122,6 +152,7 @@ class Regression(Summarised, Mapping[str, Coefficient]):
     rate: float
     kept: Vector
     share: Vector
+    points: Points
     applied: bool = True
 
     def __post_init__(self) -> None:
@@ -272,6 +303,34 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             excess=lost if excess is None else excess + lost, regression=self,
         )  # fmt: skip
 
+    def plot(
+        self, *, units: UnitSystem = "si", ax: Axes | None = None, path: str | os.PathLike[str] | None = None
+    ) -> MatplotlibFigure:
+        """Draw the axis over its first covariate, before and after the effect is removed, with the effect and its band.
+
+        Parameters
+        ----------
+        units : "si" or "datasheet"
+            rad/s and m/s², or deg/h and mg.
+        ax : matplotlib Axes, optional
+            Where to draw; a new figure by default.
+        path : path, optional
+            File to write the picture to, ending in .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure that is not registered with pyplot, so it need not be closed. Notebooks display it.
+
+        Raises
+        ------
+        OptionError
+            If an option is unknown.
+        """
+        from gmwm.plots.regression import plot_regression
+
+        return plot_regression(self, units=units, ax=ax, path=path)
+
     def summary(self) -> str:
         """The coefficients with 95 % confidence intervals, and the joint test."""
         lines = [f"{self.axis or 'signal'} against {self.against}" + ("" if self.applied else " (not removed)")]
@@ -307,7 +366,9 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             "references": dict(self.references), "ranges": {name: list(own) for name, own in self.ranges.items()},
             "knots": {name: list(own) for name, own in self.basis.knots.items()},
             "mean": self.mean, "tau": self.tau, "tau_error": self.tau_error, "block": self.block, "rate": self.rate,
-            "kept": self.kept.tolist(), "share": self.share.tolist(), "applied": self.applied,
+            "kept": self.kept.tolist(), "share": self.share.tolist(),
+            "points": {name: getattr(self.points, name).tolist() for name in ("at", "before", "after")},
+            "applied": self.applied,
         }  # fmt: skip
 
     @classmethod
@@ -326,6 +387,9 @@ class Regression(Summarised, Mapping[str, Coefficient]):
             mean=content["mean"], tau=content["tau"], tau_error=content["tau_error"], block=content["block"],
             rate=content["rate"],
             kept=np.array(content["kept"], dtype=np.float64), share=np.array(content["share"], dtype=np.float64),
+            points=Points(
+                **{name: np.array(own, dtype=np.float64) for name, own in content["points"].items()},
+            ),
             applied=content["applied"],
         )  # fmt: skip
 

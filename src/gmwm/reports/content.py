@@ -16,16 +16,18 @@ from gmwm.calibration.tables import SENSORS
 from gmwm.datasheets.entry import Entry, significant
 from gmwm.errors import OptionError
 from gmwm.plots.labels import axis_title
+from gmwm.regression.against import WARM_UP
 from gmwm.remarks import Dialect, Remark, texts
 from gmwm.reports.citation import citation
 from gmwm.reports.configurations import configurations
-from gmwm.reports.figures import axis_pictures, sensor_pictures, spectrum_pictures
+from gmwm.reports.figures import axis_pictures, regression_pictures, sensor_pictures, spectrum_pictures
 from gmwm.reports.spectrum_tables import spectrum_tables
 from gmwm.reports.verdict import notes, verdict
 from gmwm.selection.ranking import LISTED
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.regression import Regression
     from gmwm.selection import Ranking
 
 Facts = list[tuple[str, str]]
@@ -82,7 +84,13 @@ def report_data(calibration: Calibration) -> dict[str, Any]:
         spectrum = f"spectrum{k}" if found.spectrum is not None else ""
         if spectrum:
             pictures[spectrum] = spectrum_pictures(found)
-        names = {"id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum}
+        regression = f"regression{k}" if found.regression is not None else ""
+        if found.regression is not None:
+            pictures[regression] = regression_pictures(found.regression)
+        names = {
+            "id": f"axis{k}", "fit": f"fit{k}", "distance": f"distance{k}", "spectrum": spectrum,
+            "regression": regression,
+        }  # fmt: skip
         axes.append({**names, **_axis(axis, found, axis in bad)})
     return {
         "title": _title(calibration),
@@ -181,7 +189,24 @@ def _axis(axis: str, found: AxisCalibration, rejected: bool) -> dict[str, Any]:
         "ranking": {"rows": _ranked(ranking), "remarks": texts(shown, Dialect.HTML)},
         "remarks": texts((remark.about("") for remark in found.remarks), Dialect.HTML),
         "peaks": spectrum_tables(found.spectrum),
+        "conditions": regression_table(found.regression),
     }
+
+
+def regression_table(found: Regression | None) -> dict[str, Any]:
+    """The coefficients of a regression on conditions, below a row of headings; {} without one."""
+    if found is None:
+        return {}
+    rows = [["Column", "Coefficient", "95 % interval", "Unit", "p"]]
+    for name, one in found.items():
+        low, high = one.interval()
+        value = f"{one.value:.4g} ± {one.error:.2g}".replace("-", "−")
+        interval = f"{low:.4g} … {high:.4g}".replace("-", "−")
+        rows.append([name, value, interval, one.unit, f"{one.pvalue:.2g}"])
+    state = "removed before the noise was measured" if found.applied else "not removed"
+    zero = ", ".join(f"{name} = {value:g}" for name, value in found.references.items() if name != WARM_UP)
+    text = f"Effect of {found.against}: {state}. Joint F test: p = {found.pvalue:.2g}."
+    return {"text": text + (f" The effect is zero at {zero}." if zero else ""), "rows": rows}
 
 
 def _test(found: AxisCalibration, rejected: bool) -> str:

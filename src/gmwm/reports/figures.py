@@ -13,6 +13,7 @@ from gmwm.plots.fit import fit_panel
 from gmwm.plots.labels import sensor_and_letter, sensor_title
 from gmwm.plots.overlay import overlay_panel
 from gmwm.plots.ranking import ranking_figure
+from gmwm.plots.regression import regression_panel
 from gmwm.plots.spectrum import spectrum_panel
 from gmwm.plots.style import curve_stroke, letter_stroke
 from gmwm.plots.view import UnitSystem, ViewName
@@ -20,6 +21,7 @@ from gmwm.reports.plotly import plotly_panel
 
 if TYPE_CHECKING:
     from gmwm.calibration.result import AxisCalibration, Calibration
+    from gmwm.regression import Regression
 
 VIEWS: tuple[ViewName, ...] = ("allan", "wavelet")
 """Views of a curve; the first one, which users of inertial sensors know best, is shown initially."""
@@ -79,6 +81,15 @@ def spectrum_pictures(found: AxisCalibration) -> Variants:
 
     def panel(view: ViewName, units: UnitSystem) -> Panel:
         return spectrum_panel(spectrum, model=model, units=units)
+
+    return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
+
+
+def regression_pictures(found: Regression) -> Variants:
+    """The axis over a covariate, before and after, in each unit system; there is no view."""
+
+    def panel(view: ViewName, units: UnitSystem) -> Panel:
+        return regression_panel(found, units=units)
 
     return {key: picture for key, picture in _variants(panel).items() if key.startswith("wavelet-")}
 
