@@ -227,7 +227,7 @@ def table(result: dict[str, Any]) -> str:
     lines += [
         "",
         f"WN + RW with a warm-up and a slope of {SLOPE:g} per °C. Accepted: series whose temperature is known at "
-        "enough scales. Slope, K: medians over truth. Covered: 95 % intervals of the slope. Wrong samples are fitted with "
+        "enough scales. Slope, K: medians over truth. Covered: 95 % intervals of the slope. Wrong samples: fitted with "
         "the robust wavelet variance.",
         "",
         "| departure | series | accepted | slope | covered | K |",
