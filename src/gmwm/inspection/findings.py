@@ -169,12 +169,13 @@ def covariates_text(found: Regression) -> str:
 
 
 def effect_text(found: Regression) -> str:
-    """The first coefficient with its standard error, in the unit of a datasheet: "0.0123 ± 0.0009 (deg/s)/°C"."""
+    """The first coefficient with half its 95 % interval, in the unit of a datasheet: "0.0123 ± 0.0009 (deg/s)/°C"."""
     column = found.columns[0]
     one = found[column.name]
-    value, error = (in_datasheet_units(number, 0.0, found.unit) for number in (one.value, one.error))
+    half = (one.interval()[1] - one.interval()[0]) / 2
+    value, error = (in_datasheet_units(number, 0.0, found.unit) for number in (one.value, half))
     unit = per(value.unit, column.power)
-    digits = max(1, min(6, 1 + math.floor(math.log10(abs(one.value) / one.error) + 1))) if one.value else 2
+    digits = max(1, min(6, 1 + math.floor(math.log10(abs(one.value) / half) + 1))) if one.value else 2
     text = f"{value.value:.{digits}g} ± {error.value:.2g} {unit}".rstrip()
     more = len(found.columns) - 1
     return text if not more else f"{text} and {counted(more, 'further coefficient')}"
