@@ -1,7 +1,7 @@
 """Stochastic calibration of inertial sensors by the Generalized Method of Wavelet Moments.
 
 Recordings
-    `read` reads a file, `stream` reads a file of any size piece by piece, and `inspect` checks whether a recording can
+    `read` reads a file, `stream` reads a file of any size in chunks, and `inspect` checks whether a recording can
     be used. A recording is an `Imu`, a mapping of axis to `Signal`; `imu.write(path)` writes it.
 Calibration
     `calibrate` finds the noise model of every axis and its datasheet numbers; the result writes the report and the

@@ -14,15 +14,15 @@ from typing import Protocol
 
 import numpy as np
 
-from gmwm._arrays import Vector
+from gmwm._arrays import Vector, freeze
 from gmwm.axis_names import axis_quantity
 from gmwm.remarks import Remark
 from gmwm.signals import Imu, Signal
 from gmwm.time_base import TimeBase
 from gmwm.units import SI_UNIT
 
-BATCH = 1 << 22
-"""Number of samples in a batch: 11.7 h at 100 Hz, 70 min at 1 kHz, 200 MB for six axes. A choice; it is the number of
+BATCH = 1 << 21
+"""Number of samples in a batch: 5.8 h at 100 Hz, 35 min at 1 kHz, 100 MB for six axes. A choice; it is the number of
 samples of six axes whose wavelet variance is exact at all levels (`exact_levels`)."""
 
 
@@ -156,16 +156,16 @@ class Batches:
                 self._done(self._only.stop)
             yield self._only
             return
-        count, batch = 0, None
+        stop = 0
         for batch in batches(self.recording, self._done):
             if self._samples is not None and batch.stop >= self._samples:
                 yield batch.until(self._samples)
                 return
-            count += 1
+            stop = batch.stop
+            if stop < BATCH:
+                self._only = batch
             yield batch
-        if self._samples is None and batch is not None:
-            self._samples = batch.stop
-            self._only = batch if count == 1 else None
+        self._samples = stop
 
     def values(self, axis: str, first: int, last: int) -> Vector:
         """Samples number `first` … `last` − 1 of an axis."""
@@ -212,7 +212,7 @@ class _Gathered:
     def __init__(self, axes: Sequence[str], rate: float) -> None:
         self._axes, self._rate = tuple(axes), rate
         self._segment = -1  # of the sample before
-        self._values: dict[str, list[Vector]] = {axis: [] for axis in self._axes}
+        self._values: dict[str, Vector] = {}
         self._begins: list[tuple[int, float]] = []  # place in the batch and time of the first sample of each segment
         self._first = self._size = 0
         self._continues = False
@@ -224,10 +224,11 @@ class _Gathered:
             part = slice(taken, min(len(chunk), taken + BATCH - self._size))
             if not self._size:
                 self._first, self._continues = chunk.first + taken, chunk.segment == self._segment
+                self._values = {axis: np.empty(BATCH) for axis in self._axes}
             if not self._size or chunk.segment != self._segment:
                 self._begins.append((self._size, chunk.start + taken / self._rate))
             for axis in self._axes:
-                self._values[axis].append(chunk.values[axis][part])
+                self._values[axis][self._size : self._size + part.stop - taken] = chunk.values[axis][part]
             self._size, self._segment, taken = self._size + part.stop - taken, chunk.segment, part.stop
             if self._size == BATCH:
                 yield from self.end()
@@ -238,14 +239,17 @@ class _Gathered:
             return
         ends = [*(place for place, _ in self._begins), self._size]
         segments, starts = list(pairwise(ends)), [start for _, start in self._begins]
-        values = {axis: one[0] if len(one) == 1 else np.concatenate(one) for axis, one in self._values.items()}
         signals = {
             axis: Signal(
-                values[axis], self._rate, unit=SI_UNIT[axis_quantity(axis)], axis=axis, segments=segments, starts=starts
+                freeze(self._values.pop(axis)[: self._size]),
+                self._rate,
+                unit=SI_UNIT[axis_quantity(axis)],
+                axis=axis,
+                segments=segments,
+                starts=starts,
             )
             for axis in self._axes
         }
-        self._values = {axis: [] for axis in self._axes}
         self._begins, self._size = [], 0
         yield Batch(signals, self._first, self._continues)
 

@@ -12,7 +12,6 @@ from gmwm import Model, fit, wavelet_variance
 from gmwm.covariance import Design, covariance
 from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.signals import Signal
-from gmwm.variance import open_segments
 from gmwm.variance.accumulate import WaveletAccumulator
 from gmwm.variance.result import WaveletVariance
 from tests.helpers import codes, raises
@@ -183,35 +182,14 @@ def test_parts_with_gaps_merge_anywhere(seed):
     assert np.all(np.isfinite(np.diag(covariance(Model.parse("WN(sigma2=1.0)"), Design.of(found)))))
 
 
-@pytest.mark.parametrize("robust", [False, True])
-def test_chunks_change_nothing_to_the_last_bit(robust, monkeypatch):
-    monkeypatch.setattr(open_segments, "PANEL", 10_000)
-    rng, x = np.random.default_rng(1), walk(70_000)
-
-    def measured(exact, cuts):
-        made, seen = WaveletAccumulator(RATE, exact=exact, robust=robust), 0
-        for part in np.split(x, cuts):
-            made.update(part)
-            seen += part.size
-            if seen == 40_000:
-                made.gap()
-        return made
-
-    for exact in (10, 17):
-        whole = measured(exact, [40_000])
-        for _ in range(3):
-            cuts = sorted({40_000, *rng.integers(1, x.size, 30).tolist()})
-            assert measured(exact, cuts).result().to_dict() == whole.result().to_dict()
-            assert measured(exact, cuts).result(robust=robust).to_dict() == whole.result(robust=robust).to_dict()
-
-
 def test_samples_that_fit_into_memory_have_the_result_of_memory():
     x = walk(30_000)
     signal = Signal(x, RATE, segments=[(0, 12_000), (12_000, 30_000)])
     live = WaveletAccumulator(RATE, exact=15, robust=True)
-    live.update(x[:12_000])
-    live.gap()
-    live.update(x[12_000:])
+    for k, part in enumerate(np.split(x, [1, 700, 12_000, 12_003, 25_000])):
+        if k == 3:
+            live.gap()
+        live.update(part)
     assert live.result().to_dict() == wavelet_variance(signal).to_dict()
     assert live.result(robust=True).to_dict() == wavelet_variance(signal, robust=True).to_dict()
     assert live.result().remarks == ()

@@ -88,7 +88,7 @@ def calibrate(
     ----------
     data : Imu, Signal, Stream, or mapping of axis to Signal, WaveletVariance or Pair
         A recording of a sensor at rest. The result is the same for a recording in memory and a Stream, which is read
-        in bounded memory: twice if it has more than 4.2 million samples.
+        in bounded memory: twice if it has more than 2.1 million samples.
     within : "auto", or Model, Process or str
         "auto" searches for the model: first within slow noise processes, white and quantization noise; if the test
         rejects these, with what the spectrum shows, the filter of the sensor, resonances and lines. Otherwise the

@@ -55,7 +55,7 @@ def inspect(recording: Imu | Stream, *, against: Against = AUTO) -> Inspection:
     Parameters
     ----------
     recording : Imu or Stream
-        A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 4.2
+        A recording in memory, or one in chunks, which is read twice in bounded memory, or once if it has at most 2.1
         million samples. The temperature of a stream is not checked.
     against : "auto", "none", str or mapping
         Conditions that the axes are regressed on, as in `gmwm.calibrate`; "auto" is the temperature of the recording.

@@ -135,8 +135,8 @@ class Stream:
         levels : int, optional
             Number of levels J; by default all that have a coefficient.
         exact : int, optional
-            Number of levels that use every coefficient, 6 to 24. By default as many as fit into 1 GiB: 22 for six axes.
-            Workers return what they know of a part, so that their default is 19 for six axes.
+            Number of levels that use every coefficient, 6 to 24. By default as many as fit into 512 MiB: 21 for six
+            axes. Workers return what they know of a part, so that their default is 19 for six axes.
         robust, efficiency : bool, float
             As for `gmwm.wavelet_variance`.
         passes : 2 or 1
@@ -151,7 +151,7 @@ class Stream:
             To read parts of the recording in other processes: a Dask scheduler, or a number of processes to start here,
             and the number of parts.
         done : callable, optional
-            Called in this thread with the number of samples so far after every piece. A second pass continues the
+            Called in this thread with the number of samples so far after every chunk. A second pass continues the
             count, up to twice the number of samples.
 
         Returns
