@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gmwm.errors import ReadError
+from gmwm.readers.clock import clock_of
 from gmwm.readers.rate_check import rate_change
-from gmwm.readers.time_stamps import as_stamps, timing
 from tests.helpers import raises
 
 FIXED = settings(derandomize=True, max_examples=50, deadline=None)
 
 
 def base(values, unit="s", rate=None):
-    return timing(as_stamps(np.asarray(values), unit, rate)[0], rate)
+    return clock_of([np.asarray(values)], unit, rate)[0]
 
 
 def two_rates(first, second, samples, share):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from gmwm.errors import DataError, OptionError, ReadError
 from gmwm.options import BadLines, Columns, Gaps, ReadOptions
 from gmwm.readers.axis_units import Scales, resolve, time_unit
 from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
+from gmwm.readers.clock import clock_of
 from gmwm.readers.columns import Choice, choose, described
 from gmwm.readers.lost_samples import (
     Sifted,
@@ -32,7 +33,7 @@ from gmwm.readers.lost_samples import (
 from gmwm.readers.reading_warnings import of_file, warn
 from gmwm.readers.scale_factors import multiply
 from gmwm.readers.text_stamps import holds_stamps, require_readable
-from gmwm.readers.time_stamps import Timing, as_stamps, beside_stated, timing, unstamped
+from gmwm.readers.time_stamps import Timing, beside_stated, unstamped
 from gmwm.remarks import Remark
 from gmwm.signals import MINIMUM_SAMPLES, Imu, Signal
 from gmwm.time_ranges import cut
@@ -175,7 +176,9 @@ def recording_of(
     """
     usable = usable_samples(rows, layout, choice, path=path)
     raw = dict(usable.raw)
-    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=options.rate)
+    samples = next(iter(raw.values())).size
+    stamps = [raw["time"]] if "time" in raw else None
+    time, time_remarks = timing_of(layout, choice, units=units, stamps=stamps, samples=samples, rate=options.rate)
     time = without_lost(time, usable.sifted)
     raw = usable.present(raw)
     integrals, base_rate = options.integrals, time.base.rate
@@ -446,16 +449,19 @@ def timing_of(
     layout: Layout,
     choice: Choice,
     units: Mapping[str, str],
-    raw: Mapping[str, NDArray[Any]],
+    stamps: Iterable[NDArray[Any]] | None,
+    samples: int,
     rate: float | None,
 ) -> tuple[Timing, tuple[Remark, ...]]:
-    """The time base, and remarks on the unit or form of the time stamps."""
-    if "time" not in raw:
+    """The time base, and remarks on the unit or form of the time stamps.
+
+    `stamps` has chunks of the time column, None if there is none; then the recording has one segment of `samples`.
+    """
+    if stamps is None:
         stated = layout.rate if rate is None else rate
-        return unstamped(as_rate(stated), raw[choice.axes[0]].size), ()
+        return unstamped(as_rate(stated), samples), ()
     unit, about_unit = time_unit(layout, choice, units)
-    stamps, about_form = as_stamps(raw["time"], unit, rate)
-    found = timing(stamps, rate)
+    found, about_form = clock_of(stamps, unit, rate)
     if rate is None and layout.rate is not None and layout.rate_of_samples:
         found = beside_stated(found, layout.rate)
     return found, tuple(remark for remark in (about_unit, about_form) if remark is not None)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm._arrays import Vector
 from gmwm.readers.base import Rows
 from gmwm.readers.columns import Choice
 from gmwm.readers.lost_samples import about_lost, as_floats, gaps_of, sift
-from gmwm.readers.running_clock import Counted, Pace, RunningClock, Settled
+from gmwm.readers.running_clock import KnownClock, Pace, RunningClock, Settled
 from gmwm.readers.time_stamps import Timing
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
@@ -49,22 +47,24 @@ class Chunk:
 
 @dataclass(frozen=True, eq=False)
 class Interpretation:
-    """Columns, units and rate of a recording, found from its first rows.
+    """Columns and units of a recording, found from its first rows, and its clock.
 
     Attributes
     ----------
     choice : Choice
-        The columns to read, without temperature.
+        The columns to read: the axes, and the time if it is needed to place rows.
     words : mapping
         Name of each column in messages.
     factors : mapping of axis to factors
         Factors by which the numbers in the file are multiplied, one after the other.
     timing : Timing
-        Rate and segments of the first rows.
+        Rate and segments of all rows; of the first rows of a live stream.
     pace : Pace or None
-        The pace of their time stamps; None without time stamps.
+        The pace of the time stamps of a live stream; None for a file.
     remarks : tuple of Remark
         Remarks on how gmwm read the file.
+    sparse : bool
+        Whether the clock counts fewer rows than the file has.
     """
 
     choice: Choice
@@ -73,6 +73,7 @@ class Interpretation:
     timing: Timing
     pace: Pace | None
     remarks: tuple[Remark, ...]
+    sparse: bool = False
 
     @property
     def rate(self) -> float:
@@ -92,36 +93,38 @@ class RowSummary:
         Whether there is a gap before the first sample.
     lost : int
         Number of lost samples.
-    counted : Counted
-        Sums over the intervals of the time stamps.
+    gaps : tuple of (sample, seconds)
+        For each gap, the first sample after it and its length.
+    live : TimeBase or None
+        The time base of a live stream.
+    about : tuple of Remark
+        Remarks on the time stamps of a live stream.
     """
 
     first: int
     stop: int
     parted: bool
-    counted: Counted
     lost: int = 0
+    gaps: tuple[tuple[int, float], ...] = ()
+    live: TimeBase | None = None
+    about: tuple[Remark, ...] = ()
 
     def followed_by(self, later: RowSummary) -> RowSummary:
         """Merge with the summary of the rows that directly follow."""
         # A part counts its samples from the number of its first row in the file.
         shift = self.stop - later.first
-        moved = tuple((sample + shift, seconds) for sample, seconds in later.counted.gaps)
-        counted = self.counted.followed_by(replace(later.counted, gaps=moved))
+        moved = tuple((sample + shift, seconds) for sample, seconds in later.gaps)
         return RowSummary(
-            self.first, later.stop + shift, parted=self.parted, counted=counted,
-            lost=self.lost + later.lost,
-        )  # fmt: skip
+            self.first, later.stop + shift, parted=self.parted, gaps=self.gaps + moved, lost=self.lost + later.lost
+        )
 
     def time_base(self, found: Interpretation) -> TimeBase:
         """The time base of the recording, from the time stamps of all rows."""
-        base = replace(found.timing.base, gaps=self.counted.gaps)
-        return replace(base if found.pace is None else found.pace.base(self.counted), lost=self.lost)
+        return replace(self.live or found.timing.base, gaps=self.gaps, lost=self.lost)
 
     def remarks(self, found: Interpretation) -> tuple[Remark, ...]:
-        """Remarks on the time stamps of all rows, and on lost samples."""
-        about_stamps = () if found.pace is None else tuple(found.pace.remarks(self.counted, self.stop))
-        return (*about_stamps, *about_lost(self.time_base(found)))
+        """Remarks that need all rows: on lost samples, and on the time stamps of a live stream."""
+        return (*self.about, *about_lost(self.time_base(found)))
 
 
 class ChunkBuilder:
@@ -135,26 +138,18 @@ class ChunkBuilder:
         Largest number of samples in a chunk.
     first : int
         Number of the first row that will be added.
-    before : (n,) array, optional
-        The time stamps of the rows before it, as `RunningClock` needs them; None for the first row of the recording.
     lost_before : bool
         Whether the row before it is lost.
     """
 
-    def __init__(
-        self,
-        found: Interpretation,
-        size: int,
-        first: int = 0,
-        before: NDArray[Any] | None = None,
-        lost_before: bool = False,
-    ) -> None:
+    def __init__(self, found: Interpretation, size: int, first: int = 0, lost_before: bool = False) -> None:
         self._found, self._size, self._first = found, size, first
-        self._clock = None if found.pace is None else RunningClock(found.pace, first, before)
+        self._known = KnownClock(found.timing, first)
+        self._live = None if found.pace is None else RunningClock(found.pace)
         # Rows whose segment is not known yet, and the numbers of those that are lost or follow a row without a place.
         self._waiting: dict[str, Vector] = {axis: np.empty(0) for axis in found.choice.axes}
         self._lost, self._cut = np.zeros(0, dtype=bool), np.zeros(1, dtype=bool)
-        self._came, self._segment, self._begun = first, 0, (first, first / found.rate)
+        self._came, self._segment, self._begun = first, 0, self._known.segment_at(first)
         self._parted = False
         # The row of the last sample, the number of the next sample, and whether a gap is between them.
         self._last, self._next, self._broken = first - 1, first, lost_before
@@ -180,27 +175,28 @@ class ChunkBuilder:
         self._lost = np.concatenate([self._lost, lost])
         values = {axis: _in_si(as_floats(rows[columns[axis]]), found.factors[axis]) for axis in found.choice.axes}
         self._waiting = {axis: _joined(self._waiting[axis], v) for axis, v in values.items()}
-        stamps = rows[columns["time"]] if self._clock is not None else np.empty(0)
-        if found.pace is not None and self._came == self._first and stamps.size:
-            self._begun = (self._first, found.pace.time(float(found.pace.ticks(stamps[:1])[0])))
-        at_first, self._came = self._came == 0, self._came + size
-        if self._clock is None:
-            settled = Settled(self._came, (0,) if at_first else (), (0.0,) if at_first else ())
-        else:
-            settled = self._clock.take(stamps)
-        yield from self._settled(settled)
+        self._came += size
+        yield from self._settled(self._live.take(rows[columns["time"]]) if self._live else self._known.take(size))
 
-    def end(self, behind: NDArray[Any] | None = None) -> Iterator[Chunk]:
-        """Yield the last chunks. `behind` has the time stamps of the next rows of the recording, if there are any."""
-        settled = Settled(self._came, (), ()) if self._clock is None else self._clock.end(behind)
-        yield from self._settled(settled)
+    def end(self) -> Iterator[Chunk]:
+        """Yield the last chunks."""
+        if self._live:
+            yield from self._settled(self._live.end())
 
     def summary(self) -> RowSummary:
         """The summary of all rows so far."""
-        counted = Counted() if self._clock is None else self._clock.counted
+        live = None if self._live is None else self._live.base()
+        stamped = self._known.gaps(self._first, self._came) if live is None else live.gaps
         pairs, samples = [pair for pair, _ in self._breaks], [sample for _, sample in self._breaks]
-        counted = replace(counted, gaps=gaps_of(pairs, samples, stamped=counted.gaps, rate=self._found.rate))
-        return RowSummary(self._first, self._next, parted=self._parted, counted=counted, lost=self._count)
+        return RowSummary(
+            self._first,
+            self._next,
+            parted=self._parted,
+            gaps=gaps_of(pairs, samples, stamped=stamped, rate=self._found.rate),
+            lost=self._count,
+            live=live,
+            about=() if self._live is None else tuple(self._live.remarks()),
+        )
 
     def _settled(self, settled: Settled) -> Iterator[Chunk]:
         ready, lost, cut = self._waiting, self._lost, self._cut

@@ -1,7 +1,7 @@
 """Consecutive parts of a long recording that can be read independently, in other processes or on other machines.
 
-A part contains its file name, its rows, and the columns, units and rate of the recording. It also reads the time stamps
-of some rows before and after it, so that gaps are found as in a single pass, also between two parts.
+A part contains its file name, its rows, and the columns, units, rate and segments of the recording. It also reads some
+rows before it, so that a lost sample between two parts is found.
 """
 
 from __future__ import annotations
@@ -11,21 +11,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gmwm.errors import OptionError, ReadError
 from gmwm.readers.api import one_layout
 from gmwm.readers.base import Layout, Mark, Reader, existing_file, find_reader
 from gmwm.readers.chunks import Chunk, ChunkBuilder, Interpretation, RowSummary
 from gmwm.readers.lost_samples import Sifted, sift
-from gmwm.readers.running_clock import KEPT
 from gmwm.readers.streams import Stream
 
-SHORTEST = 2 * KEPT
-"""Smallest number of rows of a part, because a gap is identified with the rows around it."""
+SHORTEST = 4096
+"""Smallest number of rows of a part: reading fewer takes less time than starting to read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +47,7 @@ class Part:
     size : int
         Largest number of samples in a chunk.
     back, begin, end : Mark
-        Where reading of time stamps begins, and where the rows of the part begin and end.
-    last : bool
-        Whether this is the last part of the recording.
+        A place before the first row, and where the rows of the part begin and end.
     whole : bool
         Whether the part is the whole recording.
     skip_bad_lines : bool
@@ -68,7 +63,6 @@ class Part:
     back: Mark
     begin: Mark
     end: Mark
-    last: bool
     whole: bool = False
     skip_bad_lines: bool = False
 
@@ -108,8 +102,7 @@ class PartReader:
         part = self._part
         self._reader, self._layout = _opened(part)
         wanted = list(part.found.choice.columns.values())
-        before, lost_before = self._before()
-        builder = ChunkBuilder(part.found, part.size, part.first, before=before, lost_before=lost_before)
+        builder = ChunkBuilder(part.found, part.size, part.first, self._lost_before())
         if part.whole:
             chunks = self._reader.chunks(part.path, self._layout, wanted)
         else:
@@ -125,27 +118,17 @@ class PartReader:
                 f"{part.path} has other rows than when it was divided",
                 advice="Read a file that no program is writing, with the same version of gmwm on all machines.",
             )
-        yield from builder.end(self._behind())
+        yield from builder.end()
         self.summary = builder.summary()
 
-    def _before(self) -> tuple[NDArray[Any] | None, bool]:
-        """The time stamps of the rows before the first row, by which a gap is found, and whether the last is lost."""
+    def _lost_before(self) -> bool:
+        """Whether the row before the first one is lost."""
         part = self._part
         if part.first == 0:
-            return None, False
+            return False
         rows = self._rows(part.back, part.first)
         lost = rows.lost is not None and bool(rows.lost[-1:].any())
-        lost |= rows.cut is not None and bool(rows.cut[-1])
-        pace = part.found.pace
-        return None if pace is None else rows.rows[part.found.choice.columns["time"]][-pace.before :], lost
-
-    def _behind(self) -> NDArray[Any] | None:
-        """The time stamps of the rows after the last row."""
-        part = self._part
-        if part.found.pace is None or part.last:
-            return None
-        rows = self._rows(part.end, part.end.row + part.found.pace.behind)
-        return rows.rows[part.found.choice.columns["time"]]
+        return lost or (rows.cut is not None and bool(rows.cut[-1]))
 
     def _rows(self, mark: Mark, stop: int) -> Sifted:
         """The rows from a mark up to a row."""
@@ -174,7 +157,8 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
             "a recording from which time ranges are left out cannot be divided into parts",
             advice="Write the time ranges to keep to a file of their own instead of {--start}, {--stop} or {--skip}.",
         )
-    marks = origin.reader.marks(origin.path, origin.layout)
+    # Rows that the clock does not count have no number in the segments, so the recording is read from its beginning.
+    marks = () if stream._found.sparse else origin.reader.marks(origin.path, origin.layout)
     cuts = _cuts(marks, int(count))
     whole = Part(
         path=origin.path,
@@ -186,25 +170,14 @@ def parts_of(stream: Stream, count: int) -> tuple[Part, ...]:
         back=Mark(0),
         begin=Mark(0),
         end=Mark(0),
-        last=True,
         whole=True,
         skip_bad_lines=origin.layout.skip_bad_lines,
     )
     if not cuts:
         return (whole,)
     edges = [0, *cuts, len(marks) - 1]
-    pace = stream._found.pace
-    reach = 0 if pace is None else pace.before
     return tuple(
-        replace(
-            whole,
-            back=_back(marks, a, reach),
-            begin=marks[a],
-            end=marks[b],
-            last=b == len(marks) - 1,
-            whole=False,
-        )
-        for a, b in pairwise(edges)
+        replace(whole, back=marks[max(a - 1, 0)], begin=marks[a], end=marks[b], whole=False) for a, b in pairwise(edges)
     )
 
 
@@ -219,12 +192,6 @@ def _cuts(marks: Sequence[Mark], count: int) -> list[int]:
             cuts.append(nearest)
             last = nearest
     return cuts
-
-
-def _back(marks: Sequence[Mark], begin: int, reach: int) -> Mark:
-    """The last mark that is at least `reach` rows before the mark `begin`, or the first mark."""
-    before = [mark for mark in marks[: begin + 1] if mark.row <= marks[begin].row - reach]
-    return before[-1] if before else marks[0]
 
 
 def _opened(part: Part) -> tuple[Reader, Layout]:

@@ -42,7 +42,7 @@ class Change:
     after: float
 
 
-def require_order(ticks: Vector, nominal: float, origin: float, per_second: float) -> None:
+def require_order(ticks: Vector, nominal: float, origin: float, per_second: float, row: int = 0) -> None:
     """Require that time stamps are in order, except for a few.
 
     Parameters
@@ -55,6 +55,8 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
         The first time stamp in ticks.
     per_second : float
         Ticks in a second.
+    row : int
+        Number of rows before the first time stamp.
 
     Raises
     ------
@@ -69,30 +71,32 @@ def require_order(ticks: Vector, nominal: float, origin: float, per_second: floa
     first, most = (origin + ticks[back[0] + 1]) / per_second, -float(np.min(steps)) / per_second
     raise ReadError(
         f"the time stamps are not in order: {back.size} of {ticks.size} are earlier than the one before, by up to "
-        f"{most:.3g} s (the first in row {back[0] + 2}, at {first:.6g} s)",
+        f"{most:.3g} s (the first in row {row + back[0] + 2}, at {first:.6g} s)",
         advice="If the rows are not in the order of sampling, sort them by time; if they are, leave the time stamps "
         "out with {--columns=time:none} and pass {--rate} (on average they show {rate:.4g}).",
         rate=Quantity(per_second / nominal, "Hz"),
     )
 
 
-def require_one_rate(ticks: Vector, origin: float, per_second: float) -> None:
+def require_one_rate(ticks: Vector, per_second: float, row: int = 0) -> None:
     """Require that the sampling rate does not change within the recording.
 
     Raises
     ------
     ReadError
-        If it changes; the message has both rates, and the time and row of the change.
+        If it changes; the message has both rates, and the row and the time of the change from the first sample, for
+        ticks that count from the first sample. `row` is the number of rows before the first one of `ticks`.
     """
     change = rate_change(ticks)
     if change is None:
         return
-    when = (origin + float(ticks[change.index])) / per_second
+    when = float(ticks[change.index]) / per_second
     before, after = per_second / change.before, per_second / change.after
     raise ReadError(
-        f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s (row {change.index + 1}), "
-        "by the time stamps",
-        advice="Split the file there and read the parts one at a time.",
+        f"the sampling rate changes from {before:.4g} Hz to {after:.4g} Hz at {when:.6g} s from the start of the "
+        f"recording (row {row + change.index + 1}), by the time stamps",
+        advice="Read one part at a time: the first with {--stop=@when}, the second with {--start=@when}.",
+        when=round(when, 3),
     )
 
 

@@ -9,12 +9,13 @@ from gmwm.errors import GmwmWarning, InferredUnitWarning, TimeBaseWarning
 from gmwm.remarks import Remark
 
 STAMPS = ("stamps-backward", "stamps-repeated", "stamps-jitter", "samples-lost")
-"""Codes of remarks on all rows, which are known at the end of a stream."""
+"""Codes of remarks on all rows, which are known at the end of a live stream."""
 
 _CATEGORIES: Mapping[str, type[GmwmWarning]] = {
     "unit-inferred": InferredUnitWarning,
     "unit-doubtful": GmwmWarning,
     "rate-contradicted": TimeBaseWarning,
+    "losses-regular": TimeBaseWarning,
     "axis-dead": GmwmWarning,
     **dict.fromkeys(STAMPS, TimeBaseWarning),
     "samples-lost": GmwmWarning,

@@ -1,9 +1,9 @@
-"""Analyse time stamps block by block: where segments begin, and whether the rate stays the same."""
+"""Find where segments begin, for rows in blocks: of a file, whose clock is known, and of a live stream."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -12,153 +12,25 @@ from numpy.typing import NDArray
 from gmwm._arrays import Vector
 from gmwm.errors import ReadError
 from gmwm.readers.rate_check import require_one_rate, require_order
-from gmwm.readers.time_stamps import FARTHEST, Timing, about_stamps, burst_of, nominal_interval, reach_of, segments_of
+from gmwm.readers.sampling_interval import find_losses, resolution_of
+from gmwm.readers.stamp_order import in_order, without_steps_back
+from gmwm.readers.time_stamps import Timing, about_stamps
 from gmwm.remarks import Quantity, Remark
 from gmwm.time_base import TimeBase
 from gmwm.units import LONG_TIME_UNITS, TIME_UNITS
 
-# Pinned by tests/readers/test_stream.py and test_parts.py, which hold streams to the segments and errors of `read`.
+# Pinned by tests/readers/test_growing.py.
 
-KEPT = 4 * FARTHEST
+KEPT = 4096
 """Time stamps before a block that are analysed again with it, so that each gap is decided by both sides."""
-
-_SOME, _LAST = 1024, 1 << 14
-"""Fewest and most of the last rows by which a change of the rate is recognised."""
+_BEHIND = 128
+"""Rows after a row by which it is decided whether the row begins a segment, at least: late deliveries end before."""
+_SOME = 1024
+"""Fewest of the last rows by which a change of the rate is recognised."""
 _CHANGED, _CHANGED_BURSTS = 1.05, 1.2
 """Factors between two rates that are a change, as in `gmwm.readers.rate_check`."""
 _APART = 1e-3
 """Relative difference between the rates of the first rows and of all rows that is warned of, as for a declared rate."""
-
-
-@dataclass(frozen=True)
-class Pace:
-    """Sampling interval, unit and origin of the time stamps, from the first rows.
-
-    Attributes
-    ----------
-    first : int or float
-        The first time stamp as it stands in the file, from which the others are counted.
-    rows : int
-        Number of the first rows.
-    rate : float
-        Samples per second (Hz).
-    seconds, per_second : float, int
-        Seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise.
-    nominal, burst : float
-        Sampling interval in ticks, and number of samples in a burst.
-    """
-
-    first: int | float
-    rows: int
-    rate: float
-    seconds: float
-    per_second: int
-    nominal: float
-    burst: float
-
-    @classmethod
-    def of(cls, head: NDArray[Any], unit: str, timing: Timing) -> Self:
-        """Analyse the time stamps (n,) of the first rows, int64 or float64, in any unit of time."""
-        rate, seconds, per_second = timing.base.rate, LONG_TIME_UNITS.get(unit, 1), TIME_UNITS.get(unit, 1)
-        ticks: Vector = (head - head[0]).astype(np.float64) * seconds
-        nominal = nominal_interval(ticks, per_second / rate)
-        burst = burst_of(np.diff(ticks), nominal)
-        return cls(
-            first=head[0].item(),
-            rows=head.size,
-            rate=rate,
-            seconds=seconds,
-            per_second=per_second,
-            nominal=nominal,
-            burst=burst,
-        )
-
-    @property
-    def origin(self) -> float:
-        """The first time stamp in ticks."""
-        return float(self.first) * self.seconds
-
-    @property
-    def before(self) -> int:
-        """Number of rows before a row by which it is decided whether the row begins a segment."""
-        return KEPT + self.behind
-
-    @property
-    def behind(self) -> int:
-        """Number of rows from a row on by which it is decided whether the row begins a segment."""
-        return reach_of(self.burst, KEPT)
-
-    def ticks(self, values: NDArray[Any]) -> Vector:
-        """Time stamps of the file, counted in ticks from the first."""
-        ticks: Vector = (values - self.first).astype(np.float64)
-        return ticks * self.seconds if self.seconds != 1 else ticks
-
-    def time(self, tick: float) -> float:
-        """Time of a tick (s) on the clock of the recording."""
-        return (self.origin + tick) / self.per_second
-
-    def base(self, counted: Counted) -> TimeBase:
-        """The time base of rows whose intervals were counted."""
-        jitter = np.sqrt(counted.squares / counted.inside) / self.per_second if counted.inside else 0.0
-        start = self.origin / self.per_second
-        return TimeBase(
-            rate=self.rate,
-            stamped=True,
-            start=start,
-            jitter=float(jitter),
-            gaps=counted.gaps,
-            duplicates=counted.duplicates,
-            backward=counted.backward,
-        )
-
-    def remarks(self, counted: Counted, rows: int) -> Iterator[Remark]:
-        """Remarks on the time stamps of all rows, `rows` of them."""
-        yield from about_stamps(self.base(counted))
-        if rows > self.rows and counted.span > 0:
-            measured = self.per_second * counted.inside / counted.span
-            if abs(measured / self.rate - 1) > _APART:
-                yield Remark.of(
-                    "rate-contradicted",
-                    source="first-rows",
-                    rate=Quantity(self.rate, "Hz"),
-                    rows=self.rows,
-                    stamps=Quantity(measured, "Hz"),
-                )
-
-
-@dataclass(frozen=True)
-class Counted:
-    """Sums over intervals of time stamps.
-
-    Attributes
-    ----------
-    inside : int
-        Number of intervals within segments.
-    span, squares : float
-        Sum of these intervals (ticks), and sum of their squared differences from the sampling interval.
-    duplicates, backward : int
-        Number of time stamps that repeat the one before, and that step backward.
-    gaps : tuple of (row, seconds)
-        For each gap, the first row after it and its length.
-    """
-
-    inside: int = 0
-    span: float = 0.0
-    squares: float = 0.0
-    duplicates: int = 0
-    backward: int = 0
-    gaps: tuple[tuple[int, float], ...] = ()
-
-    def followed_by(self, later: Counted) -> Counted:
-        """The sums with those of the rows that follow."""
-        return Counted(
-            inside=self.inside + later.inside,
-            span=self.span + later.span,
-            squares=self.squares + later.squares,
-            duplicates=self.duplicates + later.duplicates,
-            backward=self.backward + later.backward,
-            gaps=self.gaps + later.gaps,
-        )
 
 
 @dataclass(frozen=True)
@@ -170,38 +42,148 @@ class Settled:
     starts: tuple[float, ...]
 
 
+class KnownClock:
+    """The clock of a recording whose time stamps were all analysed before.
+
+    Parameters
+    ----------
+    timing : Timing
+        Segments of all rows.
+    row : int
+        Number of the first row that will be given.
+    """
+
+    def __init__(self, timing: Timing, row: int = 0) -> None:
+        self._firsts = np.array([first for first, _ in timing.segments])
+        self._starts, self._row, self._gaps = timing.starts, row, timing.base.gaps
+
+    def take(self, rows: int) -> Settled:
+        """Add the next rows."""
+        row, stop = self._row, self._row + rows
+        self._row = stop
+        a, b = np.searchsorted(self._firsts, [row, stop]).tolist()
+        return Settled(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
+
+    def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
+        """The gaps before the rows from `first` to `stop`: the row after each, and its length (s)."""
+        return tuple(gap for gap in self._gaps if first <= gap[0] < stop)
+
+    def segment_at(self, row: int) -> tuple[int, float]:
+        """The first row and its time (s) of the segment that holds a row."""
+        k = int(np.searchsorted(self._firsts, row, side="right")) - 1
+        return int(self._firsts[k]), self._starts[k]
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Sampling interval, unit and origin of the time stamps of a live stream, from its first rows.
+
+    Attributes
+    ----------
+    first : int or float
+        The first time stamp as it stands in the file, from which the others are counted.
+    rows : int
+        Number of the first rows.
+    rate : float
+        Samples per second (Hz).
+    seconds, per_second : float, int
+        Seconds in a tick if it is longer than a second, and ticks in a second if it is shorter; 1 otherwise.
+    width : int
+        Rows that were compared to find the gaps.
+    spacing : float
+        Distance of float64 numbers of the size of the time stamps, in ticks; 0 for integers.
+    """
+
+    first: int | float
+    rows: int
+    rate: float
+    seconds: float
+    per_second: int
+    width: int
+    spacing: float
+
+    @classmethod
+    def of(cls, head: NDArray[Any], unit: str, timing: Timing) -> Self:
+        """Analyse the time stamps (n,) of the first rows, int64 or float64, in any unit of time."""
+        seconds = LONG_TIME_UNITS.get(unit, 1)
+        integer = head.dtype.kind in "iu"
+        return cls(
+            first=head[0].item(),
+            rows=head.size,
+            rate=timing.base.rate,
+            seconds=seconds,
+            per_second=TIME_UNITS.get(unit, 1),
+            width=timing.width,
+            spacing=0.0 if integer else float(np.spacing(np.max(np.abs(head)))) * seconds,
+        )
+
+    @property
+    def interval(self) -> float:
+        """Sampling interval in ticks."""
+        return self.per_second / self.rate
+
+    @property
+    def behind(self) -> int:
+        """Number of rows from a row on by which it is decided whether the row begins a segment."""
+        return min(_BEHIND + 4 * self.width, KEPT)
+
+    def ticks(self, values: NDArray[Any]) -> Vector:
+        """Time stamps of the file, counted in ticks from the first."""
+        ticks: Vector = (values - self.first).astype(np.float64)
+        return ticks * self.seconds if self.seconds != 1 else ticks
+
+    def time(self, tick: float) -> float:
+        """Time of a tick (s) on the clock of the recording."""
+        return (float(self.first) * self.seconds + tick) / self.per_second
+
+
+@dataclass
+class Counted:
+    """Sums over intervals of time stamps.
+
+    Attributes
+    ----------
+    inside : int
+        Number of intervals within segments.
+    span, squares : float
+        Sum of these intervals (ticks), and sum of their squared differences from the sampling interval.
+    duplicates, backward : int
+        Number of time stamps that repeat the one before, and that step backward.
+    gaps : list of (row, seconds)
+        For each gap, the first row after it and its length.
+    """
+
+    inside: int = 0
+    span: float = 0.0
+    squares: float = 0.0
+    duplicates: int = 0
+    backward: int = 0
+    gaps: list[tuple[int, float]] = field(default_factory=list)
+
+
 class RunningClock:
-    """Find gaps in time stamps block by block, with the sampling interval of the first rows.
+    """Find gaps in the time stamps of a live stream block by block, with the sampling interval of the first rows.
 
     A long interval is a gap if the time stamps after it stay late. This needs some rows more, so the segments of the
-    last rows of a block are decided with the next block.
+    last rows of a block are decided with the next block. A file is not read like this: all its time stamps are known.
 
     Parameters
     ----------
     pace : Pace
         The time stamps of the first rows.
-    row : int
-        Number of the first row that will be given.
-    before : (n,) array, optional
-        Time stamps of the last rows before it, `pace.before` of them or all.
     """
 
-    def __init__(self, pace: Pace, row: int = 0, before: NDArray[Any] | None = None) -> None:
+    def __init__(self, pace: Pace) -> None:
         self.pace = pace
-        self._interval = pace.per_second / pace.rate
-        self._window = np.empty(0) if before is None else pace.ticks(before)  # ticks from row `_base` on
-        self._base, self._stop = row - self._window.size, row
-        self._counted, self._gaps = Counted(), list[tuple[int, float]]()
+        self._window = np.empty(0)  # ticks from row `_base` on
+        self._base = self._stop = 0
+        self._anchor, self._lost = (0, pace.time(0.0)), 0
+        self._counted = Counted()
 
     @property
     def rows(self) -> int:
         """Number of the next row."""
         return self._base + self._window.size
-
-    @property
-    def counted(self) -> Counted:
-        """Sums over the intervals up to the last row whose segment is known."""
-        return self._counted.followed_by(Counted(gaps=tuple(self._gaps)))
 
     def take(self, values: NDArray[Any]) -> Settled:
         """Add the time stamps of the next rows, and return the rows whose segments are now known.
@@ -214,16 +196,42 @@ class RunningClock:
         before = self.rows
         self._window = np.concatenate([self._window, self.pace.ticks(values)])
         self._require_steady(self._window[max(0, before - self._base - 1) :], max(0, before - 1))
-        return self._settle(max(self._stop, self.rows - reach_of(self.pace.burst, self.rows)))
+        return self._settle(max(self._stop, self.rows - self.pace.behind))
 
-    def end(self, behind: NDArray[Any] | None = None) -> Settled:
-        """Decide the last rows, with the time stamps of `pace.behind` rows after them if there are any."""
-        stop = self.rows
-        if behind is not None:
-            self._window = np.concatenate([self._window, self.pace.ticks(behind)])
-        return self._settle(stop)
+    def end(self) -> Settled:
+        """Decide the last rows."""
+        return self._settle(self.rows)
 
-    def _require_steady(self, ticks: Vector, row: int) -> None:
+    def base(self) -> TimeBase:
+        """The time base of the rows up to the last one whose segment is known."""
+        counted, pace = self._counted, self.pace
+        jitter = np.sqrt(counted.squares / counted.inside) / pace.per_second if counted.inside else 0.0
+        return TimeBase(
+            rate=pace.rate,
+            stamped=True,
+            start=pace.time(0.0),
+            jitter=float(jitter),
+            gaps=tuple(counted.gaps),
+            duplicates=counted.duplicates,
+            backward=counted.backward,
+        )
+
+    def remarks(self) -> Iterator[Remark]:
+        """Remarks on the time stamps of these rows."""
+        counted, pace = self._counted, self.pace
+        yield from about_stamps(self.base())
+        if self._stop > pace.rows and counted.span > 0:
+            measured = pace.per_second * counted.inside / counted.span
+            if abs(measured / pace.rate - 1) > _APART:
+                yield Remark.of(
+                    "rate-contradicted",
+                    source="first-rows",
+                    rate=Quantity(pace.rate, "Hz"),
+                    rows=pace.rows,
+                    stamps=Quantity(measured, "Hz"),
+                )
+
+    def _require_steady(self, new: Vector, row: int) -> None:
         """Require that the new time stamps, from `row` on, are in order and at the same rate.
 
         Raises
@@ -231,20 +239,22 @@ class RunningClock:
         ReadError
             If they are not.
         """
-        if ticks.size < 2:
-            return
         pace = self.pace
-        origin, per_second = pace.origin + float(ticks[0]), pace.per_second
+        if new.size < 2:
+            return
+        ticks = in_order(new - new[0], pace.spacing == 0, pace.per_second, pace.interval).ticks
         try:
-            require_order(ticks - ticks[0], pace.nominal, origin, per_second)
-            require_one_rate(ticks - ticks[0], origin, per_second)
+            require_order(ticks, pace.interval, pace.time(0.0) * pace.per_second + float(new[0]), pace.per_second)
+            require_one_rate(without_steps_back(ticks, pace.interval)[0], pace.per_second)
         except ReadError as error:
             if row:
-                error.message += f" (rows counted from row {row + 1} of the file)"
+                error.message += f" (rows and times counted from row {row + 1} of the file)"
             raise
-        last = self._window[-_LAST:]
-        change = nominal_interval(last, self._interval) / pace.nominal if last.size >= _SOME else 1.0
-        allowed = _CHANGED if pace.burst == 1 else _CHANGED_BURSTS
+        if self._window.size < _SOME:
+            return
+        last = self._repaired(self._window)[0]
+        change = find_losses(last, resolution_of(last, pace.spacing)).interval / pace.interval
+        allowed = _CHANGED if pace.width == 1 else _CHANGED_BURSTS
         if not 1 / allowed <= change <= allowed:
             raise ReadError(
                 f"the sampling rate changes from {pace.rate:.4g} Hz to {pace.rate / change:.4g} Hz before row "
@@ -252,30 +262,44 @@ class RunningClock:
                 advice="Split the file there and read the parts one at a time.",
             )
 
+    def _repaired(self, ticks: Vector) -> tuple[Vector, NDArray[np.int64]]:
+        """Time stamps of the window that never decrease, and the rows in it where the clock was set back."""
+        pace = self.pace
+        ordered = in_order(ticks, pace.spacing == 0, pace.per_second, pace.interval).ticks
+        return without_steps_back(ordered, pace.interval)
+
     def _settle(self, stop: int) -> Settled:
-        ticks, base = self._window, self._base
-        steps = np.diff(ticks)
-        edges = segments_of(ticks, steps, self.pace.nominal, self.pace.burst) if ticks.size else ()
-        firsts = [base + a for a, _ in edges if self._stop <= base + a < stop and a > 0]
-        self._count(steps[max(0, self._stop - base - 1) : max(0, stop - base - 1)], firsts)
+        window, base, pace = self._window, self._base, self.pace
+        ticks, walls = self._repaired(window)
+        cuts = dict.fromkeys((base + walls).tolist(), 0)
+        if window.size > 2:
+            found = find_losses(ticks, resolution_of(ticks, pace.spacing), pace.interval)
+            cuts |= dict(zip((base + found.rows).tolist(), found.lost.tolist(), strict=True)) | cuts
+        firsts = [row for row in sorted(cuts) if self._stop <= row < stop]
+        steps = np.diff(ticks)[max(0, self._stop - base - 1) : max(0, stop - base - 1)]
+        self._count(steps, np.diff(window)[max(0, self._stop - base - 1) : max(0, stop - base - 1)], firsts)
+        starts = []
+        for row in firsts:
+            if cuts[row]:
+                self._lost += cuts[row]
+                self._counted.gaps.append((row, (cuts[row] + 1) / pace.rate))
+            else:
+                self._anchor, self._lost = (row, pace.time(float(window[row - base]))), 0
+            starts.append(self._anchor[1] + (row - self._anchor[0] + self._lost) / pace.rate)
         if self._stop == 0 < stop:
-            firsts = [0, *firsts]
-        starts = tuple(self.pace.time(float(ticks[row - base])) for row in firsts)
+            firsts, starts = [0, *firsts], [pace.time(0.0), *starts]
         self._stop = stop
         dropped = max(0, stop - KEPT - base)
-        self._window, self._base = ticks[dropped:], base + dropped
-        return Settled(stop, tuple(firsts), starts)
+        self._window, self._base = window[dropped:], base + dropped
+        return Settled(stop, tuple(firsts), tuple(starts))
 
-    def _count(self, steps: Vector, firsts: list[int]) -> None:
+    def _count(self, steps: Vector, raw: Vector, firsts: list[int]) -> None:
         """Add the intervals before the rows that were decided last, the first of them row `_stop` (or row 1)."""
         inside = np.ones(steps.size, dtype=bool)
-        for row in firsts:
-            k = row - max(self._stop, 1)
-            inside[k] = False
-            if steps[k] > 0:
-                self._gaps.append((row, float(steps[k]) / self.pace.per_second))
-        kept = steps[inside]
-        squares = float(np.sum((kept - self._interval) ** 2))
-        duplicates, backward = int(np.count_nonzero(steps == 0)), int(np.count_nonzero(steps < 0))
-        found = Counted(kept.size, float(kept.sum()), squares=squares, duplicates=duplicates, backward=backward)
-        self._counted = self._counted.followed_by(found)
+        inside[[row - max(self._stop, 1) for row in firsts]] = False
+        kept, counted = steps[inside], self._counted
+        counted.inside += kept.size
+        counted.span += float(kept.sum())
+        counted.squares += float(np.sum((kept - self.pace.interval) ** 2))
+        counted.duplicates += int(np.count_nonzero(raw == 0))
+        counted.backward += int(np.count_nonzero(raw < 0))

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +28,11 @@ from gmwm.readers.base import Layout, Reader, Rows, existing_file, find_reader
 from gmwm.readers.chunks import Chunk as Chunk
 from gmwm.readers.chunks import ChunkBuilder, Interpretation
 from gmwm.readers.columns import Choice, choose
-from gmwm.readers.lost_samples import as_floats
+from gmwm.readers.lost_samples import as_floats, is_missing, sift
 from gmwm.readers.reading_warnings import STAMPS, of_file, warn
 from gmwm.readers.running_clock import Pace
 from gmwm.readers.scale_factors import multiply
-from gmwm.readers.time_stamps import as_stamps
+from gmwm.readers.time_stamps import Timing, as_stamps
 from gmwm.readers.trimming import Kept, trimmed
 from gmwm.remarks import Remark
 from gmwm.time_base import TimeBase
@@ -45,6 +45,8 @@ if TYPE_CHECKING:
     from gmwm.spectrum import PowerSpectra
     from gmwm.spectrum.welch import Detrend
     from gmwm.variance.axes_result import WaveletVariances
+
+T = TypeVar("T")
 
 HEAD = 1 << 18
 """Rows from which units, rate and unit of time stamps are found, at least: 44 min at 100 Hz, over which time stamps of
@@ -360,11 +362,61 @@ def stream_file(path: str | os.PathLike[str], options: ReadOptions, chunk: int =
     require_time(layout, choice, options.rate, file)
     layout = replace(layout, skip_bad_lines=options.bad_lines == "skip")
     head = first_rows(reader.chunks(file, layout, list(choice.columns.values())), choice)
-    found = understand(layout, choice, head, path=file, options=options)
+    stamps = None
+    if "time" in choice.columns:
+        stamps = TimeColumn(reader, file, layout, choice)
+    found = understand(layout, choice, head, path=file, options=options, stamps=stamps)
     warn(found.remarks, stacklevel=3)
     wanted = tuple(found.choice.columns.values())
     origin = Origin(file, reader, layout=layout, wanted=wanted, topic=options.topic)
     return Stream(source=str(path), found=found, chunks=origin.chunks, size=chunk, origin=origin, kept=options.ranges)
+
+
+class TimeColumn:
+    """The time stamps of all rows that the clock of a recording counts, in chunks, from a pass over the file.
+
+    Parameters
+    ----------
+    reader, path, layout, choice
+        The recording.
+
+    Attributes
+    ----------
+    alone : bool
+        Whether only the column of the time stamps is read. Rows without a time stamp or without a value in any axis are
+        left out by the values of all columns; a recording whose first rows have all values is assumed to have none.
+    sparse : bool
+        Whether rows were left out.
+    """
+
+    def __init__(self, reader: Reader, path: Path, layout: Layout, choice: Choice) -> None:
+        self._reader, self._path, self._layout, self._choice = reader, path, layout, choice
+        self.alone, self.sparse = True, False
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        columns = self._choice.columns
+        time, wanted = columns["time"], [columns["time"]] if self.alone else list(columns.values())
+        for rows in self._reader.chunks(self._path, self._layout, wanted):
+            if self.alone:
+                if is_missing(rows[time]) is not None:
+                    raise _UnplacedRowsError
+                yield rows[time]
+                continue
+            sifted = sift(rows, columns, self._choice.axes)
+            self.sparse |= bool(sifted.unplaced or sifted.other)
+            yield sifted.rows[time]
+
+    def of(self, clock: Callable[[Iterable[NDArray[Any]]], T]) -> T:
+        """What `clock` finds in them, by all columns if the time stamps alone do not suffice."""
+        try:
+            return clock(self)
+        except _UnplacedRowsError:
+            self.alone = False
+            return clock(self)
+
+
+class _UnplacedRowsError(Exception):
+    """Rows without a time stamp."""
 
 
 def _again(
@@ -396,26 +448,47 @@ def first_rows(chunks: Iterable[Rows], choice: Choice, rows: int = HEAD) -> dict
 
 
 def understand(
-    layout: Layout, choice: Choice, head: Rows, *, path: Path, options: ReadOptions, dead: bool = True
+    layout: Layout,
+    choice: Choice,
+    head: Rows,
+    *,
+    path: Path,
+    options: ReadOptions,
+    stamps: TimeColumn | None = None,
+    dead: bool = True,
 ) -> Interpretation:
-    """Find units, rate, time stamps and, with `dead`, the axes that work from the first rows, as `read` does."""
+    """Find units and, with `dead`, the axes that work from the first rows, and the clock from all time stamps.
+
+    `stamps` is None for a recording without time stamps and for a live stream, whose clock begins with the first rows.
+    """
     rate, units, integrals = options.rate, options.units, options.integrals
     usable = usable_samples(head, layout, choice, path=path, dead=dead)
-    raw = usable.raw
-    time, time_remarks = timing_of(layout, choice, units=units, raw=raw, rate=rate)
-    stamps, pace = raw.get("time"), None
+    raw, pace = usable.raw, None
+    samples = next(iter(raw.values())).size
+
+    def clock(chunks: Iterable[NDArray[Any]] | None) -> tuple[Timing, tuple[Remark, ...]]:
+        return timing_of(layout, choice, units=units, stamps=chunks, samples=samples, rate=rate)
+
     if stamps is not None:
-        unit = time_unit(layout, choice, units)[0] or as_stamps(stamps, "", rate)[0].unit
-        pace = Pace.of(stamps, unit, time)
+        stamps.alone = usable.sifted.lost is None and usable.sifted.cut is None and not usable.sifted.other
+        time, time_remarks = stamps.of(clock)
+    elif "time" in raw:
+        time, time_remarks = clock([raw["time"]])
+        unit = time_unit(layout, choice, units)[0] or as_stamps(raw["time"], "", rate)[0].unit
+        pace = Pace.of(raw["time"], unit, time)
+    else:
+        time, time_remarks = clock(None)
     ones = {axis: np.ones(1) for axis in choice.axes}
     scale_remarks = multiply(layout, choice, factors=options.scale, increments=integrals, raw=ones, rate=time.base.rate)
     present = usable.present(raw)
     numbers = {axis: as_floats(present[axis]) * ones[axis] for axis in choice.axes}
     scales = resolve(layout, choice, declared=units, values=numbers, rate=time.base.rate, increments=integrals)
     live = choice.only(usable.axes)
+    if stamps is not None and stamps.alone:
+        live = Choice({role: k for role, k in live.columns.items() if role != "time"}, live.remarks)
     found = {axis: tuple(f for f in (float(ones[axis][0]), scales.units[axis].factor) if f != 1) for axis in live.axes}
-    # The remarks on all rows follow at the end of an iteration.
-    about_time = (remark for remark in time.remarks if remark.code not in STAMPS)
+    # The remarks on all time stamps of a live stream follow at the end of an iteration.
+    about_time = (remark for remark in time.remarks if pace is None or remark.code not in STAMPS)
     remarks = (*layout.remarks, *choice.remarks, *usable.remarks, *scale_remarks, *scales.remarks, *time_remarks)
     return Interpretation(
         choice=live,
@@ -424,6 +497,7 @@ def understand(
         timing=time,
         pace=pace,
         remarks=of_file((*remarks, *about_time), path),
+        sparse=stamps is not None and stamps.sparse,
     )
 
 

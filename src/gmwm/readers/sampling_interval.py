@@ -1,0 +1,592 @@
+"""Find the sampling interval and the lost samples of a recording from its time stamps.
+
+The time stamp of row k is t_k = t_0 + (k + L_k) T + d_k. L_k counts the samples lost so far and never decreases. The
+delay d_k is jitter, the rounding of the time stamps, or the time that a sample waits in a buffer. So
+r_k = t_k / T - k = L_k + (slow drift of the clock) + d_k / T, in samples. A late delivery moves r for a while, a lost
+sample moves it for good.
+
+1. Statistics over blocks of W rows (mean, least or largest r; single rows if they are regular) average the delays out.
+   W is the shortest for which the statistics agree with each other modulo 1 (`_coherence`).
+2. Modulo 1, r does not depend on the lost samples. Its phase gives the interval T and the drift of the clock.
+3. Without the drift, the statistics are whole numbers: the levels. What follows a rise of the level within twice its
+   length must stay above, or the rise was a late delivery.
+4. Each rise is placed at the row that fits best the levels before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gmwm._arrays import Vector
+
+Rows = NDArray[np.int64]
+
+# The thresholds are pinned by the study of clocks, docs/validation/clocks.md.
+
+_COARSE = 0.35
+"""Resolution of the time stamps in sampling intervals from which their rounding hides the phase of a row."""
+_REGULAR = 0.35
+"""Least coherence of single rows, which jitter of 0.23 sampling intervals has (exp(-2π²σ²))."""
+_TURNS = 0.15
+"""Least coherence of two rows by which the interval is refined: over longer distances the clock wanders too far."""
+_LATE = 0.01
+"""Share of rows that may be more than 0.75 samples from their level: delays have a heavier tail than jitter."""
+_STEADY = 0.85
+"""Coherence of neighbouring blocks that suffices: their statistics have a standard deviation of 0.06 samples."""
+_NEAR = 0.02
+"""Largest relative change of the interval when the phases of blocks are compared: more is a multiple of the phase."""
+_MOST_LOST = 2.5
+"""Sampling intervals to a row from which short intervals are those within a burst, and nothing is lost,"""
+_RUNS, _RUN = 8, 16
+"""if there are so many bursts, of fewer rows than these or with pauses four times as long."""
+_LONG = 1.5
+"""Interval, in samples, halfway between the intervals without and with a lost sample."""
+_FAR = 256
+"""Samples from which a gap is closed before the phases are compared, because the clock may drift within it."""
+_SMOOTH, _STEP, _SMOOTH_BLOCKS = 64, 8, 9
+"""Rows over which the phase is averaged, and between two of its values; blocks over which theirs is."""
+_SOME = 1 << 17
+"""Rows from which intervals are found that all rows then refine."""
+_PER_DOUBLING = 0.03
+"""Coherence that a block of twice the rows must gain."""
+_BLOCKS = 12
+"""Least number of blocks."""
+_SOON = 64
+"""Rows within which a late delivery ends, unless a longer interval shows that it lasts longer."""
+_SLIPS = 5
+"""Regular steps from which they are rounding at another rate, and not losses."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Sampling interval and lost samples of time stamps without backward steps.
+
+    Attributes
+    ----------
+    interval : float
+        Sampling interval in ticks.
+    rows, lost : (G,) arrays
+        Row after each gap, and the number of samples lost there, at least 1.
+    width : int
+        Rows whose statistics were compared; 1 if single rows show the lost samples.
+    repeated : int
+        Number of rows that the time stamps count twice.
+    """
+
+    interval: float
+    rows: Rows
+    lost: Rows
+    width: int
+    repeated: int = 0
+
+
+def find_losses(ticks: Vector, resolution: float, declared: float | None = None) -> Found:
+    """Find the sampling interval and the lost samples.
+
+    Parameters
+    ----------
+    ticks : (N,) array
+        Time stamps that never decrease.
+    resolution : float
+        Unit of which they are multiples, in ticks.
+    declared : float, optional
+        Declared sampling interval in ticks. It decides if several intervals explain the time stamps.
+    """
+    single, burst = _typical(ticks), _burst(ticks)
+    mean = _windowed_mean(ticks, burst)
+    none = np.empty(0, dtype=np.int64)
+    line = _one_line(ticks, resolution)
+    if line is not None and (resolution < _COARSE * line or np.all(np.abs(np.diff(ticks) - line) < 1e-2 * line)):
+        return Found(line, none, none, 1)
+    regular = _regular(ticks, single, resolution, mean)
+    if line is not None and (regular is None or _are_slips(regular)):
+        return Found(line, none, none, 1)
+    if regular is not None and (declared is None or abs(regular.interval / declared - 1) < 0.02):
+        return regular
+    interval = mean if declared is None or abs(mean / declared - 1) > 0.05 else declared
+    return _in_blocks(ticks, interval, resolution, burst)
+
+
+def resolution_of(ticks: Vector, spacing: float) -> float:
+    """The largest unit of which all differences of time stamps are multiples; `spacing` if there is none."""
+    steps = np.abs(np.diff(ticks))
+    for decimals in range(10):
+        unit = 1
+        for some in (steps[:: max(1, steps.size // 4096)], steps):  # a few show that most units are too large
+            counts = some * 10.0**decimals
+            whole = np.round(counts)
+            allowed = 4 * spacing * 10.0**decimals + 1e-9 * counts + 1e-12
+            if np.any(np.abs(counts - whole) > allowed) or np.max(whole, initial=0.0) >= 2.0**53:
+                unit = 0
+                break
+            unit = int(np.gcd.reduce(whole.astype(np.int64), initial=0))
+        if unit:
+            return unit / 10.0**decimals
+    return spacing
+
+
+def _typical(ticks: Vector) -> float:
+    """Median interval of some rows."""
+    return float(np.median(np.diff(ticks[(ticks.size - min(ticks.size, _SOME)) // 2 :][:_SOME])))
+
+
+def _burst(ticks: Vector) -> float:
+    """Approximate number of rows in a burst; 1 if rows do not come in bursts."""
+    steps = np.diff(ticks)
+    rough, middle = (ticks[-1] - ticks[0]) / steps.size, _typical(ticks)
+    if middle >= 0.5 * rough:
+        return 1.0
+    return steps.size / max(1, int(np.count_nonzero(steps > 1.5 * min(rough, 4 * middle) if middle else steps > 0)))
+
+
+def _windowed_mean(ticks: Vector, burst: float) -> float:
+    """Mean of the middle half of averages over many intervals, without those that hold an unusually long one."""
+    steps = np.diff(ticks)
+    window = max(1, min(int(max(64, min(8 * burst**2, 2048))), ticks.size // 8))
+    averages = (ticks[window:] - ticks[:-window]) / window
+    long = steps[steps > 0]
+    if burst > 1:
+        long = long[long > 1.5 * np.mean(steps)]
+    unusual = np.concatenate([[0], np.cumsum(steps > 1.75 * np.median(long))]) if long.size else np.zeros(ticks.size)
+    usual = averages[unusual[window:] == unusual[:-window]]
+    averages = np.sort(usual if usual.size > 0.1 * averages.size else averages)
+    averages = averages[averages > 0]
+    quarter = averages.size // 4
+    return float(np.mean(averages[quarter : averages.size - quarter])) if averages.size else 0.0
+
+
+def _one_line(ticks: Vector, resolution: float) -> float | None:
+    """The interval of a uniform clock that explains all time stamps within their resolution; None if there is none."""
+    k = np.arange(ticks.size, dtype=np.float64)
+    slope = _slope(k, ticks)
+    away = ticks - slope * k
+    if resolution < _COARSE * slope or np.ptp(away) < 1e-3 * slope:
+        return slope if np.ptp(away) <= max(1.05 * resolution, 0.5 * slope) else None
+    if np.ptp(away) > 3 * resolution:
+        return None
+    # The range of the differences is a convex function of the slope, whose minimum a golden section search finds.
+    low, high, ratio = -3 * resolution / k[-1], 3 * resolution / k[-1], (np.sqrt(5) - 1) / 2
+    for _ in range(24):
+        a, b = high - ratio * (high - low), low + ratio * (high - low)
+        low, high = (low, b) if np.ptp(away - a * k) < np.ptp(away - b * k) else (a, high)
+    middle = (low + high) / 2
+    return slope + middle if np.ptp(away - middle * k) <= 1.01 * resolution else None
+
+
+def _slope(k: Vector, t: Vector, far: Rows | None = None) -> float:
+    """Slope of the lines through t over k, the same on both sides of the rows `far`, but with steps there."""
+    edges = np.concatenate([[0], [] if far is None else far, [k.size]]).astype(np.int64)
+    sizes = np.diff(edges)
+    c, m = (v - np.repeat(np.add.reduceat(v, edges[:-1]) / sizes, sizes) for v in (k, t))
+    return float(np.dot(c, m) / max(np.dot(c, c), 1e-300))
+
+
+def _are_slips(found: Found) -> bool:
+    """Whether there are no gaps, or so many regular ones that they are the rounding of another rate."""
+    return found.rows.size + found.repeated == 0 or found.rows.size + found.repeated >= _SLIPS
+
+
+def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Found | None:
+    """Losses by single rows, if the intervals are multiples of one interval; None if they are not."""
+    if single <= 0:
+        return None
+    steps = np.diff(ticks)
+    if mean / single > _MOST_LOST:
+        runs = int(np.count_nonzero(steps > _LONG * single))
+        if runs >= _RUNS and (steps.size < _RUN * runs or mean / single > 4 * _MOST_LOST):
+            return None
+    if resolution >= _COARSE * single:
+        # The phase of rounded time stamps says nothing: only those without jitter show losses row by row.
+        odd = np.count_nonzero(np.abs(steps / single - np.round(steps / single)) > 1e-6) + np.count_nonzero(steps == 0)
+        if odd > max(2, 0.002 * steps.size):
+            return None
+    closed, far = _closed(ticks, single)
+    interval, phase = _phase_locked(closed, single)
+    if interval is None:
+        return None
+    r = closed / interval - np.arange(closed.size)
+    x = r - phase
+    level = _follow(x)
+    if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
+        return None
+    level = _with_long_steps(level, np.diff(closed) / interval)
+    found = _assembled(ticks, closed, far, level, interval, width=1)
+    if resolution >= _COARSE * single and found.rows.size >= _SLIPS:
+        apart = np.diff(found.rows)
+        if np.std(apart) < 0.5 * np.mean(apart) and np.median(found.lost) <= np.ceil(resolution / single):
+            return None  # rounding of another rate
+    return found
+
+
+def _with_long_steps(level: Rows, steps: Vector) -> Rows:
+    """The levels without the rises and falls that no single interval (in samples) shows: the clock wandered there."""
+    rise = np.diff(level)
+    near = np.abs(steps[steps < _LONG] - 1)
+    scatter = 3 * 1.4826 * float(np.median(near)) if near.size else 0.0
+    short = max(0.5, scatter)
+    wide = np.concatenate([[1.0], steps, [1.0]])
+    # The time stamp on one side may itself be late or early.
+    beyond = np.maximum(steps, np.maximum(wide[:-2], wide[2:]) + steps - 1) - 1
+    real = ((rise > 0) & (beyond >= rise - short)) | ((rise < 0) & (steps <= short))
+    slips = np.cumsum(np.where(real, 0, rise), dtype=np.int64)
+    return np.asarray(level - np.concatenate([np.zeros(1, dtype=np.int64), slips]))
+
+
+def _closed(ticks: Vector, interval: float) -> tuple[Vector, Rows]:
+    """Time stamps without their long gaps, and the rows after these."""
+    steps = np.diff(ticks)
+    r = ticks / interval - np.arange(ticks.size)
+    jumps = np.flatnonzero(steps > _FAR * interval)
+    size = steps[jumps] / interval
+    later = np.minimum(jumps + 65 + np.minimum(2 * size, 20_000).astype(np.int64), ticks.size - 1)
+    stays = np.minimum.reduceat(r, np.column_stack([jumps + 1, later]).ravel())[::2] if jumps.size else np.empty(0)
+    if jumps.size:
+        stays = np.array([np.min(r[a + 1 : b + 1][-16:]) for a, b in zip(jumps, later, strict=True)])
+    far = jumps[stays - r[jumps] > 0.5 * size]
+    if not far.size:
+        return ticks, far
+    shift = np.zeros(ticks.size)
+    shift[far + 1] = steps[far] - interval
+    return ticks - np.cumsum(shift), far + 1
+
+
+def _phase_locked(ticks: Vector, interval: float) -> tuple[float | None, Vector]:
+    """The interval at which single rows are coherent, near the given one, and the slow phase of the rows in samples."""
+    n = ticks.size
+    some = ticks[(n - min(n, _SOME)) // 2 :][:_SOME]
+    runs = np.flatnonzero(np.abs(np.diff(some) / interval - 1) > 0.5) + 1
+    within = _slope(np.arange(some.size, dtype=np.float64), some, runs)
+    interval = within if abs(within / interval - 1) < 0.05 else interval
+    for lag in (1, 4, 16, 64, 256, 1024):
+        if lag > some.size // 8:
+            break
+        apart = (some[lag:] - some[:-lag]) / interval
+        mean = np.mean(np.exp(2j * np.pi * apart))
+        turn, advance = float(np.angle(mean)) / (2 * np.pi), float(np.median(apart))
+        if abs(mean) < max(_TURNS, 3 / np.sqrt(apart.size)):
+            break
+        if abs(turn) / advance < 0.05:
+            interval *= 1 + turn / advance
+    edges = np.arange(0, n, _STEP)
+    sizes = np.diff(edges, append=n)
+    angle = 2 * np.pi * (ticks / interval)
+    mean = (np.add.reduceat(np.cos(angle), edges) + 1j * np.add.reduceat(np.sin(angle), edges)) / sizes
+    smooth = _moving_mean(mean, int(np.clip(n // 16, 16, _SMOOTH)) // _STEP + 1)
+    if float(np.mean(np.abs(smooth))) < _REGULAR:
+        return None, np.empty(0)
+    phase = np.unwrap(np.angle(smooth)) / (2 * np.pi)
+    return interval, np.interp(np.arange(n), edges + (sizes - 1) / 2, phase)
+
+
+def _moving_mean(z: NDArray[np.complex128], width: int) -> NDArray[np.complex128]:
+    """Moving mean over `width` values, over fewer at the ends."""
+    half = width // 2
+    total = np.concatenate([np.zeros(1, dtype=z.dtype), np.cumsum(z)])
+    index = np.arange(z.size)
+    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, z.size)
+    mean: NDArray[np.complex128] = (total[high] - total[low]) / (high - low)
+    return mean
+
+
+def _follow(x: Vector) -> Rows:
+    """The whole numbers that follow x = levels + noise best, by dynamic programming.
+
+    They decrease only where a row was written twice: below all levels of some rows before.
+    """
+    rough = _median5(np.round(x))
+    past = np.concatenate([rough[:1], _least_ahead(rough[::-1], _SOON)[::-1][:-1]])
+    fallen = np.cumsum(np.maximum(past - rough, 0.0))
+    horizon = int(_SOON + 2 * min(np.max(np.diff(x), initial=0.0), 2000.0))
+    guess = _least_ahead(rough + fallen, horizon) - fallen
+    if np.max(np.abs(x - guess)) <= _DOUBTFUL:
+        return np.asarray(guess.astype(np.int64))
+    # A rise that a fall follows soon was a late delivery.
+    path = _best_path(x, guess.astype(np.int64))
+    return np.asarray((_least_ahead(path + fallen, _SOON) - fallen).astype(np.int64))
+
+
+def _median5(v: Vector) -> Vector:
+    """Running median of five, which leaves a sequence that never decreases as it is."""
+    if v.size < 5 or np.all(v[1:] >= v[:-1]):
+        return v
+    wide = np.concatenate([v[:1], v[:1], v, v[-1:], v[-1:]])
+    a, b, c, d, e = (wide[k : k + v.size] for k in range(5))
+    low, high = np.maximum(np.minimum(a, b), np.minimum(d, e)), np.minimum(np.maximum(a, b), np.maximum(d, e))
+    least, most = np.minimum(low, high), np.maximum(low, high)
+    return np.asarray(np.maximum(least, np.minimum(most, c)))
+
+
+def _least_ahead(v: Vector, width: int) -> Vector:
+    """The least of each value and the `width` values after it."""
+    width = min(width, v.size)
+    out, reach = v, 1
+    while reach < width:
+        step = min(reach, width - reach)
+        out = np.minimum(out, np.concatenate([out[step:], np.full(step, np.inf)]))
+        reach += step
+    return out
+
+
+_STATES = 3
+"""Levels above and below the guess among which the path is searched."""
+_DOUBTFUL = 0.45
+"""Distance from the guess, in samples, from which a row is doubtful: a wrong level is 0.5 away or more."""
+_KEEP, _MARGIN = 64, 32
+"""Rows of a part whose path is searched, and rows before and after it that are searched with it."""
+
+
+def _best_path(x: Vector, guess: Rows) -> Rows:
+    """The path of levels with the least cost: squared distance of x, and a price for each rise.
+
+    Levels are searched near doubtful rows, in parts that are processed side by side.
+    """
+    away, n = x - guess, x.size
+    sigma = float(np.clip(1.4826 * np.median(np.abs(away)), 0.03, 0.3))
+    share = np.count_nonzero(np.diff(guess) > 0) / n
+    price = float(np.clip(1 - np.log(max(share, 1e-4)), 2.0, 8.0))
+    doubtful = np.flatnonzero(np.abs(away) > _DOUBTFUL)
+    parts = np.unique(np.concatenate([np.maximum(doubtful - 8, 0), np.minimum(doubtful + 8, n - 1)]) // _KEEP)
+    out, states = guess.copy(), np.arange(-_STATES, _STATES + 1)
+    for group in np.array_split(parts * _KEEP, max(1, parts.size // 4096)):
+        rows = group[:, None] + np.arange(-_MARGIN, _KEEP + _MARGIN)
+        inside = np.clip(rows, 0, n - 1)
+        cost = np.minimum(0.5 * ((away[inside][..., None] - states) / sigma) ** 2, 12.0)
+        cost[(rows < 0) | (rows >= n)] = 0.0
+        steps = np.diff(guess[inside], axis=1)
+        path = _viterbi(cost, steps, price)
+        keep = (rows >= group[:, None]) & (rows < np.minimum(group[:, None] + _KEEP, n))
+        out[rows[keep]] += states[path[keep]]
+    return out
+
+
+def _viterbi(cost: Vector, steps: Rows, price: float) -> Rows:
+    """Index of the state of each row along the cheapest path; `steps` is the rise of the guess between rows."""
+    count, length, size = cost.shape
+    value = cost[:, 0].copy()
+    back = np.zeros((length, count, size), dtype=np.int8)
+    index = np.arange(size)
+    for k in range(1, length):
+        best = np.minimum.accumulate(value, axis=1)
+        # argmin of the running minimum
+        new = np.concatenate([np.ones((count, 1), dtype=bool), value[:, 1:] < best[:, :-1]], axis=1)
+        where = np.maximum.accumulate(np.where(new, index, 0), axis=1)
+        same = index + steps[:, k - 1, None]  # the state of the row before at the same level
+        at = np.clip(same, 0, size - 1)
+        stay = np.where(same == at, np.take_along_axis(value, at, 1), np.inf)
+        below = np.clip(same - 1, -1, size - 1)
+        low = np.maximum(below, 0)
+        rise = np.where(below >= 0, np.take_along_axis(best, low, 1) + price, np.inf)
+        down = np.clip(same + 1, 0, size - 1)
+        fall = np.where(same + 1 == down, np.take_along_axis(value, down, 1) + 3 * price, np.inf)
+        choice = np.stack([stay, rise, fall])
+        pick = np.argmin(choice, axis=0)
+        source = np.where(pick == 0, at, np.where(pick == 1, np.take_along_axis(where, low, 1), down))
+        value = np.take_along_axis(choice, pick[None], 0)[0] + cost[:, k]
+        value = np.where(np.isfinite(value), value, 1e12)
+        back[k] = source
+    path = np.empty((count, length), dtype=np.int64)
+    path[:, -1] = np.argmin(value, axis=1)
+    lines = np.arange(count)
+    for k in range(length - 1, 0, -1):
+        path[:, k - 1] = back[k, lines, path[:, k]]
+    return path
+
+
+def _tapered_mean(r: Vector) -> Vector:
+    """Mean of each row of a matrix with the weights of Hann, which hides where in a burst the block begins."""
+    width = r.shape[1]
+    weights = np.sin(np.pi * (np.arange(width) + 0.5) / width) ** 2
+    return np.asarray(r @ (weights / np.sum(weights)))
+
+
+_STATISTICS: dict[str, Callable[[Vector], Vector]] = {
+    "mean": _tapered_mean,
+    "least": lambda r: np.asarray(np.min(r, axis=1)),
+    "largest": lambda r: np.asarray(np.max(r, axis=1)),
+}
+
+
+def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) -> Found:
+    """Losses by statistics of blocks of rows."""
+    closed, far = _closed(ticks, interval)
+    n = closed.size
+    # The least or largest of rounded time stamps is a whole number at any interval that is a multiple of their unit.
+    rounded = resolution >= _COARSE * interval
+    names = ("mean",) if rounded else tuple(_STATISTICS)
+    width = 4
+    while width < 2 * max(burst, resolution / interval) and width < 2048:
+        width *= 2
+    best = (-1.0, 1, "mean", interval)
+    near = dict.fromkeys(names, interval)
+    while width <= 2048 and (best[0] < 0 or (best[0] < _STEADY and width * _BLOCKS <= n)):
+        size = max(1, min(width, n // 3))
+        for name in names:
+            refined = _refined(closed, near[name], size, name)
+            value = _coherence(_blocks(closed, refined, size, name))
+            if abs(refined / near[name] - 1) > min(_NEAR, 0.45 / size):
+                continue
+            if value > 0.5:
+                near[name] = refined
+            # A shorter block finds losses that are near each other.
+            if value - _PER_DOUBLING * np.log2(size) > best[0] - _PER_DOUBLING * np.log2(best[1]):
+                best = (value, size, name, refined)
+        width *= 2
+    _, width, name, interval = best
+    b = _blocks(closed, interval, width, name)
+    smooth = _moving_mean(np.exp(2j * np.pi * b), min(_SMOOTH_BLOCKS, b.size))
+    phase = np.unwrap(np.angle(smooth)) / (2 * np.pi)
+    r = closed / interval - np.arange(n)
+    horizon = int(2 * min(np.max(np.diff(r), initial=0.0), 20_000.0) / width) + 2
+    centres = (np.arange(b.size) + 0.5) * width - 0.5
+    steps = np.diff(closed) / interval
+    for _ in range(2):
+        level = _least_ahead(_median3(np.round(b - phase)), horizon)
+        rows_level = _placed(r - np.interp(np.arange(n), centres, phase), level, width, steps)
+        # With the losses known, the phase is the statistic of the blocks without them.
+        phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
+    return _assembled(ticks, closed, far, rows_level, interval, width=width, name=name)
+
+
+def _moving_median(v: Vector, width: int) -> Vector:
+    """Running median over `width` values, with the end values repeated."""
+    half = min(width, v.size) // 2
+    wide = np.concatenate([np.full(half, v[0]), v, np.full(half, v[-1])])
+    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * half + 1), axis=1))
+
+
+def _blocks(ticks: Vector, interval: float, width: int, name: str) -> Vector:
+    count = ticks.size // width
+    r = (ticks / interval - np.arange(ticks.size))[: count * width].reshape(count, width)
+    return _STATISTICS[name](r)
+
+
+def _refined(ticks: Vector, interval: float, width: int, name: str) -> float:
+    """The interval at which the statistics of blocks keep their phase."""
+    lag = 1
+    for _ in range(2):
+        b = _blocks(ticks, interval, width, name)
+        turn = _turn(b, lag)
+        interval *= 1 + turn / width
+    while lag * 4 <= b.size // 6 and lag < 256:
+        lag *= 4
+        b = _blocks(ticks, interval, width, name)
+        interval *= 1 + _turn(b, lag) / (width * lag)
+    return interval
+
+
+def _turn(b: Vector, lag: int) -> float:
+    """Mean change of the phase over some blocks, in turns."""
+    z = np.exp(2j * np.pi * b)
+    return float(np.angle(np.mean(np.conj(z[:-lag]) * z[lag:]))) / (2 * np.pi)
+
+
+def _coherence(b: Vector) -> float:
+    """Agreement of neighbouring blocks modulo 1: 1 if exact, and exp(-4π²σ²) for statistics with deviation σ."""
+    z = np.exp(2j * np.pi * b)
+    return float(np.abs(np.mean(np.conj(z[:-1]) * z[1:])))
+
+
+def _median3(v: Vector) -> Vector:
+    if v.size < 3:
+        return v
+    a, b, c = v[:-2], v[1:-1], v[2:]
+    out = v.copy()
+    out[1:-1] = np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
+    return out
+
+
+def _placed(x: Vector, level: Vector, width: int, steps: Vector) -> Rows:
+    """Levels of rows from those of blocks: each rise at the row that fits best."""
+    level = np.maximum.accumulate(level)
+    d = x[: level.size * width] - np.repeat(level, width)
+    up, down = (max(float(np.mean(np.maximum(v, 0.0))), 0.05) for v in (d, -d))
+
+    def cost(values: Vector) -> Vector:
+        return np.minimum(np.where(values > 0, values / up, -values / down), 6.0)
+
+    rises = np.flatnonzero(np.diff(level) > 0) + 1
+    groups = np.split(rises, np.flatnonzero(np.diff(rises) > 2) + 1) if rises.size else []
+    rise = np.zeros(x.size)
+    for group in groups:
+        low, high = max(1, int(group[0] - 2) * width), min(x.size, int(group[-1] + 2) * width)
+        old, new = level[group[0] - 1], level[group[-1]]
+        levels = np.unique(np.concatenate([[old], level[group], np.arange(old, min(new, old + 16)), [new]]))
+        longest = steps[low - 1 : high - 1]
+        price = _RISE - _AT_STEP * longest / np.max(longest)
+        costs = np.stack([cost(x[low:high] - one) for one in levels])
+        for row, a, b in _cheapest(costs, price):
+            rise[low + row] = levels[b] - levels[a]
+    return np.cumsum(rise).astype(np.int64)
+
+
+_RISE, _AT_STEP = 8.0, 2.0
+"""Price of a rise, in mean deviations of a row, and how much less it is before the longest interval."""
+
+
+def _cheapest(costs: Vector, price: Vector) -> list[tuple[int, int, int]]:
+    """The path from the first to the last level with the least cost.
+
+    Parameters
+    ----------
+    costs : (M, n) array
+        Cost of each row at each level.
+    price : (n,) array
+        Price of a rise before each row.
+
+    Returns
+    -------
+    list of (row, from, to)
+        The rises in order: the row after, and the indices of the levels.
+    """
+    total = np.concatenate([np.zeros((costs.shape[0], 1)), np.cumsum(costs, axis=1)], axis=1)[:, :-1]
+    values, sources, rows = [total[0]], [np.zeros(total.shape[1], dtype=int)], [np.zeros(total.shape[1], dtype=int)]
+    index = np.arange(total.shape[1])
+    for j in range(1, costs.shape[0]):
+        below = np.stack(values)
+        source = np.argmin(below, axis=0)
+        enter = below[source, index] + price - total[j]
+        least = np.minimum.accumulate(enter)
+        row = np.maximum.accumulate(np.where(enter <= least, index, 0))
+        values.append(least + total[j])
+        sources.append(source)
+        rows.append(row)
+    path, j, k = [], costs.shape[0] - 1, total.shape[1] - 1
+    while j > 0:
+        k = int(rows[j][k])
+        i = int(sources[j][k])
+        path.append((k, i, j))
+        j = i
+    return path[::-1]
+
+
+def _assembled(
+    ticks: Vector, closed: Vector, far: Rows, level: Rows, interval: float, width: int, name: str = "mean"
+) -> Found:
+    """Gaps from the levels of the rows, with the long gaps that were closed."""
+    index = (np.arange(ticks.size) + (level - level[0])).astype(np.float64)
+    slope = _slope(index, closed, far)
+    if width > 1:
+        b = _blocks_of(closed / slope - index, width, name)
+        centres = _blocks_of(index, width, "mean")
+        slope *= 1 + _slope(centres, b, np.unique((far + width - 1) // width)[: b.size - 1] if far.size else None)
+    rise = np.diff(level, prepend=level[:1])
+    if far.size:
+        away = closed / slope - index
+        steps = np.diff(ticks, prepend=ticks[:1]) - np.diff(closed, prepend=closed[:1])
+        span = max(8, width)
+        for row in far.tolist():
+            sides = (away[max(0, row - span) : row], away[row : row + span])
+            before, after = (float(_STATISTICS[name](side[None])[0]) for side in sides)
+            rise[row] = round(rise[row] + steps[row] / slope + after - before)
+    rows = np.flatnonzero(rise > 0)
+    repeated = int(-np.sum(rise[rise < 0]))
+    return Found(slope, rows, rise[rows].astype(np.int64), width, repeated)
+
+
+def _blocks_of(v: Vector, width: int, name: str) -> Vector:
+    count = v.size // width
+    return _STATISTICS[name](v[: count * width].reshape(count, width))
