@@ -96,20 +96,23 @@ def coarse(rate: float, per_second: int, unit: str, losses: int = 0, jitter: flo
     return make
 
 
-def fine(rate: float, share: float = 0.0, jitter: float = 0.0, n: int = 20_000, per_second: int = 10**6, unit: str = "us",
-         declared: bool = False):  # fmt: skip
+def fine(
+    rate: float, share: float = 0.0, jitter: float = 0.0, n: int = 20_000, per_second: int = 10**6, unit: str = "us"
+):
     """Stamps of a fine unit with jitter (in sampling intervals), a share lost at random."""
 
     def make(rng: np.random.Generator) -> Record:
         k = by_chance(rng, n, share) if share else np.arange(n)
         t = (k + 3 + np.clip(jitter * rng.standard_normal(n), -0.45, 0.45)) / rate
-        return Record(whole(t, per_second), unit, rate, of(k), declared=rate if declared else None)
+        return Record(whole(t, per_second), unit, rate, of(k))
 
     return make
 
 
-def bursts(rate: float, size: int, apart: float, losses: int = 0, per_second: int = 10**6, unit: str = "us", n: int = 20_000,
-           wait: float = 0.0):  # fmt: skip
+def bursts(
+    rate: float, size: int, apart: float, losses: int = 0, *, wait: float = 0.0, per_second: int = 10**6,
+    unit: str = "us", n: int = 20_000,
+):  # fmt: skip
     """Bursts of a fixed number of samples; each loss removes a whole burst or some samples before one."""
 
     def make(rng: np.random.Generator) -> Record:
@@ -288,7 +291,7 @@ KINDS: dict[str, Callable[[np.random.Generator], Record]] = {
     "200 rows of 100 Hz, 2 % lost": fine(100.0, 0.02, 0.0, n=200),
     "1000 Hz in bursts of 8 (USB)": bursts(1000.0, 8, 2e-6),
     "1000 Hz in bursts of 8 (USB), 12 losses": bursts(1000.0, 8, 2e-6, 12),
-    "400 Hz in bursts of 10, late by 1 ms, in ms": bursts(400.0, 10, 0.0, 0, 1000, "ms", wait=1e-3),
+    "400 Hz in bursts of 10, late by 1 ms, in ms": bursts(400.0, 10, 0.0, wait=1e-3, per_second=1000, unit="ms"),
     "400 Hz in bursts of 10, late by 1 ms, 12 losses": bursts(400.0, 10, 1e-4, 12, wait=1e-3),
     "99.32 Hz polled every 48 ms (serial)": serial(99.32, 0.048, 0.004, 0.002),
     "99.32 Hz polled, 0.2 % of reads pause": serial(99.32, 0.048, 0.004, 0.002, 0.002),

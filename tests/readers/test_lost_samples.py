@@ -168,7 +168,7 @@ def test_streams_and_parts_lose_the_same_samples(tmp_path, small_blocks, clock, 
         summary = reader.summary if summary is None else summary.followed_by(reader.summary)
     assert samples == signal.values.tolist()
     assert (summary.lost, summary.stop) == (whole.time_base.lost, len(signal))
-    np.testing.assert_allclose(summary.counted.gaps, whole.time_base.gaps, rtol=1e-9)
+    np.testing.assert_allclose(summary.gaps, whole.time_base.gaps, rtol=1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::gmwm.errors.GmwmWarning")

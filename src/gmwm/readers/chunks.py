@@ -166,12 +166,14 @@ class ChunkBuilder:
         found, columns = self._found, self._found.choice.columns
         sifted = sift(rows, columns, found.choice.axes)
         self._count += sifted.unplaced
-        rows = sifted.rows
+        # Rows that were written after the clock was found do not belong to the recording.
+        left = None if self._live else self._known.left()
+        rows = {k: column[:left] for k, column in sifted.rows.items()}
         size = next(iter(rows.values())).size
-        cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut
+        cut = np.zeros(size + 1, dtype=bool) if sifted.cut is None else sifted.cut[: size + 1]
         cut[0] |= self._cut[-1]
         self._cut = np.concatenate([self._cut[:-1], cut])
-        lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost
+        lost = np.zeros(size, dtype=bool) if sifted.lost is None else sifted.lost[:size]
         self._lost = np.concatenate([self._lost, lost])
         values = {axis: _in_si(as_floats(rows[columns[axis]]), found.factors[axis]) for axis in found.choice.axes}
         self._waiting = {axis: _joined(self._waiting[axis], v) for axis, v in values.items()}

@@ -7,7 +7,7 @@ analysed in blocks of 2²⁰ rows, each with 2¹⁶ rows before and after it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +18,7 @@ from gmwm._arrays import Vector
 from gmwm.errors import ReadError
 from gmwm.readers.rate_check import require_one_rate, require_order
 from gmwm.readers.sampling_interval import Found, Rows, find_losses, resolution_of
-from gmwm.readers.stamp_order import Steps, in_order, nominal_interval, without_steps_back
+from gmwm.readers.stamp_order import Steps, in_order, nominal_interval, require_span, without_steps_back
 from gmwm.readers.time_stamps import Timing, about_stamps, as_stamps
 from gmwm.remarks import Quantity, Remark
 from gmwm.time_base import TimeBase
@@ -180,8 +180,9 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     per_second, offset = window.per_second, row - begin
     order = in_order(window.ticks, window.integer, per_second)
     nominal = nominal_interval(order.ticks)
-    require_order(order.ticks, nominal, window.origin, per_second, offset)
+    require_order(order.ticks, nominal, window.origin, per_second, row=offset)
     ticks, walls = without_steps_back(order.ticks, nominal)
+    require_span(ticks, nominal, per_second)
     ticks = ticks + ((before[-1].end if before else 0.0) - ticks[begin])
     require_one_rate(ticks, per_second, offset)
     declared = before[0].found.interval if before else None
@@ -206,7 +207,7 @@ def _block(window: _Window, *, begin: int, end: int, row: int, before: Sequence[
     raw = np.diff(window.ticks)[low - 1 : end - 1]
     return _Block(
         rows=end - begin,
-        found=Found(found.interval, rows + row, lost[own][rows], found.width, found.repeated),
+        found=replace(found, rows=rows + row, lost=lost[own][rows]),
         walls=tuple((int(w) + offset, float(window.ticks[w])) for w in walls if begin <= w < end),
         index=float(np.mean(index)),
         tick=float(np.mean(ticks[own])),
@@ -230,7 +231,7 @@ def _joined(blocks: Sequence[_Block], origin: float, per_second: int, unit: str,
     """The clock from all blocks."""
     rows, lost = (np.concatenate([getattr(b.found, name) for b in blocks]) for name in ("rows", "lost"))
     count = sum(b.rows for b in blocks)
-    interval, remark = _interval(blocks, rows, lost, count, per_second)
+    interval, remark = _interval(blocks, rows, lost, count=count, per_second=per_second)
     measured = per_second / interval
     steps = Steps.joined([b.steps for b in blocks])
     remarks = [*steps.remarks(per_second), *([remark] if remark else ())]

@@ -56,6 +56,7 @@ class KnownClock:
     def __init__(self, timing: Timing, row: int = 0) -> None:
         self._firsts = np.array([first for first, _ in timing.segments])
         self._starts, self._row, self._gaps = timing.starts, row, timing.base.gaps
+        self._rows = timing.segments[-1][1] if timing.base.stamped else None
 
     def take(self, rows: int) -> Settled:
         """Add the next rows."""
@@ -63,6 +64,10 @@ class KnownClock:
         self._row = stop
         a, b = np.searchsorted(self._firsts, [row, stop]).tolist()
         return Settled(stop, tuple(self._firsts[a:b].tolist()), self._starts[a:b])
+
+    def left(self) -> int | None:
+        """Number of rows that follow; None if they were not counted, because they have no time stamps."""
+        return None if self._rows is None else self._rows - self._row
 
     def gaps(self, first: int, stop: int) -> tuple[tuple[int, float], ...]:
         """The gaps before the rows from `first` to `stop`: the row after each, and its length (s)."""

@@ -214,7 +214,7 @@ def _regular(ticks: Vector, single: float, resolution: float, mean: float) -> Fo
     if np.count_nonzero(np.abs(x - level) > 0.75) > _LATE * x.size:
         return None
     level = _with_long_steps(level, np.diff(closed) / interval)
-    found = _assembled(ticks, closed, far, level, interval, width=1)
+    found = _assembled(ticks, closed, far, level, interval=interval, width=1)
     if resolution >= _COARSE * single and found.rows.size >= _SLIPS:
         apart = np.diff(found.rows)
         if np.std(apart) < 0.5 * np.mean(apart) and np.median(found.lost) <= np.ceil(resolution / single):
@@ -448,7 +448,7 @@ def _in_blocks(ticks: Vector, interval: float, resolution: float, burst: float) 
         rows_level = _placed(r - np.interp(np.arange(n), centres, phase), level, width, steps)
         # With the losses known, the phase is the statistic of the blocks without them.
         phase = _moving_median(_blocks_of(r - rows_level, width, name), _SMOOTH_BLOCKS)
-    return _assembled(ticks, closed, far, rows_level, interval, width=width, name=name)
+    return _assembled(ticks, closed, far, rows_level, interval=interval, width=width, name=name)
 
 
 def _moving_median(v: Vector, width: int) -> Vector:
@@ -572,7 +572,8 @@ def _assembled(
     if width > 1:
         b = _blocks_of(closed / slope - index, width, name)
         centres = _blocks_of(index, width, "mean")
-        slope *= 1 + _slope(centres, b, np.unique((far + width - 1) // width)[: b.size - 1] if far.size else None)
+        begins = np.unique((far + width - 1) // width)
+        slope *= 1 + _slope(centres, b, begins[(begins > 0) & (begins < b.size)])
     rise = np.diff(level, prepend=level[:1])
     if far.size:
         away = closed / slope - index
@@ -584,7 +585,7 @@ def _assembled(
             rise[row] = round(rise[row] + steps[row] / slope + after - before)
     rows = np.flatnonzero(rise > 0)
     repeated = int(-np.sum(rise[rise < 0]))
-    return Found(slope, rows, rise[rows].astype(np.int64), width, repeated)
+    return Found(slope, rows, rise[rows].astype(np.int64), width=width, repeated=repeated)
 
 
 def _blocks_of(v: Vector, width: int, name: str) -> Vector:

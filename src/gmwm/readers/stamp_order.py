@@ -22,6 +22,8 @@ _HOUR = 3600
 """Seconds by which summer time moves a clock."""
 _HOUR_WITHIN = 0.25
 """Largest difference of such a step from an hour and one sampling interval (s), unless half an interval is longer."""
+_LONGEST = 1e10
+"""Longest time between two time stamps of a recording (s), 300 years: nanoseconds since 1970 reach as far."""
 _BEHIND = 8
 """Time stamps after a step backward that show whether the clock was set back or one time stamp was out of order."""
 
@@ -84,7 +86,7 @@ def nominal_interval(ticks: Vector) -> float:
             "{--rate}.",
         )
     in_place = forward.size > 0.99 * (ticks.size - 1)
-    return single if in_place and single > 0.5 * average else average
+    return single if single > 0.5 * average and (in_place or average <= 0) else average
 
 
 def in_order(ticks: Vector, integer: bool, per_second: int, nominal: float | None = None) -> Ordered:
@@ -147,6 +149,28 @@ def without_steps_back(ticks: Vector, nominal: float) -> tuple[Vector, NDArray[n
     base = np.minimum(ticks[back], ticks[np.maximum(back - 1, 0)] + nominal)
     missing = base + (last - back) * nominal - ticks[last]
     walls = back[missing > 0.75 * nominal + 1e-9 * np.abs(base)] + 1
+    alone = np.setdiff1d(back + 1, walls)
+    late = alone[(alone < 2) | (ticks[alone] >= ticks[np.maximum(alone - 2, 0)])]
+    ticks = ticks.copy()
+    ticks[late - 1] = ticks[late]
     shift = np.zeros(ticks.size)
     shift[walls] = ticks[walls - 1] + nominal - ticks[walls]
     return np.maximum.accumulate(ticks + np.cumsum(shift)), walls
+
+
+def require_span(ticks: Vector, nominal: float, per_second: float) -> None:
+    """Require that time stamps in order reach over a time that a recording can last.
+
+    Raises
+    ------
+    ReadError
+        If they reach over more than 300 years, or over more sampling intervals than float64 can count.
+    """
+    span = float(ticks[-1] - ticks[0])
+    if span > _LONGEST * per_second or not span < 2.0**52 * nominal:
+        raise ReadError(
+            f"the time stamps reach over {span / per_second:.3g} s at a typical interval of {nominal / per_second:.3g} "
+            "s, which is no recording",
+            advice="Check that {--columns} names the time column and {--units=time:ms} its unit, or leave it out with "
+            "{--columns=time:none} and pass {--rate}.",
+        )
